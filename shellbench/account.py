@@ -7,19 +7,27 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
-from shellbench.model import Model
+from shellbench.model import LARGEST, Model
 
 Phase = Literal["solve", "path", "critical", "time"]
 
-LARGEST = 1e100  # of a figure: none in SI units is larger, and its square is still a double
 MOST = 2**63 - 1  # of a count: what fits 64 bits
 LONGEST_RUN = 1e10  # seconds: three centuries
 
 
 def finite(value: Any) -> float | None:
-    """Return a figure; None if there is none, or it is not finite or larger than any that a record keeps."""
+    """Return a figure; None if there is none, or it is not finite or larger than any that a record keeps.
+
+    Raises
+    ------
+    ValueError
+        If it is complex: its real part alone would look like an answer.
+    """
+    if np.iscomplexobj(value):
+        raise ValueError(f"found {value}, which is no real number")
     return float(value) if value is not None and abs(value) <= LARGEST else None
 
 

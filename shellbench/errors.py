@@ -4,6 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+LONGEST_QUOTE = 200  # characters of what was found that a sentence quotes
+
+
+def without_middle(text: str, most: int = LONGEST_QUOTE) -> str:
+    """Return a text as a sentence quotes it: without its middle if it is too long."""
+    end = most // 3
+    return text if len(text) <= most else f"{text[: most - end - 3]}...{text[-end:]}"
+
 
 class ShellbenchError(Exception):
     """An error that is reported as one sentence, never as a traceback."""

@@ -7,7 +7,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from shellbench.model import Finite, Model, Name, Positive
+from shellbench.model import Finite, Flag, Model, Name, Positive
 
 SHARPER = 3.0  # a tolerance is so many uncertainties of its known value at least, or the value could not judge
 
@@ -37,7 +37,7 @@ class Known(Model):
     uncertainty: Annotated[Finite, Field(ge=0)] = 0.0
     source: Annotated[str, Field(min_length=1, max_length=300)]
     tolerance: Positive | None = None
-    absolute: Annotated[bool, Field(strict=True)] = False
+    absolute: Flag = False
 
     @model_validator(mode="after")
     def _can_judge(self) -> Self:

@@ -2,30 +2,50 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StrictBool, ValidationError
 
-from shellbench.errors import InputError
+from shellbench.errors import InputError, without_middle
+from shellbench.files import read_file
+from shellbench.nearest import did_you_mean
 
 LONGEST_TITLE = 200  # characters
 MAX_BYTES = 1_000_000  # a case or reference file is a page of text; anything larger is a mistake
+MOST_PARTS = 100  # of a dotted key: `tomllib` takes the square of their number in time
+LARGEST_WHOLE = 2**63 - 1  # of TOML
+LONGEST_VALUE = 60  # characters of a value, or of a field's name, that a sentence quotes
 
 NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]*$"
 
-Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
+LARGEST = 1e100  # of a value: none in SI units is larger, and its square is still a double
+SMALLEST = 1 / LARGEST  # of what is positive, so that it can be divided by
+
+
+def _not_tiny(value: float) -> float:
+    if value < SMALLEST:
+        raise ValueError(f"found {value:g}, but it must be at least {SMALLEST:g}")
+    return value
+
+
+Finite = Annotated[float, Field(strict=True, ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, gt=0, le=LARGEST, allow_inf_nan=False), AfterValidator(_not_tiny)]
 Vector = tuple[Finite, Finite, Finite]
 Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=60)]
+Flag = StrictBool  # true or false; "yes" and 1 are neither
 
 
 class Model(BaseModel):
     """Immutable data that refuses unknown fields."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+    limits: ClassVar[str] = ""
+    """What its files can say and what not, one clause: it follows a name or kind that is not known."""
 
 
 def one_sentence(error: ValidationError, data: Any = None) -> str:
@@ -40,26 +60,90 @@ def one_sentence(error: ValidationError, data: Any = None) -> str:
         the middle of the name.
     """
     problems = error.errors(include_url=False)
-    first = problems[0]
+    first = _first(problems)
     kind, context = first["type"], first.get("ctx", {})
     field = _shown(_field(first["loc"], data, absent=kind == "missing"))
+    models = _models_at(error.title, first["loc"][:-1] if kind == "extra_forbidden" else first["loc"])
+    limits = "".join(dict.fromkeys(f"; {model.limits}" for model in models if model.limits))
     if kind == "extra_forbidden":
-        return f"field '{field}' is not known here"
+        name, known = (
+            str(first["loc"][-1]),
+            list(dict.fromkeys(name for model in models for name in model.model_fields)),
+        )
+        hint = did_you_mean(name, known)
+        if limits and not (hint and all(one not in name for one in known)):  # youngs_modulus_1 is no slip of the pen
+            return f"field '{field}' is not known here{hint}{limits}"
+        return f"field '{field}' is not known here{hint}" + (f": known are {', '.join(known)}" if not hint else "")
     if kind == "missing":
         return f"field '{field}' is missing"
     if kind == "union_tag_not_found":
         return f"field '{_tag(field, context)}' is missing"
     if kind in {"value_error", "assertion_error"}:
-        message = _on_one_line(first["msg"].removeprefix("Value error, ").removeprefix("Assertion failed, "))
+        message = first["msg"].removeprefix("Value error, ").removeprefix("Assertion failed, ")
+        message = _on_one_line(_with_short_texts(message, first["input"]))
         return f"field '{field}': {message}" if field else message
     if kind == "json_invalid":
         return f"it is not valid JSON: {context.get('error', 'cut off')}"
     if kind == "union_tag_invalid":
-        return f"field '{_tag(field, context)}': found {context['tag']!r}, but {_either(context['expected_tags'])}"
-    found = _shown(repr(first["input"]))
+        found = _shown(repr(context["tag"]))
+        return f"field '{_tag(field, context)}': found {found}, but {_either(context['expected_tags'])}{limits}"
+    found = _shown(_repr(first["input"]))
     of_union = [other for other in problems if other["loc"][:-1] == first["loc"][:-1]] if _is_member(first) else [first]
     allowed = " or ".join(dict.fromkeys(_allowed(other["type"], other.get("ctx", {})) for other in of_union))
     return f"field '{field}': found {found}, but it must be {allowed}" if field else f"it must be {allowed}"
+
+
+def _first(problems: list[Any]) -> Any:
+    """Return the problem that is told: a name that is not known stands before one that is missing, for it may be it."""
+    first = problems[0]
+    if first["type"] != "missing":
+        return first
+    unknown = [problem for problem in problems if problem["type"] == "extra_forbidden"]
+    beside = [problem for problem in unknown if problem["loc"][:-1] == first["loc"][:-1]]
+    return next(iter([*beside, *unknown]), first)
+
+
+def _models_at(title: str, places: tuple[int | str, ...]) -> list[type[Model]]:
+    """Return the models that may stand at a place of the model of this name."""
+    models = [model for model in _subclasses(Model) if model.__name__ == title]
+    for place in places:
+        tagged = [model for model in models if place in _tags(model)] if len(models) > 1 else []
+        fields = [model.model_fields[str(place)] for model in models if place in model.model_fields]
+        if tagged or fields:
+            models = tagged or list(dict.fromkeys(m for field in fields for m in _models_in(field.annotation)))
+    return models
+
+
+def _subclasses(model: type[Model]) -> Iterable[type[Model]]:
+    for one in model.__subclasses__():
+        yield one
+        yield from _subclasses(one)
+
+
+def _tags(model: type[Model]) -> tuple[Any, ...]:
+    return get_args(model.model_fields["kind"].annotation) if "kind" in model.model_fields else ()
+
+
+def _models_in(annotation: Any) -> Iterable[type[Model]]:
+    """Yield the models that an annotation names, within unions, lists and tables."""
+    if isinstance(annotation, type) and issubclass(annotation, Model):
+        yield annotation
+    for argument in get_args(annotation):
+        yield from _models_in(argument)
+
+
+def _with_short_texts(message: str, data: Any) -> str:
+    """Return a message that quotes of each text in the data what a sentence has room for."""
+    parts = [data]
+    while parts:
+        part = parts.pop()
+        if isinstance(part, Mapping):
+            parts += [*part, *part.values()]
+        elif isinstance(part, list | tuple):
+            parts += part
+        elif isinstance(part, str) and len(part) > len(short := without_middle(part)):
+            message = message.replace(part, short)
+    return message
 
 
 MEMBERS = {"float", "int", "str", "bool"}  # the end of a problem's place, where a field may be of several types
@@ -71,8 +155,14 @@ def _on_one_line(text: str) -> str:
 
 
 def _shown(text: str) -> str:
-    text = _on_one_line(text)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return without_middle(_on_one_line(text), LONGEST_VALUE)
+
+
+def _repr(value: Any) -> str:
+    try:
+        return repr(value)
+    except (ValueError, RecursionError):  # a whole number of thousands of digits; a nest
+        return f"a value of kind '{type(value).__name__}' that is too long to show"
 
 
 def _is_member(problem: Any) -> bool:
@@ -102,7 +192,7 @@ def _tag(field: str, context: Mapping[str, Any]) -> str:
 
 
 def _either(choices: str) -> str:
-    """Return choices, quoted and with commas between them, as what a field must be."""
+    """Return choices, without_middle and with commas between them, as what a field must be."""
     listed = choices.split(", ")
     return f"it must be {' or '.join(filter(None, (', '.join(listed[:-1]), listed[-1])))}"
 
@@ -157,6 +247,12 @@ ALLOWED = {
 """What a field must be, by the type of pydantic's problem: its own words name classes and parsers, not fields."""
 
 
+# A bare or without_middle key of too many parts, where a key may begin. Possessive quantifiers give nothing back, so that it is
+# found in linear time.
+PART = r"""(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""
+LONG_KEY = re.compile(rf"(?:^|[\[{{,])[ \t]*+{PART}(?:[ \t]*+\.[ \t]*+{PART}){{{MOST_PARTS}}}", re.MULTILINE)
+
+
 def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML file.
 
@@ -166,16 +262,43 @@ def read_toml(path: Path) -> dict[str, Any]:
         If it can't be read, is too large, or is not TOML.
     """
     try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: can't be read ({error.strerror})") from None
-    if len(data) > MAX_BYTES:
-        raise InputError(f"{path}: {len(data)} bytes is more than the {MAX_BYTES} allowed")
-    try:
-        return tomllib.loads(data.decode("utf-8"))
+        return parse_toml(read_file(path, MAX_BYTES).decode("utf-8"))
     except UnicodeDecodeError:
         raise InputError(f"{path}: is not a text file in UTF-8") from None
-    except (tomllib.TOMLDecodeError, ValueError) as error:
+    except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: is not valid TOML: {error}") from None
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Return the data of a TOML text.
+
+    Raises
+    ------
+    TOMLDecodeError
+        If it is not TOML.
+    InputError
+        As a clause, if it is TOML that can't be kept: nested too deeply, or with a whole number that is too large.
+    """
+    if LONG_KEY.search(text):
+        raise InputError(f"a key has more than {MOST_PARTS} parts: it is nested too deeply")
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        raise
     except RecursionError:
-        raise InputError(f"{path}: is nested too deeply") from None
+        raise InputError("it is nested too deeply") from None
+    except ValueError:  # Python reads whole numbers of at most some thousands of digits
+        raise InputError(TOO_LARGE) from None
+    parts: list[Any] = [data]
+    while parts:
+        part = parts.pop()
+        if isinstance(part, dict | list):
+            parts += part.values() if isinstance(part, dict) else part
+        elif isinstance(part, int) and abs(part) > LARGEST_WHOLE:
+            raise InputError(TOO_LARGE)
+    return data
+
+
+TOO_LARGE = "a whole number in it is too large: it may have 63 bits"

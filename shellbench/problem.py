@@ -21,7 +21,7 @@ from pydantic import Field, ValidationError, model_validator
 from shellbench.account import Phase
 from shellbench.errors import InputError
 from shellbench.known import Known, check_known
-from shellbench.model import LONGEST_TITLE, Finite, Model, Name, Positive, one_sentence, read_toml
+from shellbench.model import LONGEST_TITLE, Finite, Flag, Model, Name, Positive, one_sentence, read_toml
 from shellbench.portrait import Portrait
 from shellbench.sample import Sample
 from shellbench.shown import case_html
@@ -75,11 +75,11 @@ class Quantity(Model):
     name: Name
     description: str = ""
     unit: str = "m"
-    primary: bool = False
+    primary: Flag = False
     at: Finite = FULL
     factor: Positive = 1.0
     tolerance: dict[str, Positive] = Field(default_factory=dict)
-    absolute: bool = False
+    absolute: Flag = False
     open_finding: dict[str, str] = Field(default_factory=dict)
 
     if TYPE_CHECKING:

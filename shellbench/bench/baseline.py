@@ -8,6 +8,7 @@ Costs are compared only between runs on the same processor with as many threads.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from statistics import fmean, stdev
@@ -19,6 +20,7 @@ from shellbench.bench.record import Record
 from shellbench.bench.row import Finding, Row
 from shellbench.bench.store import said_plainly
 from shellbench.errors import InputError
+from shellbench.files import read_file
 from shellbench.model import Finite, Model, Name, one_sentence
 from shellbench.problem import VARIANT
 
@@ -89,18 +91,14 @@ class Baseline(Model):
 
 def read_baseline(path: Path) -> Baseline | None:
     """Read a baseline; None if there is no such file; InputError in one sentence if it is malformed."""
-    try:
-        with path.open("rb") as file:  # it may be a pipe, or a device that never ends
-            data = file.read(LARGEST_FILE + 1)
-        if len(data) > LARGEST_FILE:
-            raise InputError(f"{path}: is too large for a baseline: it may have {LARGEST_FILE} bytes")
-        return Baseline.model_validate_json(data)
-    except FileNotFoundError:
+    if not os.path.lexists(path):
         return None
-    except OSError as error:
-        raise InputError(f"{path}: can't be read ({error.strerror})") from None
+    try:
+        return Baseline.model_validate_json(read_file(path, LARGEST_FILE))
     except ValidationError as error:
         raise InputError(f"{path}: {one_sentence(error)}") from None
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
 def write_baseline(baseline: Baseline, path: Path) -> None:

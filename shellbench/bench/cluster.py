@@ -35,6 +35,8 @@ from shellbench.bench.remote import run_task
 from shellbench.bench.store import Store, said_plainly
 from shellbench.bench.task import Task
 from shellbench.errors import InputError, ShellbenchError
+from shellbench.files import read_file
+from shellbench.model import MAX_BYTES
 from shellbench.problem import Progress
 
 LOSSES = 3  # workers that a run may lose before it counts as failed
@@ -387,8 +389,8 @@ def address_of(given: str) -> str:
             return given
         raise InputError(f"--scheduler {given}: expected an address such as tcp://127.0.0.1:8786, or a scheduler file")
     try:
-        return str(json.loads(Path(given).read_text(encoding="utf-8"))["address"])
-    except OSError as error:
-        raise InputError(f"--scheduler {given}: can't be read ({error.strerror})") from None
+        return str(json.loads(read_file(Path(given), MAX_BYTES).decode("utf-8"))["address"])
+    except InputError as error:
+        raise InputError(f"--scheduler {given}: {error}") from None
     except (ValueError, KeyError, TypeError):
         raise InputError(f"--scheduler {given}: is no scheduler file, for it names no address") from None

@@ -19,9 +19,8 @@ from shellbench.bench.kinds import DEFAULT, module_of
 from shellbench.bench.record import Identity
 from shellbench.bench.registry import SolverEntry
 from shellbench.bench.source import source_digest
-from shellbench.errors import InputError
-from shellbench.model import one_sentence
-from shellbench.nearest import did_you_mean
+from shellbench.errors import InputError, without_middle
+from shellbench.model import one_sentence, parse_toml
 from shellbench.problem import Problem, SeededSettings, Settings, Solver
 
 MEASURING = "shellbench.bench.worker"  # what measures a solution counts as its source
@@ -88,11 +87,7 @@ def make_settings(solver: Solver, overrides: Mapping[str, Any], seed: int, devic
     try:
         return solver.settings_type.model_validate({**overrides, **apart})
     except ValidationError as error:
-        known = sorted(set(solver.settings_type.model_fields) - APART)
-        wrong = next((str(key) for key in overrides if key not in known), "")
-        unknown = wrong and "is not known here" in one_sentence(error)
-        hint = f"{did_you_mean(wrong, known)}; its settings are {', '.join(known)}" if unknown else ""
-        raise InputError(f"settings of solver '{solver.name}': {one_sentence(error)}{hint}") from None
+        raise InputError(f"settings of solver '{solver.name}': {one_sentence(error)}") from None
 
 
 def with_overrides(defaults: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
@@ -111,7 +106,7 @@ def difference(defaults: Mapping[str, Any], settings: Mapping[str, Any]) -> dict
 
 
 def parse_setting(text: str) -> tuple[str, str, Any]:
-    """Read ``SOLVER.KEY=VALUE``; the value is TOML (a number, true, a list, a quoted text) or else a text.
+    """Read ``SOLVER.KEY=VALUE``; the value is TOML (a number, true, a list, a without_middle text) or else a text.
 
     Raises
     ------
@@ -121,10 +116,14 @@ def parse_setting(text: str) -> tuple[str, str, Any]:
     path, equals, raw = text.partition("=")
     solver, dot, key = path.strip().partition(".")
     if not (equals and dot and solver and key):
-        raise InputError(f"--set: found {text!r}, but expected SOLVER.KEY=VALUE, such as fem.tolerance=1e-6")
+        raise InputError(
+            f"--set: found {without_middle(text)!r}, but expected SOLVER.KEY=VALUE, such as fem.tolerance=1e-6"
+        )
     try:
-        document = tomllib.loads(f"value = {raw}")
+        document = parse_toml(f"value = {raw}")
         value = document["value"] if set(document) == {"value"} else raw
-    except (tomllib.TOMLDecodeError, RecursionError):
+    except tomllib.TOMLDecodeError:
         value = raw
+    except InputError as error:
+        raise InputError(f"--set {without_middle(path)}: {error}") from None
     return solver, key, value

@@ -26,6 +26,7 @@ from shellbench.bench.record import LARGEST_RECORD, Digest, Plain, Record, Time,
 from shellbench.bench.registry import SolverEntry, find_solver
 from shellbench.bench.store import Store
 from shellbench.errors import InputError
+from shellbench.files import check_file
 from shellbench.model import Model, one_sentence
 
 MANIFEST, FOLDER, SUFFIX = "pack.json", "records/", ".zip"
@@ -213,6 +214,10 @@ def read_pack(path: Path) -> Pack:
     # 2. The manifest has the checksum of its own content, each record that of the manifest and that of itself.
     # 3. Each record is the solver's, of one of the suite's cases, and sealed by the store that made it.
     # 4. What the manifest says of the records is what they say.
+    try:
+        check_file(path, LARGEST_PACK)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     try:
         with zipfile.ZipFile(path) as archive:
             return _read(path, archive)

@@ -16,6 +16,8 @@ from shellbench.bench.current import question
 from shellbench.bench.record import Record
 from shellbench.bench.store import Store, said_plainly
 from shellbench.bench.task import Task
+from shellbench.errors import InputError
+from shellbench.files import read_file
 
 FOLDER = ".planned"
 LARGEST_FILE = 2_000_000  # bytes
@@ -73,10 +75,8 @@ def read_planned(store: Store) -> PlannedRuns:
     damaged: list[str] = []
     for path in sorted((store.folder / FOLDER).glob("[!.]*.json")):
         try:
-            if not path.is_file() or path.stat().st_size > LARGEST_FILE:
-                raise OSError
-            task = Task.model_validate_json(path.read_bytes())
-        except (OSError, ValidationError):
+            task = Task.model_validate_json(read_file(path, LARGEST_FILE))
+        except (InputError, ValidationError):
             damaged.append(f"{path}: says of no run that it was planned; remove it")
             continue
         found[question(task)] = task

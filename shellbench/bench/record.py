@@ -15,7 +15,6 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import AfterValidator, Field, ValidationError
 
 from shellbench.account import (
-    LARGEST,
     MOST,
     Count,
     Figure,
@@ -29,7 +28,7 @@ from shellbench.account import (
     StateEnergies,
 )
 from shellbench.errors import InputError
-from shellbench.model import Model, one_sentence
+from shellbench.model import LARGEST, Model, one_sentence
 
 SEAL = "seal"  # the key in the document of a record; no field of the record itself
 LONGEST_REASON = 4000  # characters
@@ -243,7 +242,7 @@ def read_document(text: bytes) -> Record:
         If it is no whole record, or was changed since it was sealed; as a clause without the name of the file.
     """
     if len(text) > LARGEST_RECORD:
-        raise InputError(too_large(len(text)))
+        raise InputError(f"it has {len(text)} bytes, and a record has at most {LARGEST_RECORD}")
     try:
         data = json.loads(text)
         seal = data.pop(SEAL, None) if isinstance(data, dict) else None
@@ -258,11 +257,6 @@ def read_document(text: bytes) -> Record:
     if not intact:
         raise InputError("it is damaged: its content is not that of which its checksum was taken")
     return record
-
-
-def too_large(size: int) -> str:
-    """Say that a file of so many bytes is no record, as a clause."""
-    return f"it has {size} bytes, and a record has at most {LARGEST_RECORD}"
 
 
 def _seal(data: Mapping[str, Any]) -> str:

@@ -14,14 +14,14 @@ import hashlib
 import os
 import re
 import shutil
-import stat
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from shellbench.bench import catalog
-from shellbench.bench.record import LARGEST_RECORD, Record, document, read_document, readable, too_large
+from shellbench.bench.record import LARGEST_RECORD, Record, document, read_document, readable
 from shellbench.errors import InputError, ShellbenchError
+from shellbench.files import read_file
 from shellbench.problem import VARIANT
 
 try:
@@ -106,16 +106,7 @@ class Store:
 
     def _read(self, name: str) -> Record:
         """Read one record; InputError, as a clause, if it is none or damaged."""
-        path = self.folder / name
-        try:
-            about = path.stat()
-            if not stat.S_ISREG(about.st_mode):
-                raise InputError("it is no regular file")
-            if about.st_size > LARGEST_RECORD:
-                raise InputError(too_large(about.st_size))
-            record = read_document(path.read_bytes())
-        except OSError as error:
-            raise InputError(f"it can't be read ({error.strerror})") from None
+        record = read_document(read_file(self.folder / name, LARGEST_RECORD))
         self._numbers[name] = record.sequence or 0
         return record
 
@@ -318,4 +309,6 @@ def said_plainly(folder: Path, what: str = "store") -> Iterator[None]:
     except OSError as error:
         if error.errno in {errno.ENOSPC, errno.EDQUOT}:
             raise StoreError(f"{what} {folder}: the disk is full, so what was being written is lost") from None
+        if error.errno == errno.ENAMETOOLONG:
+            raise InputError(f"{what} {folder}: its name is too long") from None
         raise StoreError(f"{what} {folder}: can't be written ({error.strerror or error})") from None

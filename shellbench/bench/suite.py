@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError
 
 from shellbench.errors import InputError
-from shellbench.model import Model, Name, one_sentence, read_toml
+from shellbench.model import Flag, Model, Name, one_sentence, read_toml
 from shellbench.problem import VARIANT, CaseName
 
 Study = Literal["resolution", "sampling", "training", "thinness", "speed", "engines"]
@@ -37,7 +37,7 @@ class SuiteRun(Model):
     seeds: Annotated[tuple[Seed, ...], Field(min_length=1)] = (0,)
     settings: dict[str, Any] = Field(default_factory=dict)
     cases: tuple[Name, ...] = ()
-    variants: bool = True
+    variants: Flag = True
     label: str = ""
 
     def is_for(self, case: str) -> bool:
@@ -63,8 +63,8 @@ class AskedVariants(Model):
 
     named: tuple[CaseName, ...] = ()
     suites: tuple[Name, ...] = ()
-    drawn: Annotated[int, Field(ge=1)] | None = None
-    seed: int = 0
+    drawn: Annotated[int, Field(ge=1, strict=True)] | None = None
+    seed: Seed = 0
 
 
 class Suite(Model):

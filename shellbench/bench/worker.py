@@ -31,8 +31,8 @@ from shellbench.bench.record import NOT_SETTLED, Measured, Record, Status, docum
 from shellbench.bench.registry import SolverEntry, find_solver, load_solver
 from shellbench.bench.settled import why_uncertain, with_drifts
 from shellbench.bench.task import Task
-from shellbench.errors import InputError, SolveFailure
-from shellbench.model import one_sentence
+from shellbench.errors import InputError, SolveFailure, without_middle
+from shellbench.model import LONGEST_VALUE, one_sentence
 from shellbench.problem import Problem, Progress, Settings, Solution, Solver, answerable
 
 FIELDS = "fields.npz"
@@ -57,7 +57,7 @@ def measured(solution: Solution, case: Problem, folder: Path) -> tuple[dict[str,
     headline = next(quantity.name for quantity in case.quantities if quantity.primary)
     # A solver that names what it did not reach has an answer as long as it reached the headline.
     told = headline in values and all(name in (why_unsettled(solution) or "") for name in lost)
-    why = without_values(lost) if lost and not told else None
+    why = without_values(lost) if lost and not told else why_misstated(solution, case)
     numbers = {name: found.value for name, found in values.items()}
     accounts = {name: partial(account, solution, case, numbers) for name, account in kind.accounts.items()}
 
@@ -98,8 +98,8 @@ def values_of(solution: Solution, case: Problem) -> tuple[dict[str, Measured], d
             if value is None:
                 lost[name] = ""
                 continue
-            uncertainty = finite(solution.uncertainty.get(name))
-            extrapolated = finite(solution.extrapolated.get(name))
+            uncertainty = stated(solution.uncertainty.get(name))
+            extrapolated = stated(solution.extrapolated.get(name))
             factor = quantity.factor
             values[name] = Measured(
                 value=value * factor,
@@ -112,6 +112,27 @@ def values_of(solution: Solution, case: Problem) -> tuple[dict[str, Measured], d
             if not isinstance(error, UNREACHED):
                 traceback.print_exc()
     return values, lost
+
+
+def stated(value: Any) -> float | None:
+    """Return a number that a solution states; None if there is none that a record can keep."""
+    try:
+        return None if isinstance(value, str | bytes) else finite(value)
+    except (TypeError, ValueError):
+        return None
+
+
+def why_misstated(solution: Solution, case: Problem) -> str | None:
+    """Say which uncertainty or extrapolated value is no finite number, or negative; None if all can be kept."""
+    for part, least in (("uncertainty", 0.0), ("extrapolated", -math.inf)):
+        for name in (quantity.name for quantity in case.quantities):
+            given = getattr(solution, part).get(name)
+            number = stated(given)
+            if given is not None and (number is None or number < least):
+                found = without_middle(" ".join(repr(given).split()), LONGEST_VALUE)
+                allowed = "a finite number" + (" of at least 0" if least == 0 else "")
+                return f"the solver states {found} as {part} of {name}, but it must be {allowed}"
+    return None
 
 
 def without_values(lost: Mapping[str, str]) -> str:
@@ -146,6 +167,9 @@ def write_fields(solution: Solution, case: Problem, path: Path) -> bool:
     arrays = find_kind(case.kind).keep(solution, case)
     if arrays is None:
         return False
+    for name, array in arrays.items():
+        if np.asarray(array).dtype.kind in "cO":
+            raise ValueError(f"its {name} is no array of real numbers, but of {np.asarray(array).dtype}")
     np.savez_compressed(path, **arrays)  # type: ignore[arg-type] # its stub takes them for its own options
     return True
 
@@ -254,6 +278,9 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
         raise
     except MemoryError:
         reason = "the solve ran out of memory"
+        traceback.print_exc()
+    except ArithmeticError as error:
+        reason = f"the solve left the range of its numbers: {' '.join(str(error).split())}"
         traceback.print_exc()
     except Exception as error:
         pass_on_full_disk(error)

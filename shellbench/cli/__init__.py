@@ -8,6 +8,7 @@ Every error is one sentence on standard error. Each command imports what it need
 from __future__ import annotations
 
 import functools
+import os
 import sys
 import traceback
 from collections.abc import Callable
@@ -22,11 +23,13 @@ from shellbench.cli.options import INTERRUPTED, say
 from shellbench.cli.passport import passport_command
 from shellbench.cli.share import board, pack
 from shellbench.cli.solve import check_solver_command, list_command, run
-from shellbench.errors import ShellbenchError
+from shellbench.errors import InputError, ShellbenchError, without_middle
 
 __all__ = ["INTERRUPTED", "app", "main"]
 
 VERBOSE = "--verbose"
+LONGEST_ARGUMENT = 4096  # characters: no path is longer
+USAGE_ERROR = typer.BadParameter.__mro__[1]  # what stands for all wrong options; typer does not export it
 
 app = typer.Typer(
     name="shellbench",
@@ -98,9 +101,29 @@ for name, command in COMMANDS.items():
 def main() -> None:
     """Run the program; errors become one sentence and their exit code."""
     try:
-        app(prog_name="shellbench")
+        for number, argument in enumerate(sys.argv[1:], 1):
+            if len(argument) > LONGEST_ARGUMENT:
+                found = f"argument {number}, {without_middle(argument)!r}, has {len(argument)} characters"
+                raise InputError(f"{found}; it may have at most {LONGEST_ARGUMENT}")
+        sys.exit(app(prog_name="shellbench", standalone_mode=False))
+    except USAGE_ERROR as error:
+        from typer.rich_utils import rich_format_error
+
+        error.message = _quoting_little(error.message)  # type: ignore[attr-defined]
+        rich_format_error(error)  # type: ignore[arg-type]
+        sys.exit(InputError.exit_code)
     except ShellbenchError as error:
         if VERBOSE in sys.argv[1:2]:
             traceback.print_exc()
-        say(" ".join(str(error).split()))
+        say(_quoting_little(str(error)))
         sys.exit(error.exit_code)
+    except OSError as error:
+        if error.filename is None:
+            raise
+        say(f"{without_middle(os.fsdecode(error.filename))}: can't be used ({error.strerror})")
+        sys.exit(InputError.exit_code)
+
+
+def _quoting_little(sentence: str) -> str:
+    """Return a sentence on one line, each word of it so long at most as what a sentence quotes."""
+    return " ".join(map(without_middle, sentence.split()))

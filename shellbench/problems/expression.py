@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shellbench.errors import InputError
+from shellbench.errors import InputError, without_middle
 from shellbench.problems.taylor import (
     Array,
     Taylor,
@@ -229,8 +229,8 @@ def _read(
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise InputError(f"'{text}' is not a formula") from None
-    _check(_Formula(text, variables, constants, piecewise), tree, depth=0)
+        raise InputError(f"'{without_middle(text)}' is not a formula") from None
+    _check(_Formula(without_middle(text), variables, constants, piecewise), tree, depth=0)
     return tree, _evaluation(tree, tuple(text.strip().encode().splitlines(keepends=True)))
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.errors import InputError
+from shellbench.errors import InputError, without_middle
 from shellbench.problems.expression import Expression
 
 SAMPLES = 1009  # of a coordinate, between which, and kinks of parts, a sign is taken to change once at most
@@ -40,7 +40,7 @@ def kink_lines(formula: Expression, bounds: Bounds) -> tuple[list[float], list[f
             signs = np.sign(switch.derivatives(points, 0)[0, 0])
             if signs.min() < 0 < signs.max():
                 raise InputError(
-                    f"'{formula.text}' changes over where {switch.text} is zero, which is no coordinate line"
+                    f"'{formula.text}' changes over where {without_middle(switch.text)} is zero, which is no coordinate line"
                 )
         elif axes:
             (axis,) = axes

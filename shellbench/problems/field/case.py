@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from shellbench.model import Finite, Model, Positive
+from shellbench.model import Finite, Flag, Model, Positive
 from shellbench.problem import Problem
 from shellbench.problems.field.body import Ball
 from shellbench.problems.field.formulas import Formulas, evaluated
@@ -50,7 +50,7 @@ class Cloth(Model):
     collision: NotNegative = Field(0.0, description="weight of eq. (26)")
     mass_gravity: Positive = Field(1.0, description="m g of eq. (24): mass of a sample times acceleration, N")
     rest: Formulas = Field(("u", "v", 0.0), description="places without displacement, m; z points upward")
-    past_edges: bool = Field(False, description="whether structures reach past the edges, where splines go on")
+    past_edges: Flag = Field(False, description="whether structures reach past the edges, where splines go on")
     confined: tuple[Axis, ...] = Field((), description="components of the displacement that are zero everywhere")
 
     @property

@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pydantic import model_validator
 
 from shellbench.errors import InputError
+from shellbench.model import LARGEST, SMALLEST
 from shellbench.problems.shell.conditions import COMPONENTS, EdgeLoad, GravityLoad, MomentLoad, PointLoad, Support
 from shellbench.problems.shell.contact import check_contact
 from shellbench.problems.shell.course import SAMPLES, check_motion, check_path
@@ -140,26 +141,28 @@ class Case(Shell):
         sample = self.surface.domain.grid(SAMPLES, SAMPLES)
         for spring in self.springs:
             stiffness = self.stiffness_of(spring, sample)
-            if not np.all(np.isfinite(stiffness)) or np.any(stiffness < 0):
+            if not _in_range(stiffness) or np.any(stiffness < 0):
                 raise ValueError(f"the stiffness of spring '{spring.name}' is not finite, or negative, on the shell")
         try:
             factors = self.material.factors(sample, self.surface.named_constants)
         except InputError as error:
             raise ValueError(f"a factor of the material: {error}") from None
         for name, factor in zip(("modulus_factor", "thickness_factor"), factors, strict=True):
-            if not (np.all(np.isfinite(factor)) and np.all(factor > 0)):
+            if not (_in_range(factor) and np.all(factor >= SMALLEST)):
                 raise ValueError(f"field 'material.{name}' is not finite, or not positive, on the shell")
         for support, place in self.supported_places():
-            if not all(np.all(np.isfinite(v)) for v in self._checked_motion(support, place, sample).values()):
-                raise ValueError(f"the motion of support '{support.name}' is not finite on the shell")
+            if not all(_in_range(v) for v in self._checked_motion(support, place, sample).values()):
+                raise ValueError(
+                    f"the motion of support '{support.name}' is not finite, or above {LARGEST:g}, on the shell"
+                )
         for load in self.loads:
             formulas = load.formulas
             try:
                 values = [self.formula(f).derivatives(sample, 0)[0, 0] for f in formulas]
             except InputError as error:
                 raise ValueError(f"a load of kind '{load.kind}': {error}") from None
-            if not np.all(np.isfinite(values)):
-                raise ValueError(f"a load of kind '{load.kind}' is not finite on the shell")
+            if not _in_range(values):
+                raise ValueError(f"a load of kind '{load.kind}' is not finite, or above {LARGEST:g}, on the shell")
         return self
 
     def _checked_motion(self, support: Support, place: Place, sample: Array) -> dict[tuple[int, int], Array]:
@@ -237,6 +240,11 @@ class Case(Shell):
     def remark(self) -> str:
         """A clause on values that have no limit and are given all the same; empty if there are none."""
         return remark(self)
+
+
+def _in_range(values: ArrayLike) -> bool:
+    """Tell whether values are finite, and no larger than a record keeps."""
+    return bool(np.all(np.abs(values) <= LARGEST))
 
 
 def read_case(path: Path) -> Case:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
-from shellbench.model import Finite, Model, Name, Positive, Vector
+from shellbench.model import LARGEST, SMALLEST, Finite, Flag, Model, Name, Positive, Vector
 from shellbench.problems.expression import Expression
 
 Component = Literal["x", "y", "z"]
@@ -27,6 +27,10 @@ RIGID_MOTIONS: tuple[RigidMotion, ...] = (
 Formula = Finite | str
 VectorFormula = tuple[Formula, Formula, Formula]
 Places = Annotated[tuple[str, ...], Field(min_length=1)]
+LIMITS = (
+    "a shell is one isotropic, linear elastic layer under forces, moments and moved supports, without laminates,"
+    " orthotropic materials, plasticity or temperatures"
+)
 
 
 class Value(Model):
@@ -136,7 +140,7 @@ class Support(Model):
     name: Name
     on: Places
     components: tuple[AnyComponent, ...] = COMPONENTS
-    clamped: bool = False
+    clamped: Flag = False
     symmetry: Component | None = None
     motion: Motion | None = None
 
@@ -205,6 +209,7 @@ class AreaLoad(Model):
         it within the surface (normal x the first), and along the normal a3.
     """
 
+    limits: ClassVar[str] = LIMITS
     spread: ClassVar[bool] = True  # over the area
 
     kind: Literal["area"]
@@ -236,7 +241,7 @@ class PressureLoad(Model):
 
     kind: Literal["pressure"]
     value: Formula
-    follows: bool = False
+    follows: Flag = False
 
     @property
     def formulas(self) -> tuple[Formula, ...]:
@@ -374,6 +379,8 @@ class Material(Model):
         coordinate lines, but can't jump.
     """
 
+    limits: ClassVar[str] = LIMITS
+
     youngs_modulus: Positive = Field(description="E, Pa")
     poissons_ratio: Annotated[Finite, Field(gt=-1, lt=0.5)] = Field(description="nu")
     bending_poissons_ratio: Annotated[Finite, Field(gt=-1, lt=1)] | None = Field(
@@ -384,6 +391,13 @@ class Material(Model):
     bending_factor: Positive = Field(1.0, description="scales B alone; 1 for a homogeneous shell")
     modulus_factor: Formula = 1.0
     thickness_factor: Formula = 1.0
+
+    @model_validator(mode="after")
+    def _stiffnesses_are_in_range(self) -> Self:
+        for what, value in (("membrane", self.membrane_stiffness), ("bending", self.bending_stiffness)):
+            if not SMALLEST <= value <= LARGEST:
+                raise ValueError(f"its {what} stiffness is {value:g}, but it must be from {SMALLEST:g} to {LARGEST:g}")
+        return self
 
     @property
     def uniform(self) -> bool:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from shellbench.model import Model
+from shellbench.model import Flag, Model
 from shellbench.problems.shell.search import largest
 
 Array = NDArray[np.float64]
@@ -28,7 +28,7 @@ LINE = 512  # panels of a coordinate line, whose length is measured by two Gauss
 class Contact(Model):
     """How the shell touches obstacles."""
 
-    thickness: bool = Field(False, description="whether a face touches, half a thickness from the midsurface")
+    thickness: Flag = Field(False, description="whether a face touches, half a thickness from the midsurface")
 
 
 @dataclass(frozen=True)

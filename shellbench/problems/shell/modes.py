@@ -33,7 +33,7 @@ class ModeQuantity(ShellQuantity):
     series: ClassVar[Literal["motion", "path", ""]] = ""
     of_field: ClassVar[bool] = False
     powers: ClassVar[tuple[int, int]] = (0, 0)
-    number: int = Field(1, ge=1, le=LARGEST_NUMBER)
+    number: int = Field(1, ge=1, le=LARGEST_NUMBER, strict=True)
 
     @property
     def mark(self) -> float | None:

@@ -70,7 +70,7 @@ class LimitPoint(Unmarked):
 
     kind: Literal["limit_point"]
     turning: Literal["load", "displacement"] = "load"
-    number: int = Field(1, ge=1)
+    number: int = Field(1, ge=1, strict=True)
     gives: Literal["load", "displacement"] = "load"
 
     def dimension(self, shell: Any) -> tuple[int, int]:

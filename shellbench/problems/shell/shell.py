@@ -18,6 +18,7 @@ from shellbench.problems.expression import Expression, derivatives_of
 from shellbench.problems.kinks import kink_lines
 from shellbench.problems.obstacle import Obstacle
 from shellbench.problems.shell.conditions import (
+    LIMITS,
     Formula,
     Load,
     Material,
@@ -101,6 +102,7 @@ class Shell(Problem):
         How the report draws the shell.
     """
 
+    limits: ClassVar[str] = LIMITS
     not_physics: ClassVar[frozenset[str]] = Problem.not_physics | {"picture"}
 
     kind: Literal["shell"] = "shell"

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
-from shellbench.model import Finite, Model, Positive
+from shellbench.model import LARGEST, SMALLEST, Finite, Flag, Model, Positive
 from shellbench.problems.expression import Expression, derivatives_of
 
 Array = NDArray[np.float64]
@@ -181,9 +181,11 @@ class AnalyticSurface(Model):
         for name, (low, high) in (("xi1", self.xi1), ("xi2", self.xi2)):
             if not low < high:
                 raise ValueError(f"the bounds of {name} are [{low:g}, {high:g}]; the first must be the smaller")
+            if high - low < SMALLEST:
+                raise ValueError(f"{name} has a side of {high - low:g}, but it must be at least {SMALLEST:g}")
         x = self.derivatives(self.domain.grid(SAMPLES, SAMPLES), order=2)
-        if not all(np.all(np.isfinite(value)) for value in x.values()):
-            raise ValueError("the surface or its derivatives are not finite everywhere on the domain")
+        if not all(np.all(np.abs(value) <= LARGEST) for value in x.values()):
+            raise ValueError(f"the surface or its derivatives are not finite, or above {LARGEST:g}, on the domain")
         a1, a2 = x[1, 0], x[0, 1]
         lengths = np.linalg.norm(a1, axis=-1) * np.linalg.norm(a2, axis=-1)
         areas = np.linalg.norm(np.cross(a1, a2), axis=-1)
@@ -260,7 +262,7 @@ class Cylinder(AnalyticSurface):
     kind: Literal["cylinder"]
     axis: Literal["x", "y", "z"] = "y"
     radius: Positive = Field(description="R, metres")
-    closed: bool = False
+    closed: Flag = False
 
     @property
     def angle_coordinates(self) -> tuple[Coordinate, ...]:

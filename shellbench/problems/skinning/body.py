@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from shellbench.model import Model, Name, Positive, Vector
+from shellbench.model import Flag, Model, Name, Positive, Vector
 
 Array = NDArray[np.float64]
 TINY = 1e-30  # keeps directions on an axis finite, in float32 too
@@ -25,7 +25,7 @@ class Capsule(Model):
     start: Vector = Field(description="first end of the segment, about which it swings, m")
     end: Vector = Field(description="other end, m")
     radius: Positive = Field(description="m")
-    swings: bool = Field(False, strict=True, description="whether the angle of a stride turns it about its start")
+    swings: Flag = Field(False, description="whether the angle of a stride turns it about its start")
 
 
 def segments(body: Sequence[Capsule], stride: Array) -> Array:

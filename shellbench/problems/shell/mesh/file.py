@@ -56,8 +56,6 @@ def read_mesh(content: bytes, suffix: str) -> MeshFile:
     InputError
         As a clause without the file's name: what is wrong, and in which line.
     """
-    if len(content) > LARGEST:
-        raise InputError(f"{len(content)} bytes is more than the {LARGEST} allowed")
     readers: dict[str, Callable[[str], MeshFile]] = {".obj": _read_obj, ".ply": _read_ply}
     reader = readers.get(suffix.lower())
     if reader is None:

@@ -12,7 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 from pydantic.json_schema import SkipJsonSchema
 
-from shellbench.errors import InputError
+from shellbench.errors import InputError, without_middle
+from shellbench.files import read_file
+from shellbench.problems.shell.mesh.file import LARGEST
 from shellbench.problems.shell.mesh.fit import MeshFit
 from shellbench.problems.shell.surface import COORDINATES, AnalyticSurface, Coordinate
 
@@ -89,12 +91,12 @@ def with_fit(data: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
         raise InputError("field 'surface.mesh' is missing, or is not the path of a file")
     periodic = surface.get("periodic")
     if periodic is not None and not (isinstance(periodic, list) and all(name in COORDINATES for name in periodic)):
-        raise InputError(f"field 'surface.periodic': found {periodic!r}, but it is a list of 'xi1' and 'xi2'")
+        raise InputError(
+            f"field 'surface.periodic': found {without_middle(repr(periodic))}, but it is a list of 'xi1' and 'xi2'"
+        )
     path = folder / surface["mesh"]
     try:
-        fit = _fitted(path.read_bytes(), path.suffix, None if periodic is None else tuple(periodic))
-    except OSError as error:
-        raise InputError(f"field 'surface.mesh': {path} can't be read ({error.strerror})") from None
+        fit = _fitted(read_file(path, LARGEST), path.suffix, None if periodic is None else tuple(periodic))
     except InputError as error:
         raise InputError(f"field 'surface.mesh': {path.name}: {error}") from None
     return {**data, "surface": {**surface, "fit": fit}}

@@ -6,6 +6,8 @@ import json
 from pathlib import Path
 
 from shellbench.errors import InputError
+from shellbench.files import read_file
+from shellbench.problems.shell.mesh.file import LARGEST
 from shellbench.problems.shell.mesh.fit import MeshFit
 
 MESH_CASE = """\
@@ -58,10 +60,7 @@ def case_of_mesh(mesh: Path, path: Path) -> str:
     InputError
         As a clause, if the mesh can't be read, or is no surface.
     """
-    try:
-        content = mesh.read_bytes()
-    except OSError as error:
-        raise InputError(f"it can't be read ({error.strerror})") from None
+    content = read_file(mesh, LARGEST)
     try:
         fit = MeshFit.of(content, mesh.suffix, None)
     except InputError as error:
