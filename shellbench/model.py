@@ -247,7 +247,7 @@ ALLOWED = {
 """What a field must be, by the type of pydantic's problem: its own words name classes and parsers, not fields."""
 
 
-# A bare or without_middle key of too many parts, where a key may begin. Possessive quantifiers give nothing back, so that it is
+# A bare or quoted key of too many parts, where a key may begin. Possessive quantifiers give nothing back, so that it is
 # found in linear time.
 PART = r"""(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""
 LONG_KEY = re.compile(rf"(?:^|[\[{{,])[ \t]*+{PART}(?:[ \t]*+\.[ \t]*+{PART}){{{MOST_PARTS}}}", re.MULTILINE)

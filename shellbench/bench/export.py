@@ -71,7 +71,6 @@ def as_vtu(sample: Sample, scale: float) -> bytes:
     mesh.set_active_vectors("displacement")
     if sample.scalar:
         mesh.set_active_scalars(sample.scalar)
-    mesh.field_data["title"] = [sample.title]
     if sample.at is not None:
         mesh.field_data["TimeValue"] = np.array([sample.at])  # the name that ParaView looks for
     writer = vtkXMLUnstructuredGridWriter()
@@ -80,7 +79,9 @@ def as_vtu(sample: Sample, scale: float) -> bytes:
     writer.WriteToOutputStringOn()
     if not writer.Write():
         raise ShellbenchError(f"VTK could not write {sample.title}")
-    return str(writer.GetOutputString()).encode()
+    # A string in the field data would keep meshio from reading the file at all, so that the title is a comment.
+    declaration, _, rest = str(writer.GetOutputString()).partition("\n")
+    return f"{declaration}\n<!-- {sample.title.replace('--', '-')} -->\n{rest}".encode()
 
 
 WRITERS: dict[str, Callable[[Sample, float], bytes]] = {".npz": as_npz, ".obj": as_obj, ".vtu": as_vtu}

@@ -29,7 +29,7 @@ __all__ = ["INTERRUPTED", "app", "main"]
 
 VERBOSE = "--verbose"
 LONGEST_ARGUMENT = 4096  # characters: no path is longer
-USAGE_ERROR = typer.BadParameter.__mro__[1]  # what stands for all wrong options; typer does not export it
+USAGE_ERROR: Any = typer.BadParameter.__base__  # that of all wrong options; typer does not export it
 
 app = typer.Typer(
     name="shellbench",
@@ -109,8 +109,8 @@ def main() -> None:
     except USAGE_ERROR as error:
         from typer.rich_utils import rich_format_error
 
-        error.message = _quoting_little(error.message)  # type: ignore[attr-defined]
-        rich_format_error(error)  # type: ignore[arg-type]
+        error.message = _quoting_little(error.message)
+        rich_format_error(error)
         sys.exit(InputError.exit_code)
     except ShellbenchError as error:
         if VERBOSE in sys.argv[1:2]:

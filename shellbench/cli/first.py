@@ -92,7 +92,9 @@ def new_case(
     mesh: Annotated[
         Path | None,
         typer.Option(
-            "--mesh", metavar="FILE", help="Its surface is this mesh: .obj or ASCII .ply with texture coordinates."
+            "--mesh",
+            metavar="FILE",
+            help="Its surface is this mesh (.obj, ASCII .ply, .vtu) with texture coordinates.",
         ),
     ] = None,
 ) -> None:

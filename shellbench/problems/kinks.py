@@ -40,7 +40,8 @@ def kink_lines(formula: Expression, bounds: Bounds) -> tuple[list[float], list[f
             signs = np.sign(switch.derivatives(points, 0)[0, 0])
             if signs.min() < 0 < signs.max():
                 raise InputError(
-                    f"'{formula.text}' changes over where {without_middle(switch.text)} is zero, which is no coordinate line"
+                    f"'{formula.text}' changes over where {without_middle(switch.text)} is zero, which is no"
+                    " coordinate line"
                 )
         elif axes:
             (axis,) = axes

@@ -152,9 +152,7 @@ class Case(Shell):
                 raise ValueError(f"field 'material.{name}' is not finite, or not positive, on the shell")
         for support, place in self.supported_places():
             if not all(_in_range(v) for v in self._checked_motion(support, place, sample).values()):
-                raise ValueError(
-                    f"the motion of support '{support.name}' is not finite, or above {LARGEST:g}, on the shell"
-                )
+                raise ValueError(f"the motion of support '{support.name}' is not finite, or above {LARGEST:g}, on it")
         for load in self.loads:
             formulas = load.formulas
             try:

@@ -1,4 +1,4 @@
-"""Triangle meshes with texture coordinates from OBJ (v, vt, f) and ASCII PLY files.
+"""Triangle meshes with texture coordinates from OBJ (v, vt, f), ASCII PLY and what meshio reads.
 
 Strict: what a surface needs and the file lacks is refused in one sentence, with the line where it is. What a surface
 has no use for (normals, materials, groups, colours) is passed over. Polygons become fans of triangles.
@@ -7,17 +7,19 @@ has no use for (normals, materials, groups, colours) is passed over. Polygons be
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.errors import InputError
+from shellbench.errors import InputError, without_middle
+from shellbench.problems.shell.mesh.other import FORMATS, read_other
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 LARGEST = 200_000_000  # bytes; a million triangles take half of it
+ON_A_SIDE = 1e-6  # of the rectangle's side: texture coordinates so near to each other are one; files have six digits
 TEXTURE_NAMES = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"))  # of PLY, by the programs that write them
 
 
@@ -49,7 +51,7 @@ def read_mesh(content: bytes, suffix: str) -> MeshFile:
     Parameters
     ----------
     suffix
-        Of the file's name: ".obj" or ".ply".
+        Of the file's name, such as ".obj".
 
     Raises
     ------
@@ -57,19 +59,57 @@ def read_mesh(content: bytes, suffix: str) -> MeshFile:
         As a clause without the file's name: what is wrong, and in which line.
     """
     readers: dict[str, Callable[[str], MeshFile]] = {".obj": _read_obj, ".ply": _read_ply}
-    reader = readers.get(suffix.lower())
-    if reader is None:
-        raise InputError(f"its name ends in '{suffix}', but a mesh is an .obj or a .ply file")
-    if suffix.lower() == ".ply" and b"format binary" in content[:200]:
+    suffix = suffix.lower()
+    if suffix not in (*readers, *FORMATS):
+        known = ", ".join((*readers, *FORMATS))
+        raise InputError(f"its name ends in '{without_middle(suffix)}', but a mesh is one of {known}")
+    if suffix == ".ply" and b"format binary" in content[:200]:
         raise InputError("it is a binary PLY; write it as ASCII PLY or as OBJ")
-    try:
-        mesh = reader(content.decode("utf-8"))
-    except UnicodeDecodeError:
-        raise InputError("it is not a text file in UTF-8") from None
+    if suffix in FORMATS:
+        positions, texture, faces = read_other(content, suffix)
+        mesh = _mesh(positions, texture, [[(index, index) for index in face] for face in faces])
+    else:
+        try:
+            mesh = readers[suffix](content.decode("utf-8"))
+        except UnicodeDecodeError:
+            raise InputError("it is not a text file in UTF-8") from None
     for what, values in (("position", mesh.positions), ("texture coordinate", mesh.texture)):
         if not np.all(np.isfinite(values)):
             raise InputError(f"{what} {int(np.argmin(np.isfinite(values).all(axis=1))) + 1} is not finite")
-    return mesh
+    return _without_split_corners(mesh)
+
+
+def _without_split_corners(mesh: MeshFile) -> MeshFile:
+    """Return the mesh with one texture vertex for those of a vertex that are at the same (u, v).
+
+    Programs write one for each corner of a face. At a true seam a vertex has texture vertices that are apart.
+    """
+    count = len(mesh.texture)
+    keys, where = np.unique(mesh.triangles.ravel() * count + mesh.corners.ravel(), return_inverse=True)
+    vertex, texture = np.divmod(keys, count)
+    slack = ON_A_SIDE * np.ptp(mesh.texture[texture], axis=0)
+    merged, left = texture.copy(), np.arange(len(keys))
+    while len(left):  # once for each place that a vertex has in (u, v)
+        _, first, owner = np.unique(vertex[left], return_index=True, return_inverse=True)
+        chosen = texture[left[first]][owner]
+        same = np.all(np.abs(mesh.texture[texture[left]] - mesh.texture[chosen]) <= slack, axis=1)
+        merged[left[same]] = chosen[same]
+        left = left[~same]
+    return replace(mesh, corners=merged[where].reshape(-1, 3))
+
+
+def _statements(text: str) -> Iterator[tuple[int, str]]:
+    """Yield the lines of an OBJ with their numbers; one that ends in a backslash goes on, but for a comment."""
+    begun, at = "", 0
+    for number, line in enumerate(text.splitlines(), 1):
+        at = at if begun else number
+        goes_on = line.rstrip().endswith("\\") and not (begun + line).lstrip().startswith("#")
+        begun += line.rstrip()[:-1] + " " if goes_on else line
+        if not goes_on:
+            yield at, begun
+            begun = ""
+    if begun:
+        yield at, begun
 
 
 def _read_obj(text: str) -> MeshFile:
@@ -77,7 +117,7 @@ def _read_obj(text: str) -> MeshFile:
     texture: list[tuple[float, ...]] = []
     faces: list[list[tuple[int, int]]] = []
     known: dict[str, tuple[int, int]] = {}  # corners are there once for each face around them
-    for number, line in enumerate(text.splitlines(), 1):
+    for number, line in _statements(text):
         words = line.split()
         try:
             match words[:1]:

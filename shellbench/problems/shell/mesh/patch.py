@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.errors import InputError
-from shellbench.problems.shell.mesh.file import MeshFile
+from shellbench.problems.shell.mesh.file import ON_A_SIDE, MeshFile
 
 Array = NDArray[np.float64]
-ON_A_SIDE = 1e-6  # of the rectangle's side: texture coordinates so near a side are on it; files have six digits
 SLIVER = 1e-9  # of the mean area: a triangle as small as this, in (u, v), has none
 MEET = 1e-6  # of the mesh's size: so near to each other sides meet in space
 COORDINATES = ("xi1", "xi2")
@@ -87,7 +86,7 @@ def patch_of(mesh: MeshFile, periodic: Sequence[str] | None) -> Patch:
         doubled = len(np.unique(np.round((xi - lower) / side / ON_A_SIDE), axis=0)) < len(xi)
         raise InputError(
             f"its boundary leaves the sides of the rectangle of (u, v), near ({at[0]:.4g}, {at[1]:.4g}): "
-            + ("texture vertices are there twice, at a seam inside it" if doubled else "a hole, or a ragged edge")
+            + ("vertices are there twice, at a seam inside it" if doubled else "a hole, or a ragged edge")
         )
     area = _doubled_areas(xi, corners).sum() / 2
     if abs(area / np.prod(side) - 1) > ON_A_SIDE:

@@ -33,7 +33,7 @@ class MeshSurface(AnalyticSurface):
     Attributes
     ----------
     mesh
-        File with triangles or polygons and texture coordinates, .obj or ASCII .ply; its path from the case file.
+        File with triangles or polygons and texture coordinates, such as .obj; its path from the case file.
     periodic
         Coordinates in which the surface closes on itself, smoothly. A mesh whose sides meet is refused without it;
         `[]` says that it is slit there.
