@@ -123,5 +123,5 @@ def test_what_values_differ_by_between_processors_is_no_regression() -> None:
 
 @pytest.mark.parametrize("device", ["/dev/full", "/dev/zero"])
 def test_a_file_that_never_ends_is_no_baseline(device: str) -> None:
-    with pytest.raises(InputError, match=f"{device}: is too large for a baseline"):
+    with pytest.raises(InputError, match=f"{device}: it is no regular file, but a device"):
         read_baseline(Path(device))

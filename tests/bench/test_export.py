@@ -112,9 +112,30 @@ def test_pyvista_reads_vtu_and_warps_it(tmp_path: Path) -> None:
     assert mesh.active_vectors_name == "displacement"
     assert mesh.active_scalars_name == "strain_energy_density"
     assert mesh.field_data["TimeValue"] == [0.25]
-    assert list(mesh.field_data["title"]) == [made.title]
+    assert made.title in (tmp_path / "shell.vtu").read_text(encoding="utf-8").splitlines()[1]
     edges = mesh.extract_feature_edges(boundary_edges=True, feature_edges=False, manifold_edges=False)
     assert edges.split_bodies().n_blocks == 2  # the two rims of the cylinder, and no slit from one to the other
+
+
+def test_meshio_and_paraviews_reader_find_the_same_values_in_vtu(tmp_path: Path) -> None:
+    meshio = pytest.importorskip("meshio")
+    vtk = pytest.importorskip("vtkmodules.vtkIOXML", reason="VTK is not installed: .vtu can't be written or read")
+    numpy_support = pytest.importorskip("vtkmodules.util.numpy_support")
+    made = formula_sample(at=0.25)
+    export(made, tmp_path / "shell.vtu")
+    mesh = meshio.read(tmp_path / "shell.vtu")
+    reader = vtk.vtkXMLUnstructuredGridReader()  # ParaView's own
+    reader.SetFileName(str(tmp_path / "shell.vtu"))
+    reader.Update()
+    read = reader.GetOutput()
+    assert [block.type for block in mesh.cells] == ["quad"]
+    np.testing.assert_array_equal(mesh.cells[0].data, quadrilaterals(N, made.closed))
+    np.testing.assert_array_equal(mesh.points, made.position[:-1].reshape(-1, 3))
+    np.testing.assert_array_equal(numpy_support.vtk_to_numpy(read.GetPoints().GetData()), mesh.points)
+    for name, values in made.point_data.items():
+        expected = values[:-1].reshape(mesh.point_data[name].shape)
+        np.testing.assert_array_equal(mesh.point_data[name], expected)
+        np.testing.assert_array_equal(numpy_support.vtk_to_numpy(read.GetPointData().GetArray(name)), expected)
 
 
 @pytest.mark.parametrize("name", ["square_plate", "scordelis_lo", "pinched_cylinder_free", "annular_plate"])

@@ -101,7 +101,7 @@ class Rotation(Model):
 
     @model_validator(mode="after")
     def _has_an_axis(self) -> Self:
-        if not any(self.axis):
+        if max(map(abs, self.axis)) < SMALLEST:
             raise ValueError("the axis of a rotation can't be zero")
         return self
 
@@ -356,7 +356,7 @@ class MomentLoad(Model):
 
     @model_validator(mode="after")
     def _has_an_axis(self) -> Self:
-        if not any(self.axis):
+        if max(map(abs, self.axis)) < SMALLEST:
             raise ValueError("the axis of a moment can't be zero")
         return self
 

@@ -127,7 +127,8 @@ TUBE = obj(cylinder, 8, True)
         (SQUARE + "f 4/4 3/3 2/2 1/1", "all its triangles wind clockwise in (u, v)"),
         (SQUARE + "f 1/1 2/2 3/3", "its boundary leaves the sides of the rectangle of (u, v), near (0.5, 0.5): a hole"),
         (SQUARE + "v 2 0 0\nf 1/1 2/2 3/3\nf 5/1 3/3 4/4", "texture vertex 1 at (0, 0) has two positions"),
-        (SQUARE + "vt 0 0\nvt 1 1\nf 1/1 2/2 3/3\nf 1/5 3/6 4/4", "texture vertices are there twice, at a seam inside it"),
+        (SQUARE + "v 0 0 0\nv 1 1 0\nvt 0 0\nvt 1 1\nf 1/1 2/2 3/3\nf 5/5 6/6 4/4", "vertices are there twice, at a seam inside it"),
+        (SQUARE + "vt 0.5 0\nf 1/1 2/2 3/3\nf 1/5 3/3 4/4", "a hole, or a ragged edge"),
         ("\n".join(line for line in obj(roof, 6, False).splitlines() if line != "f 15/15 21/21 22/22 16/16"), "a hole"),
         (SQUARE.replace("v 1 1 0", "v 0.2 0.2 0").replace("v 1 0 0", "v 1 1 0") + "f 1/1 2/2 3/3\nf 1/1 3/3 4/4", "folds near"),
     ],
@@ -140,7 +141,7 @@ def test_what_is_no_patch_is_refused_in_one_sentence(text, words):
 
 
 def test_other_files_are_refused():
-    for content, suffix, words in ((b"ply\nformat binary_little_endian 1.0\n", ".ply", "binary"), (b"", ".stl", ".obj or a .ply"), (b"\xff", ".obj", "UTF-8")):  # fmt: skip
+    for content, suffix, words in ((b"ply\nformat binary_little_endian 1.0\n", ".ply", "binary"), (b"", ".step", "a mesh is one of .obj, .ply, .bdf"), (b"\xff", ".obj", "UTF-8")):  # fmt: skip
         with pytest.raises(InputError, match=words):
             read_mesh(content, suffix)
 
@@ -171,7 +172,7 @@ def test_a_case_finds_its_mesh_and_is_known_by_its_content(tmp_path):
     (tmp_path / "mine.obj").write_text(obj(roof, 12, False, 1e-5))
     assert catalog.find_case(str(tmp_path / "mine.toml")).digest() != case.digest()
     for surface, words in (
-        ({"mesh": "none.obj"}, "none.obj can't be read"),
+        ({"mesh": "none.obj"}, "none.obj: it can't be read"),
         ({}, "field 'surface.mesh' is missing"),
         ({"mesh": "mine.obj", "periodic": ["xi3"]}, "field 'surface.periodic'"),
         ({"mesh": "mine.obj", "fit": {}}, "field 'surface.fit' is not known here"),
@@ -219,3 +220,99 @@ def test_what_the_mesh_leaves_open_is_part_of_the_uncertainty():
     found = with_data_errors(Solver(), None, Problem(), values, None)
     assert (found["w"].data_error, found["w"].uncertainty) == (1.0, 1.1)
     assert (found["v"].data_error, found["v"].uncertainty) == (None, None)
+
+
+def split_corners(shape, n):
+    """An OBJ with a texture vertex for each corner of a face, in eight digits as programs write them."""
+    lines = obj(shape, n, False).splitlines()
+    texture = [line for line in lines if line.startswith("vt")]
+    faces = [[corner.split("/") for corner in line.split()[1:]] for line in lines if line.startswith("f")]
+    corners = [corner for face in faces for corner in face]
+    shift = [1e-8 * (number % 3 - 1) for number in range(len(corners))]
+    split = [
+        " ".join(["vt", *(f"{float(x) + d:.8f}" for x in texture[int(t) - 1].split()[1:])])
+        for (_, t), d in zip(corners, shift, strict=True)
+    ]
+    count = itertools.count(1)
+    return "\n".join(
+        [
+            *(line for line in lines if line.startswith("v ")),
+            *split,
+            *("f " + " ".join(f"{v}/{next(count)}" for v, _ in face) for face in faces),
+        ]
+    )
+
+
+def test_corners_that_are_split_at_the_same_texture_coordinates_are_no_seam():
+    found, whole = fit(split_corners(roof, 9)), fit(obj(roof, 9, False))
+    assert (found.vertices, found.triangles) == (81, 128)
+    points = np.array([[0.3, 0.7], [0.9, 0.1]])
+    assert found.first.derivatives(points, 0)[0, 0] == pytest.approx(whole.first.derivatives(points, 0)[0, 0], abs=1e-6)
+
+
+def test_a_true_seam_stays_one():
+    """Vertices of the cylinder's seam are at u = 0 and at u = 1: they count twice."""
+    texture, positions = (sum(line.startswith(word) for line in TUBE.splitlines()) for word in ("vt ", "v "))
+    assert fit(TUBE, ("xi1",)).vertices == texture > positions
+
+
+def test_a_line_of_an_obj_goes_on_after_a_backslash():
+    lines = obj(roof, 6, False).splitlines()
+    broken = [line.replace(" ", " \\\n ", 2) if line[0] in "fv" else line for line in lines]
+    found = read_mesh("\r\n".join(["# C:\\meshes\\", *broken]).encode(), ".obj")
+    whole = read_mesh("\n".join(lines).encode(), ".obj")
+    assert np.array_equal(found.positions, whole.positions)
+    assert np.array_equal(found.corners, whole.corners)
+    with pytest.raises(InputError, match="line 9: can't read"):
+        read_mesh((SQUARE + "f 1/1 \\\n2/2 x/3").encode(), ".obj")
+
+
+def by_meshio(folder, suffix, data=None):
+    """A mesh of the roof as another program writes it."""
+    meshio = pytest.importorskip("meshio")
+    whole = read_mesh(obj(roof, 9, False).encode(), ".obj")
+    faces = whole.triangles
+    texture = np.zeros((81, 2))
+    texture[whole.triangles.ravel()] = whole.texture[whole.corners.ravel()]
+    named = {name: values(texture) for name, values in (data or {}).items()}
+    path = folder / f"mesh{suffix}"
+    cells = [("line", faces[:3, :2]), ("triangle", faces)] if suffix not in {".stl", ".msh"} else [("triangle", faces)]
+    meshio.Mesh(whole.positions, cells, point_data=named).write(
+        path, **({"file_format": "gmsh"} if suffix == ".msh" else {})
+    )
+    return path
+
+
+U_AND_V = {"u": lambda texture: texture[:, 0], "v": lambda texture: texture[:, 1]}
+
+
+@pytest.mark.parametrize(
+    ("suffix", "data"),
+    [(".vtu", U_AND_V), (".vtu", {"xi": lambda texture: texture}), (".vtk", U_AND_V), (".msh", U_AND_V)],
+)
+def test_meshes_of_other_programs_are_the_same_surface(tmp_path, suffix, data):
+    read, whole = (
+        read_mesh(by_meshio(tmp_path, suffix, data).read_bytes(), suffix),
+        read_mesh(obj(roof, 9, False).encode(), ".obj"),
+    )
+    assert read.positions == pytest.approx(whole.positions, rel=1e-9, abs=1e-9)
+    assert np.array_equal(read.triangles, whole.triangles)
+    assert read.texture[read.corners] == pytest.approx(whole.texture[whole.corners], abs=1e-9)
+
+
+@pytest.mark.parametrize("suffix", [".bdf", ".inp", ".msh", ".stl", ".vtk", ".vtu"])
+def test_meshes_without_texture_coordinates_say_how_to_add_them(tmp_path, suffix):
+    with pytest.raises(
+        InputError, match=r"^it has no texture coordinates \(u, v\).*write the mesh as OBJ with lines 'vt u v'"
+    ):
+        read_mesh(by_meshio(tmp_path, suffix).read_bytes(), suffix)
+
+
+@pytest.mark.parametrize("suffix", [".bdf", ".inp", ".msh", ".stl", ".vtk", ".vtu"])
+@pytest.mark.parametrize(
+    "content", [b"", b"$MeshFormat\n9 9 9\n", b"<VTKFile>", b"*NODE\n1,a,b", b"*include, input=/dev/zero\n", bytes(300)]
+)
+def test_a_broken_mesh_of_another_program_is_one_sentence(suffix, content, capsys):
+    with pytest.raises(InputError, match=r"^[^\n]{1,300}$"):
+        read_mesh(content, suffix)
+    assert capsys.readouterr() == ("", "")
