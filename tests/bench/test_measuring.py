@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -420,6 +421,31 @@ def test_no_record_is_written_that_can_not_be_read(
     contents = store.read()
     assert contents.damaged == ()
     assert contents.records[0].reason == FOLDS
+
+
+@pytest.mark.parametrize(
+    "given", [-1e-9, math.nan, math.inf, "small", 1j, np.complex128(1), None.__class__, [1.0]], ids=repr
+)
+def test_an_uncertainty_that_is_none_fails_its_run(given: Any, tmp_path: Path) -> None:
+    case = spring.loaded_case()
+    solution: Any = SpringSolution(case)
+    solution.uncertainty = {"full": given}
+    found, why = measured(solution, case, tmp_path)
+    assert why is not None
+    assert re.fullmatch(
+        r"the solver states .{1,60} as uncertainty of full, but it must be a finite number of at least 0", why
+    )
+    assert set(found["values"]) == {"half", "full", "bending", "energy"}
+
+
+def test_a_complex_displacement_fails_its_run(tmp_path: Path) -> None:
+    case = spring.loaded_case()
+    solution: Any = SpringSolution(case)
+    real = solution.displacement
+    solution.displacement = lambda points, at=None, material=None: real(points, at=at) * (1 + 0j)
+    _, why = measured(solution, case, tmp_path)
+    assert why is not None
+    assert re.search("no real number|no array of real numbers, but of complex128", why)
 
 
 def test_a_field_that_is_not_finite_at_a_probe_is_no_good_answer(tmp_path: Path) -> None:
