@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from shellbench.bench.facts import attributes
-from shellbench.model import Model
+from shellbench.model import LARGEST, Model
 from shellbench.problem import Problem
 from shellbench.problems import obstacle
 from shellbench.problems.conditioned import case as conditioned
@@ -308,7 +308,9 @@ def allowed(schema: Schema) -> str:
             return f"table of names, each with: {allowed(values)}"
         case "number" | "integer" as kind:
             bounds = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
-            said = [f"{sign} {schema[key]:g}" for key, sign in bounds.items() if key in schema]
+            said = [
+                f"{sign} {schema[key]:g}" for key, sign in bounds.items() if abs(schema.get(key, LARGEST)) < LARGEST
+            ]
             return " ".join(["whole number" if kind == "integer" else kind, ", ".join(said)]).strip()
         case "boolean":
             return "`true` or `false`"

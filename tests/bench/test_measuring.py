@@ -438,6 +438,7 @@ def test_an_uncertainty_that_is_none_fails_its_run(given: Any, tmp_path: Path) -
     assert set(found["values"]) == {"half", "full", "bending", "energy"}
 
 
+@pytest.mark.filterwarnings("ignore::numpy.exceptions.ComplexWarning")
 def test_a_complex_displacement_fails_its_run(tmp_path: Path) -> None:
     case = spring.loaded_case()
     solution: Any = SpringSolution(case)
