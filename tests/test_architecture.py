@@ -20,6 +20,7 @@ KINDS, SOLVERS = "problems", "solvers"
 BASE = {
     "",
     "errors",
+    "files",
     "nearest",
     "model",
     "engine",

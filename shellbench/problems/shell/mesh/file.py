@@ -67,7 +67,7 @@ def read_mesh(content: bytes, suffix: str) -> MeshFile:
         raise InputError("it is a binary PLY; write it as ASCII PLY or as OBJ")
     if suffix in FORMATS:
         positions, texture, faces = read_other(content, suffix)
-        mesh = _mesh(positions, texture, [[(index, index) for index in face] for face in faces])
+        mesh = _mesh(positions.tolist(), texture.tolist(), [[(index, index) for index in face] for face in faces])
     else:
         try:
             mesh = readers[suffix](content.decode("utf-8"))
