@@ -36,6 +36,7 @@ from shellbench.model import LONGEST_VALUE, one_sentence
 from shellbench.problem import Problem, Progress, Settings, Solution, Solver, answerable
 
 FIELDS = "fields.npz"
+NOT_REACHED = "not_reached"  # of a solution's diagnostics: names of the quantities that it did not reach
 SOLUTION = "solution"
 DRAWS = 2.0  # one draw of noise moves an answer too little as often as too much: twice that covers 7 of 10
 UNREACHED = (InputError, ValueError)  # how a solution and its measuring say that a state was not reached
@@ -56,7 +57,7 @@ def measured(solution: Solution, case: Problem, folder: Path) -> tuple[dict[str,
     result: dict[str, Any] = {"values": values}
     headline = next(quantity.name for quantity in case.quantities if quantity.primary)
     # A solver that names what it did not reach has an answer as long as it reached the headline.
-    told = headline in values and all(name in (why_unsettled(solution) or "") for name in lost)
+    told = headline in values and set(lost) <= set(solution.diagnostics.get(NOT_REACHED, ()))
     why = without_values(lost) if lost and not told else why_misstated(solution, case)
     numbers = {name: found.value for name, found in values.items()}
     accounts = {name: partial(account, solution, case, numbers) for name, account in kind.accounts.items()}

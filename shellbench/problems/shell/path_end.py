@@ -34,11 +34,11 @@ def cut_short(solution: Solved, why: str) -> Solved:
     missing = [quantity for quantity in case.quantities if quantity.name not in found]
     if any(quantity.primary for quantity in missing):
         raise SolveFailure(why, partial=solution)
-    names = ", ".join(quantity.name for quantity in missing)
+    names = [quantity.name for quantity in missing]
     return replace(
         solution,
-        unsettled=f"{why}; not reached: {names}" if missing else None,
-        diagnostics={**solution.diagnostics, "path_end": why},
+        unsettled=f"{why}; not reached: {', '.join(names)}" if names else None,
+        diagnostics={**solution.diagnostics, "path_end": why, "not_reached": names},
     )
 
 
