@@ -5,7 +5,7 @@ Lamé's solution of plane stress, u radial and positive outward:
     n_r = A - B / r^2,    n_t = A + B / r^2,    u = r (n_t - nu n_r) / (E h),
 
 n_r = 0 at the outer edge and n_r = p at the inner one. The radial cut carries the pull on half of the inner circle,
-so that the mean of n_t over its length is -p a / (b - a).
+so that the mean of n_t over its length is -p a / (b - a). It moves most at the inner edge: |u| falls outward.
 
 The second form solves r^2 u'' + r u' - u = 0 by Chebyshev's collocation, and integrates n_t over the length.
 """
@@ -29,6 +29,7 @@ def _estimates(inward: float, across: float, around: float) -> dict[str, Estimat
         "across_inner_edge": (across, "N/m"),
         "around_on_cut": (around, "N/m"),
         "strain_energy": (energy, "J"),
+        "largest_displacement": (inward, "m"),
     }
     return {name: Estimate(value, ROUNDING * abs(value), unit) for name, (value, unit) in found.items()}
 

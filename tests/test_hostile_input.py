@@ -172,7 +172,7 @@ def models(model):
 
 
 def test_what_is_true_or_false_in_a_file_takes_nothing_else():
-    for name in kinds.kind_targets():
+    for name in kinds.kind_entries():
         kinds.find_kind(name)
     for model in [*models(Problem), *(m for m in models(Model) if m.__module__.startswith("shellbench.problems"))]:
         for name, field in model.model_fields.items():
