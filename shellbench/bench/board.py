@@ -99,6 +99,8 @@ def _entry(pack: Pack, name: str, mine: Sequence[Record]) -> Entry:
     records = {record.run_id: record for record in pack.records}
     if not rows:
         raise InputError(f"{pack.path}: none of its runs answers a case of today ({'; '.join(notes)})")
+    if why := pack.unchecked:
+        notes = (*notes, f"not checked, and so of no class: {why}")
     marks, differs = _made_again(pack, rows, mine)
     named = tuple(row.model_copy(update={"solver": name}) for row in rows)
     return Entry(pack, name, named, records, marks, differs, notes)
@@ -152,5 +154,8 @@ def board_as_json(entries: Sequence[Entry]) -> str:
         for row in rows:
             row["remeasured"] = entry.marks.get((row["run_id"], row["quantity"]), "no")
         about = entry.pack.manifest.model_dump(mode="json", exclude={"runs"})
-        data.append({"name": entry.name, "pack": about, "notes": [*entry.notes, *entry.differs], "rows": rows})
+        notes = [*entry.notes, *entry.differs]
+        data.append(
+            {"name": entry.name, "pack": about, "unchecked": entry.pack.unchecked, "notes": notes, "rows": rows}
+        )
     return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"

@@ -32,6 +32,8 @@ from shellbench.engine import ENGINE, engine_version
 from shellbench.errors import InputError
 from shellbench.problem import Problem
 
+UNSEALED = "it has no checksum, so nothing tells whether it was edited"
+
 
 def run_key(run: Task | Record) -> str:
     """Return text that is equal for runs that answer for each other: the same identity under the same name."""
@@ -122,12 +124,7 @@ class CurrentRuns:
             f"{name} is not installed: {count} stored {_runs(count)} shown as recorded, and no gate takes them"
             for name, count in sorted(absent.items())
         )
-        unsealed = sum(run.record.sequence is None for run in self.runs)
-        before = (
-            f"{unsealed} stored {_runs(unsealed)} unsealed: made before records had checksums, so nothing tells whether"
-            " they were edited"
-        )
-        return (*self.damaged, *counted, *taken, *((before,) if unsealed else ()))
+        return (*self.damaged, *counted, *taken)
 
     def find(
         self, case: str, solver: str, settings: Mapping[str, Any], seed: int, *, installed: bool = True
@@ -167,10 +164,11 @@ def current_runs(contents: Contents, *, any_code: bool = False) -> CurrentRuns:
     compared. Of records that differ in their code alone the newest counts.
     """
     # A record counts if it would be made again today. Checked in turn, the first that fails is the reason:
-    # 1. Its case can be read.
-    # 2. The case has the same digest today: that of the suite, or the newest one of a user's own.
-    # 3. The solver's code has the same digest, if it is installed.
-    # 4. Its engine has the same version, if that is installed.
+    # 1. A store has sealed it.
+    # 2. Its case can be read.
+    # 3. The case has the same digest today: that of the suite, or the newest one of a user's own.
+    # 4. The solver's code has the same digest, if it is installed.
+    # 5. Its engine has the same version, if that is installed.
     # Of those that count one is taken for each case, solver, settings and seed. It is the newest on a CPU, if there is
     # one.
     asked = {(record.identity.solver, kind_name(record.case)) for record in contents.records}
@@ -181,6 +179,9 @@ def current_runs(contents: Contents, *, any_code: bool = False) -> CurrentRuns:
     runs: dict[tuple[object, ...], CurrentRun] = {}
     for record in newest(contents).values():
         identity = record.identity
+        if record.sequence is None:
+            stale[record.run_id] = (record, UNSEALED)
+            continue
         try:
             case = _todays_case(record)
         except (ValidationError, InputError):

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from shellbench.bench import catalog
 from shellbench.bench.classes import LOOSEST, Grade, grades
-from shellbench.bench.current import current_runs
+from shellbench.bench.current import CurrentRun, current_runs
 from shellbench.bench.execute import Executor, Observer, execute
 from shellbench.bench.expected import expected_of_stranger
 from shellbench.bench.kinds import find_kind, kinds_of_theories
@@ -29,16 +29,19 @@ class Sitting:
     Attributes
     ----------
     grade
-        The class that the solver holds.
+        The class that the solver holds, its checks taken for passed.
     missed
         Rows that do not even hold the loosest class, each with its reason.
     records
         How many runs were made.
+    answers
+        The runs that were graded.
     """
 
     grade: Grade
     missed: tuple[Row, ...]
     records: int
+    answers: tuple[CurrentRun, ...] = ()
 
 
 def suites_for(theories: Iterable[str], *, quick: bool) -> tuple[str, ...]:
@@ -85,13 +88,14 @@ def sit(
     with contextlib.closing(executor):
         outcomes = execute(plan.tasks[::-1], store, observer, executor, plan.seen)
     current = current_runs(store.read())
-    expected = (expected_of_stranger("", case, solver, FIRST_SEED, current) for case in cases)
+    expected = [expected_of_stranger("", case, solver, FIRST_SEED, current) for case in cases]
     rows = [row for one in expected for row in one.rows()]
-    (grade,) = grades(rows, [solver])
+    (grade,) = grades(rows, [solver], {solver: ""})
     return Sitting(
         grade=grade,
         missed=tuple(row for row in rows if row.status != "declined" and not row.passed),
         records=len(outcomes),
+        answers=tuple(one.run for one in expected if one.run is not None),
     )
 
 

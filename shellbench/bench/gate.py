@@ -17,6 +17,7 @@ from shellbench.bench.baseline import Baseline, cost_findings, make_baseline, re
 from shellbench.bench.calibration import Calibration, calibration_findings, calibrations
 from shellbench.bench.classes import Grade, grades, judged_by_class, strangers
 from shellbench.bench.compare import asked_cases, beyond, gated_quantities, rows_and_notes, without_record
+from shellbench.bench.conformance import read_conformance, why_unchecked
 from shellbench.bench.current import CurrentRuns, current_runs, declared_by, overrides_of
 from shellbench.bench.expected import Scope, expected_of_strangers, expected_runs
 from shellbench.bench.lock import LockCheck, check_lock
@@ -78,7 +79,9 @@ class Verdict:
             *(self.regression if regression else ()),
             *(self.cost if cost else ()),
         )
-        return not self.lock.broken and not any(finding.colour == "red" for finding in judged)
+        # The class is the gate of a stranger, and without its checks it holds none.
+        unchecked = any(grade.unchecked for grade in self.grades)
+        return not self.lock.broken and not unchecked and not any(finding.colour == "red" for finding in judged)
 
 
 def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
@@ -128,6 +131,10 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
     _check_answered(rows, graded)
     by_id = {run.record.run_id: run.record for run in current.runs}
     records = [by_id[run_id] for run_id in dict.fromkeys(row.run_id for row in rows) if run_id in by_id]
+    noted, by_class = read_conformance(store), graded & {row.solver for row in rows}
+    unchecked = {
+        name: why_unchecked(name, (r for r in records if r.identity.solver == name), noted.found) for name in by_class
+    }
     return Verdict(
         accuracy=tuple(_finding(row, graded) for row in rows),
         regression=tuple(f for row in rows if baseline and (f := regression_finding(baseline, row))),
@@ -135,10 +142,10 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
         scope=scope,
         baseline=baseline is not None,
         lock=check_lock(),
-        warnings=(*notes, *bad_claims),
+        warnings=(*notes, *noted.damaged, *bad_claims),
         beyond=more,
         claims=tuple(claims),
-        grades=tuple(grades(rows, graded & {row.solver for row in rows})),
+        grades=tuple(grades(rows, by_class, unchecked)),
         calibration=tuple(calibration_findings(calibrated, catalog.tolerances())),
         calibrations=tuple(calibrated),
     )

@@ -2,7 +2,8 @@
 
 references/lock.json holds, of every case that is gated or has a known value, the digest of its physics, the runs that
 its suites declare, all values that judge, and how closely each solver must answer. Values judge strangers' figures too,
-so that they are locked where no solver of ours has a tolerance. The gate compares it with today's files in every run.
+so that they are locked where no solver of ours has a tolerance. It also holds the constants by which all are judged,
+such as the classes. The gate compares it with today's files and constants in every run.
 What makes the exam easier, or another one, is red. What makes it harder is said, and not red. A maintainer moves it:
 
     python -m shellbench.bench.lock            what has changed
@@ -17,11 +18,12 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError
 
-from shellbench.bench import catalog
+from shellbench.bench import baseline, calibration, catalog, classes, identity, row
 from shellbench.bench.reference import FOLDER, Tolerance
 from shellbench.bench.suite import SuiteRun
 from shellbench.errors import InputError
@@ -30,7 +32,16 @@ from shellbench.problem import Problem
 
 COMMAND = "python -m shellbench.bench.lock --write"
 SHOWN = 12  # characters of a digest
+JUDGING: dict[ModuleType, tuple[str, ...]] = {
+    baseline: ("REPEATS", "ROOM", "DEVIATIONS", "SLOWER", "LARGER"),
+    calibration: ("ASKED_SHARE", "WITHIN", "MOST", "ROUNDING"),
+    classes: ("CLASSES", "BLUNT", "BLUNTEST"),
+    identity: ("GATED_DTYPE",),
+    row: ("UNEXPLAINED",),
+}
+"""Constants that judge, by module."""
 
+Constant = Finite | str | tuple[Finite, ...]
 Found = tuple[Literal["broken", "unlocked"], str]
 
 
@@ -74,10 +85,13 @@ class Lock(Model):
     ----------
     version
         Of the exam: one more whenever the lock is moved.
+    constants
+        Those of `JUDGING`, by module and name.
     """
 
     schema_version: Literal[1] = 1
     version: Annotated[int, Field(ge=1)] = 1
+    constants: dict[str, Constant] = Field(default_factory=dict)
     cases: dict[str, LockedCase]
     variants: dict[str, dict[str, str]] = Field(default_factory=dict)
 
@@ -118,6 +132,11 @@ def todays_lock() -> Lock:
     }
     asked = {suite: catalog.variants_asked(suite) for suite in catalog.suite_names()}
     return Lock(
+        constants={
+            f"{module.__name__.rpartition('.')[2]}.{name}": getattr(module, name)
+            for module, names in JUDGING.items()
+            for name in names
+        },
         cases={
             name: _locked(catalog.named_case(name)) for name in sorted((gated | judged) & set(catalog.case_names()))
         },
@@ -193,6 +212,7 @@ def write_lock() -> None:
     variants = json.dumps(data["variants"], indent=1)
     text = (
         f'{{\n "schema_version": {data["schema_version"]},\n "version": {data["version"]},\n'
+        f' "constants": {json.dumps(data["constants"], indent=1)},\n'
         f' "cases": {{\n{joined}\n }},\n "variants": {variants}\n}}\n'
     )
     lock_path().write_text(text, encoding="utf-8")
@@ -227,6 +247,11 @@ def _dangling() -> Iterator[Found]:
 
 
 def _differences(locked: Lock, now: Lock) -> Iterator[Found]:
+    for name, value in locked.constants.items():
+        if now.constants.get(name) != value:
+            yield "broken", f"the constant {name} is {now.constants.get(name)}, and {value} is locked"
+    for name in now.constants.keys() - locked.constants.keys():
+        yield "unlocked", f"the constant {name} judges"
     for name in sorted(now.cases.keys() - locked.cases.keys()):
         yield "unlocked", f"new case {name}"
     for name, then in locked.cases.items():

@@ -21,6 +21,7 @@ from pydantic import Field, ValidationError
 
 from shellbench import __version__
 from shellbench.bench import catalog
+from shellbench.bench.conformance import Conformance, read_conformance, why_unchecked
 from shellbench.bench.current import CurrentRun, current_runs, overrides_of
 from shellbench.bench.record import LARGEST_RECORD, Digest, Plain, Record, Time, document, read_document
 from shellbench.bench.registry import SolverEntry, find_solver
@@ -67,6 +68,8 @@ class Manifest(Model):
         Commits that the records name.
     runs
         SHA-256 of each record by its name.
+    conformance
+        What the checks found of the source of the runs; none if it was not checked.
     checksum
         SHA-256 of all this.
     """
@@ -84,6 +87,7 @@ class Manifest(Model):
     versions: dict[str, tuple[str, ...]]
     commits: tuple[str, ...]
     runs: Annotated[dict[str, Digest], Field(min_length=1, max_length=MOST_RUNS)]
+    conformance: tuple[Conformance, ...] = ()
     checksum: Digest
 
 
@@ -94,6 +98,11 @@ class Pack:
     path: Path
     manifest: Manifest
     records: tuple[Record, ...]
+
+    @property
+    def unchecked(self) -> str:
+        """Why its solver is not checked, as a clause; empty if it is."""
+        return why_unchecked(self.manifest.solver, self.records, self.manifest.conformance)
 
 
 def write_pack(
@@ -129,12 +138,18 @@ def write_pack(
     runs = [run for run in found.runs if not suites or set(suites) & set(run.declared_by)]
     kept, notes = [run for run in runs if _can_be_sent(run)], list(found.notes)
     if len(kept) < len(runs):
-        notes.append(f"left out: {len(runs) - len(kept)} runs of own cases, or made before records had checksums")
+        notes.append(f"left out: {len(runs) - len(kept)} runs of own cases")
     if not kept:
         why = f" ({notes[0]})" if notes else ""
         raise InputError(f"store {store.folder}: holds no runs of solver '{solver}' that can be packed{why}")
     packed = {run.record.run_id: document(run.record) for run in kept}
-    manifest = _manifest(entry, [run.record for run in kept], packed, install or _install(entry))
+    sent, noted = [run.record for run in kept], read_conformance(store)
+    sources = {record.identity.source for record in sent}
+    checked = [one for one in noted.found if one.solver == solver and one.source in sources]
+    notes += noted.damaged
+    if why := why_unchecked(solver, sent, checked):
+        notes.append(f"not checked: {why} (`shellbench check-solver {solver}` makes the checks)")
+    manifest = _manifest(entry, sent, packed, install or _install(entry), checked)
     try:
         with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
             _add(archive, MANIFEST, _as_json(manifest.model_dump(mode="json")))
@@ -146,7 +161,7 @@ def write_pack(
 
 
 def _can_be_sent(run: CurrentRun) -> bool:
-    return run.installed and not run.record.own_case and run.record.sequence is not None
+    return run.installed and not run.record.own_case
 
 
 def _add(archive: zipfile.ZipFile, name: str, data: bytes) -> None:
@@ -155,7 +170,13 @@ def _add(archive: zipfile.ZipFile, name: str, data: bytes) -> None:
     archive.writestr(about, data)
 
 
-def _manifest(entry: SolverEntry, records: Sequence[Record], packed: Mapping[str, bytes], install: str) -> Manifest:
+def _manifest(
+    entry: SolverEntry,
+    records: Sequence[Record],
+    packed: Mapping[str, bytes],
+    install: str,
+    checked: Sequence[Conformance],
+) -> Manifest:
     data = {
         "format": 1,
         "solver": entry.name,
@@ -165,6 +186,7 @@ def _manifest(entry: SolverEntry, records: Sequence[Record], packed: Mapping[str
         "shellbench": __version__,
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
         "runs": {name: hashlib.sha256(text).hexdigest() for name, text in sorted(packed.items())},
+        "conformance": [one.model_dump(mode="json") for one in checked],
         **_summary(records),
     }
     return Manifest.model_validate_json(json.dumps(data | {"checksum": _checksum(data)}))

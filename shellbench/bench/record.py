@@ -1,7 +1,7 @@
 """Records: one immutable JSON file for one run, with its arrays beside it.
 
 A record in a store carries a sequence number and a seal, the SHA-256 of its content. Whatever was changed since is
-seen on reading. Records from before have neither: nothing tells whether they are as they were written.
+seen on reading. Records from before have neither: nothing tells whether they are as they were written, and none counts.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ class Record(Model):
     created
         When the run was planned, by the clock of its machine; what is newest is said by `sequence`.
     sequence
-        From 1, one more than the largest in its store when it was kept; None for records from before.
+        From 1, one more than the largest in its store when it was kept; None if no store has kept it.
     case
         The whole case as it was read, prose and tolerances included, so that a report needs nothing else.
     own_case
@@ -229,7 +229,7 @@ def document(record: Record) -> bytes:
     """Return the JSON of a record, sealed if it has its number in a store."""
     data = json.loads(record.model_dump_json())
     if record.sequence is not None:
-        data[SEAL] = _seal(data)
+        data = sealed(data)
     return (json.dumps(data, indent=1, ensure_ascii=False) + "\n").encode()
 
 
@@ -257,6 +257,11 @@ def read_document(text: bytes) -> Record:
     if not intact:
         raise InputError("it is damaged: its content is not that of which its checksum was taken")
     return record
+
+
+def sealed(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return JSON data with their seal."""
+    return {**data, SEAL: _seal(data)}
 
 
 def _seal(data: Mapping[str, Any]) -> str:

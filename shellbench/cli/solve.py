@@ -297,6 +297,9 @@ def check_solver_command(
             "--suite", metavar="NAME", help="Suite to grade by; may be repeated. Default: all that takes minutes."
         ),
     ] = None,
+    checks_only: Annotated[
+        bool, typer.Option("--checks-only", help="Make the checks, and no grade: the gate asks no more.")
+    ] = False,
     jobs: Annotated[
         int | None, typer.Option("--jobs", "-j", metavar="N", min=1, max=1024, help="Runs at a time, one thread each.")
     ] = None,
@@ -318,6 +321,10 @@ def check_solver_command(
     The grade is the best of the classes 1e-2, 1e-3, 1e-4 that it holds in every figure of every case that judges it; of
     the cases that --case names if any are named. Exit 1 if a check fails or no class is held, 2 if it declines all.
 
+    A class needs checks that values can't replace: continuity, energies, linearity, placement, and work. What they
+    found is kept in the store; `gate`, `pack` and `board` call a solver without it "not checked". Beside the grade the
+    field is compared with that of `fem` at points that no case asks for.
+
     Examples
     --------
         shellbench check-solver mine --quick
@@ -329,8 +336,10 @@ def check_solver_command(
 
     if quick and suite:
         raise typer.BadParameter("name suites or take the quick one", param_hint="'--quick'")
+    if checks_only and (quick or suite):
+        raise typer.BadParameter("makes no grade, and suites are what is graded by", param_hint="'--checks-only'")
     own = () if cases and not quick else None
-    exam = ExamOptions(tuple(dict.fromkeys(suite)) if suite else own, store, jobs, quick)
+    exam = ExamOptions(tuple(dict.fromkeys(suite)) if suite else own, store, jobs, quick, not checks_only)
     try:
         with plugins_are_input():
             code = check_solver(

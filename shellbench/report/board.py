@@ -87,7 +87,8 @@ def submissions_table(entries: Sequence[Entry]) -> Table:
     lines = []
     for entry in entries:
         mine = [row for row in entry.rows if row.default_settings]
-        grade = grades([row for row in mine if row.reference is not None], [entry.name])[0]
+        unchecked = {entry.name: entry.pack.unchecked}
+        (grade,) = grades([row for row in mine if row.reference is not None], [entry.name], unchecked)
         marks = [entry.mark([row.run_id or ""], row.quantity) for row in entry.rows if row.value is not None]
         verdict = overall(mine)
         lines.append(
@@ -97,7 +98,7 @@ def submissions_table(entries: Sequence[Entry]) -> Table:
                 "cases": len({row.case for row in entry.rows}),
                 "runs": len(entry.records),
                 "held": f"{verdict.held} of {verdict.gated}",
-                "class": f"{grade.held:.0e}".replace("e-0", "e-") if grade.held else "none",
+                "class": "not checked" if grade.unchecked else _class(grade.held),
                 "remeasured": f"{marks.count('yes')} of {len(marks)}"
                 + (f", {marks.count('differs')} differ" if "differs" in marks else ""),
                 "checksum": entry.pack.manifest.checksum[:12],
@@ -119,6 +120,10 @@ def submissions_table(entries: Sequence[Entry]) -> Table:
             column("checksum", "Checksum", code),
         ),
     )
+
+
+def _class(held: float | None) -> str:
+    return f"{held:.0e}".replace("e-0", "e-") if held else "none"
 
 
 def case_tables(entries: Sequence[Entry]) -> list[Table]:

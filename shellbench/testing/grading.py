@@ -6,7 +6,7 @@ import contextlib
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from rich.console import Console
 
 from shellbench.bench import catalog, environment
 from shellbench.bench.classes import CLASSES, strangers
+from shellbench.bench.conformance import read_conformance, why_unchecked
 from shellbench.bench.display import display
 from shellbench.bench.exam import Sitting, is_judged, missed_words, plan_of, questions, sit, suites_for
 from shellbench.bench.execute import Observer, Outcome
@@ -24,6 +25,7 @@ from shellbench.bench.registry import SolverEntry
 from shellbench.bench.store import Store
 from shellbench.bench.task import Task
 from shellbench.problem import Problem, Progress
+from shellbench.testing.between import Between
 
 MOST_SHOWN = 10  # rows that are missed
 
@@ -38,6 +40,8 @@ class ExamOptions:
         Suites whose cases are asked; None for those of the solver's kinds of problem.
     quick
         Whether these are the suites of a first look.
+    grade
+        Whether the exam is held; if not, the checks are made and kept in the store.
     store
         Folder of the records; what has one that counts is not solved again.
     jobs
@@ -48,9 +52,12 @@ class ExamOptions:
     store: Path
     jobs: int | None = None
     quick: bool = False
+    grade: bool = True
 
     def asked_of(self, entry: SolverEntry) -> tuple[str, ...]:
         """Return the suites that a solver is asked; InputError if one is unknown, or the solver can't be imported."""
+        if not self.grade:
+            return ()
         if self.suites is not None:
             for suite in self.suites:
                 catalog.find_suite(suite)  # said before any check is made
@@ -66,12 +73,15 @@ class Graded:
     ----------
     why
         Why there is no grade, in a clause; empty if the exam was held and something was judged.
+    between
+        How far its fields are from those of the yardstick between the points of the cases: this judges nothing.
     """
 
     solver: str
     suites: tuple[str, ...]
     why: str = ""
     sitting: Sitting | None = None
+    between: Between | None = None
 
     @property
     def held(self) -> float | None:
@@ -81,7 +91,8 @@ class Graded:
     @property
     def fell_short(self) -> bool:
         """Whether a stranger holds no class; our own solvers are gated by their tolerances, not by classes."""
-        return bool(self.sitting and self.sitting.missed and self.solver in strangers((self.solver,)))
+        graded = self.sitting is not None and not self.why
+        return graded and self.held is None and self.solver in strangers((self.solver,))
 
     @property
     def judged_nothing(self) -> bool:
@@ -99,6 +110,8 @@ class Graded:
         yield from (f"  misses {missed_words(row)}" for row in missed[:MOST_SHOWN])
         if len(missed) > MOST_SHOWN:
             yield f"  and {len(missed) - MOST_SHOWN} figures more"
+        if self.between is not None:
+            yield from self.between.lines()
 
     def as_data(self) -> dict[str, Any]:
         """Return the grade and the exam as JSON data."""
@@ -110,6 +123,7 @@ class Graded:
                 "classes": list(CLASSES),
                 "suites": list(self.suites),
                 "why": self.why,
+                "unchecked": grade.unchecked if grade else "",
                 "cases": grade.cases if grade else 0,
                 "figures": grade.figures if grade else 0,
                 "declined": list(grade.declined) if grade else [],
@@ -120,6 +134,7 @@ class Graded:
                     {"case": row.case, "quantity": row.quantity, "status": row.status, "reason": row.reason}
                     for row in (self.sitting.missed if self.sitting else ())
                 ],
+                "between": self.between and self.between.as_data(),
             },
         }
 
@@ -217,6 +232,10 @@ def begun(
             with display(console, len(runs.tasks)) as observer:
                 later.show(observer)
                 sitting = held.result()
+            if sitting is not None:  # only now: the checks were made beside the runs
+                runs_of = (run.record for run in sitting.answers)
+                unchecked = why_unchecked(solver, runs_of, read_conformance(store).found)
+                sitting = replace(sitting, grade=replace(sitting.grade, unchecked=unchecked))
             why = "" if sitting and sitting.grade.figures else "it declines every case that was asked"
             return Graded(solver, suites, why, sitting)
 

@@ -9,7 +9,7 @@ import contextlib
 import json
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, cast
@@ -22,12 +22,15 @@ from shellbench.bench.catalog import find_case
 from shellbench.bench.identity import parse_setting
 from shellbench.bench.kinds import DEFAULT
 from shellbench.bench.registry import SolverEntry, find_solver
+from shellbench.bench.store import Store
 from shellbench.bench.subject import NoAnswer, Refused, Respondent
 from shellbench.errors import InputError
 from shellbench.problem import Problem
 from shellbench.problems.rope.case import RopeCase
 from shellbench.problems.shell.case import Case
 from shellbench.testing import answers, convergence, keeping, mechanics, ropes
+from shellbench.testing.between import between_points
+from shellbench.testing.conforming import Line, needed_checks, note
 from shellbench.testing.examination import (
     AlreadyReported,
     Examination,
@@ -89,15 +92,6 @@ OF_ROPE: Mapping[str, AskOfProblem] = {
 }
 OF_ANY: tuple[str, ...] = ("determinism", "convergence", "history", "saving", "parameters", "storage")
 """Of `OF_ROPE`: those that know of quantities only, for kinds of problem from elsewhere."""
-
-
-@dataclass(frozen=True)
-class Line:
-    """One check's outcome; `case` is empty where it asks about the solver alone."""
-
-    check: str
-    case: str
-    verdict: Verdict
 
 
 @dataclass(frozen=True)
@@ -191,14 +185,15 @@ def _of_cases(exam: Examination, options: CheckOptions, tell: Tell) -> Iterator[
         for name, ask in checks_of(case).items():
             if not _wanted(options, name):
                 continue
-            asked_of = case
+            asked_of, needed = case, name in needed_checks(case.kind, exam.facts["theories"])
             if name == "seam" and isinstance(case, Case) and not options.cases:
                 asked_of = case if any(case.surface.domain.periodic) else _closed(exam) or case
             tell(f"{name}, {asked_of.name}")
             if reason is not None:
-                yield Line(name, case.name, not_applicable(f"it declines the case: {reason}"))
+                verdict = not_applicable(f"it declines the case: {reason}")
             else:
-                yield Line(name, asked_of.name, _asked(lambda ask=ask, c=asked_of: ask(exam, c)))  # type: ignore[misc]
+                verdict = _asked(lambda ask=ask, c=asked_of: ask(exam, c))  # type: ignore[misc]
+            yield Line(name, asked_of.name, verdict, case.kind, needed)
     if not cases:
         yield Line("answers", "", not_shown("it takes no case that solvers are examined on: name one by --case"))
 
@@ -265,11 +260,12 @@ def check_solver(
     """Examine a solver, print what was found, and return the exit code.
 
     It is 1 if a check failed, or a stranger that is graded holds no class; 2 if an exam was held that judged nothing.
+    What the checks found with default settings is kept in the store of the exam, where the gate looks for it.
 
     Parameters
     ----------
     exam
-        The exam by which it is graded, with default settings; None for no grade.
+        The exam by which it is graded, with default settings; None for no grade, and nothing is kept.
 
     Raises
     ------
@@ -285,11 +281,16 @@ def check_solver(
     with contextlib.ExitStack() as stack:
         # The checks mostly wait for the solver's process. The exam has the other cores meanwhile, and is shown later.
         grading = None
-        if exam is not None and not options.settings:
+        if exam is not None and exam.grade and not options.settings:
             grading = stack.enter_context(begun(name, options.cases, suites, exam, seconds))
         lines = _gone_through(entry, options, out, as_json)
+        if exam is not None and not options.settings:  # what is kept is of default settings, as a class is
+            note(Store(exam.store), entry, lines)
         grade = grading and grading(Console(stderr=True) if as_json else out)
-    if exam is not None and grade is None:
+    begin = partial(subject_of, seconds=seconds)
+    if exam is not None and grade is not None and grade.sitting is not None:
+        grade = replace(grade, between=between_points(entry, grade.sitting.answers, exam.store, begin))
+    elif exam is not None and exam.grade and grade is None:
         grade = Graded(name, suites, "grades are of default settings, and --set changes them")
     if as_json:
         data = {"solver": name, "checks": [as_data(line) for line in lines]} | (grade.as_data() if grade else {})

@@ -15,8 +15,8 @@ from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.bench.verdicts import as_text
 from tests.bench import strip
-from tests.bench.conftest import forget, tolerances_of
-from tests.bench.test_classes import figure
+from tests.bench.conftest import tolerances_of
+from tests.bench.test_classes import figure, strangers  # noqa: F401 - a fixture
 from tests.bench.test_compare import edit
 from tests.bench.test_gate import MOVING, damage, stating
 
@@ -33,6 +33,9 @@ def test_the_ratio_is_error_over_what_is_stated_and_what_the_known_value_doubts(
     assert one is not None
     assert one.ratio == pytest.approx(2e-3 / (3e-4 + 2e-4), rel=1e-6)
     assert one.scale == 2.0
+    below = judged_figure(stated(-1e-3, 3e-4, reference_uncertainty=2e-4))
+    assert below is not None
+    assert below.ratio == pytest.approx(one.ratio)
 
 
 @pytest.mark.parametrize(
@@ -100,15 +103,16 @@ def test_a_solver_that_states_nothing_is_neither_good_nor_bad() -> None:
     assert str(found) == "mine states no uncertainty of 1 figure"
 
 
-def planted(store: Store) -> None:
+def planted(store: Store, error: float = 1e-3) -> None:
     """Wrong by 1e-3, which is allowed, and sure to 1e-6."""
     edit(tolerances_of("toy"), "centre = 1e-9", "centre = 1e-2")
     write_lock()
-    stating(store, "toy", 1e-6, error=1e-3)
+    stating(store, "toy", 1e-6, error=error)
 
 
-def test_a_planted_overconfident_solver_is_named_and_red(toys: object, full: Store) -> None:
-    planted(full)
+@pytest.mark.parametrize("error", [1e-3, -1e-3])
+def test_a_planted_overconfident_solver_is_named_and_red(toys: object, full: Store, error: float) -> None:
+    planted(full, error)
     verdict = gate(full, None, TOYS)
     assert {f.colour for f in verdict.accuracy} == {"green"}
     (found,) = verdict.calibration
@@ -137,12 +141,9 @@ def test_an_open_finding_explains_what_is_wrong_with_confidence(toys: object, fu
     assert verdict.good()
 
 
-def test_a_stranger_s_calibration_is_shown_and_judges_nothing(toys: object, full: Store) -> None:
-    tolerances_of("toy-noisy").unlink()
-    forget()
-    write_lock()
-    stating(full, "toy-noisy", 1e-6, error=1e-3)
-    verdict = gate(full, None, Scope(("toys",), ("toy-noisy",)))
+def test_a_stranger_s_calibration_is_shown_and_judges_nothing(strangers: Store) -> None:  # noqa: F811
+    stating(strangers, "toy-noisy", 1e-6, error=1e-3)
+    verdict = gate(strangers, None, Scope(("toys",), ("toy-noisy",)))
     assert verdict.calibration == ()
     assert verdict.good()
     assert "calibration: toy-noisy: 0 % of 3 errors" in as_text(verdict, "none")

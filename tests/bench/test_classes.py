@@ -6,10 +6,12 @@ import pytest
 
 from shellbench.bench.classes import BLUNT, CLASSES, LOOSEST, grades, judged_by_class
 from shellbench.bench.compare import rows
+from shellbench.bench.conformance import note_conformance
 from shellbench.bench.expected import Scope
 from shellbench.bench.gate import Verdict, gate
 from shellbench.bench.lock import write_lock
 from shellbench.bench.reference import Tolerance
+from shellbench.bench.registry import find_solver
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.bench.verdicts import as_text
@@ -21,10 +23,11 @@ from tests.bench.test_gate import scaled
 
 @pytest.fixture
 def strangers(full: Store) -> Store:
-    """The runs of the toys, of which no tolerance is frozen for `toy-noisy`."""
+    """The runs of the toys, of which no tolerance is frozen for `toy-noisy`, which is checked."""
     tolerances_of("toy-noisy").unlink()
     forget()
     write_lock()
+    note_conformance(full, find_solver("toy-noisy"), "shell", {}, ())
     return full
 
 
@@ -98,10 +101,10 @@ def test_an_error_near_zero_is_held_against_the_largest_value_of_its_unit() -> N
 
 def test_what_it_declines_is_said_and_not_counted() -> None:
     good, declined = figure(1e-5), figure(0.0, status="declined", value=None, relative_error=None, case="scordelis_lo")
-    (grade,) = grades([good, declined], ["mine"])
+    (grade,) = grades([good, declined], ["mine"], {"mine": ""})
     assert grade.held == CLASSES[0]
     assert str(grade).endswith("it declines scordelis_lo")
-    (grade,) = grades([declined], ["mine"])
+    (grade,) = grades([declined], ["mine"], {"mine": ""})
     assert grade.held is None
 
 

@@ -6,13 +6,14 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
 from shellbench.bench import catalog
 from shellbench.bench.expected import Scope
 from shellbench.bench.gate import Verdict, gate
-from shellbench.bench.lock import lock_path, main, read_lock, todays_lock, write_lock
+from shellbench.bench.lock import JUDGING, check_lock, lock_path, main, read_lock, todays_lock, write_lock
 from shellbench.bench.store import Store
 from shellbench.bench.verdicts import as_text
 from tests.bench import strip
@@ -242,6 +243,29 @@ def test_an_open_finding_that_is_closed_is_not_red(full: Store) -> None:
     assert judged(full)[0].lock.unlocked == ()
     allow('{ relative = 1e-9, open_finding = "locks, as is known" }', "1e-9")
     assert judged(full)[0].lock.unlocked == ("strip centre toy is no open finding any more",)
+
+
+CONSTANTS = [(module, name) for module, names in JUDGING.items() for name in names]
+
+
+@pytest.mark.usefixtures("toys")
+@pytest.mark.parametrize(("module", "name"), CONSTANTS, ids=[name for _, name in CONSTANTS])
+def test_a_constant_that_judges_is_locked(monkeypatch: pytest.MonkeyPatch, module: ModuleType, name: str) -> None:
+    assert check_lock().broken == ()
+    value = getattr(module, name)
+    other = {tuple: lambda: (*value, 0.1), str: lambda: "float32"}.get(type(value), lambda: 100 * value)()
+    monkeypatch.setattr(module, name, other)
+    (words,) = check_lock().broken
+    assert words.endswith(f"{name} is {other}, and {value} is locked")
+
+
+@pytest.mark.usefixtures("toys")
+def test_a_lock_from_before_knows_no_constants() -> None:
+    old = read_lock(lock_path()).model_copy(update={"constants": {}})
+    lock_path().write_text(old.model_dump_json(exclude_none=True), encoding="utf-8")
+    found = check_lock()
+    assert found.broken == ()
+    assert len(found.unlocked) == len(CONSTANTS)
 
 
 @pytest.mark.usefixtures("toys")

@@ -1,0 +1,77 @@
+"""The checks that a class needs: what a solver that looks its values up can't pass."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from shellbench.bench.conformance import note_conformance
+from shellbench.bench.kinds import DEFAULT
+from shellbench.bench.registry import SolverEntry
+from shellbench.bench.store import Store
+from shellbench.testing.examination import Verdict
+
+NONLINEAR = "kirchhoff-love-nonlinear"  # the one theory of shells in which answers do not follow the load
+OF_LINEAR = ("linearity", "work")
+OF_FIELD = ("continuity", "energies", "placement", *OF_LINEAR)
+OF_KIND = {DEFAULT: OF_FIELD, "rope": ("placement", "energy")}
+OF_OTHERS = ("determinism", "saving")
+"""Of kinds of problem from elsewhere: their checks know of quantities only."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """One check's outcome; `case` is empty where it asks about the solver alone.
+
+    Attributes
+    ----------
+    kind
+        Of the case.
+    needed
+        Whether a class needs that the check is passed.
+    """
+
+    check: str
+    case: str
+    verdict: Verdict
+    kind: str = ""
+    needed: bool = False
+
+
+def needed_checks(kind: str, theories: Iterable[str]) -> tuple[str, ...]:
+    """Return the checks that a solver of these theories has to pass before it holds a class."""
+    if kind != DEFAULT:
+        return OF_KIND.get(kind, OF_OTHERS)
+    linear = set(theories) - {NONLINEAR}
+    return tuple(name for name in OF_FIELD if linear or name not in OF_LINEAR)
+
+
+def note(store: Store, entry: SolverEntry, lines: Sequence[Line]) -> None:
+    """Keep in a store what the checks found, by kind of problem.
+
+    Raises
+    ------
+    StoreError
+        If the store can't be written.
+    """
+    for kind in dict.fromkeys(line.kind for line in lines if line.kind):
+        of_kind = [line for line in lines if line.kind == kind]
+        checks = {name: tuple(x.verdict.status for x in of_kind if x.check == name) for name in _names(of_kind)}
+        note_conformance(store, entry, kind, checks, lacking(of_kind))
+
+
+def lacking(lines: Sequence[Line]) -> tuple[str, ...]:
+    """Return why a solver holds no class, one clause a check: it failed, or no case that was asked shows it passed."""
+    found = []
+    for name in _names([line for line in lines if line.needed]):
+        verdicts = [line.verdict for line in lines if line.check == name]
+        failed = [verdict for verdict in verdicts if verdict.status == "failed"]
+        if failed:
+            found.append(f"its check '{name}' failed: {failed[0].words}")
+        elif not any(verdict.status == "passed" for verdict in verdicts):
+            found.append(f"its check '{name}' is not passed: {verdicts[0].words}")
+    return tuple(found)
+
+
+def _names(lines: Iterable[Line]) -> list[str]:
+    return list(dict.fromkeys(line.check for line in lines))

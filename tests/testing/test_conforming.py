@@ -1,0 +1,165 @@
+"""A class needs more than right values: a solver that looks them up holds none, and is found out."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from shellbench.bench import catalog
+from shellbench.bench.conformance import FOLDER, note_conformance, read_conformance
+from shellbench.bench.current import current_runs
+from shellbench.bench.expected import Scope
+from shellbench.bench.gate import Verdict, gate
+from shellbench.bench.pack import read_pack, write_pack
+from shellbench.bench.registry import SolverEntry, find_solver
+from shellbench.bench.store import Store
+from shellbench.bench.verdicts import as_text
+from shellbench.problem import Problem
+from shellbench.testing import suite
+from shellbench.testing.between import POINTS, between_points
+from shellbench.testing.conforming import OF_FIELD, Line, lacking, needed_checks, note
+from shellbench.testing.examination import Verdict as Outcome
+from shellbench.testing.grading import ExamOptions
+from shellbench.testing.suite import CheckOptions, examine
+from tests.bench.conftest import full, made_once, plugin, store, toys  # noqa: F401 - fixtures
+from tests.bench.running import run
+from tests.bench.test_classes import strangers  # noqa: F401 - a fixture
+from tests.testing.test_suite import InProcess
+
+SHELL = "shell"
+
+
+@pytest.fixture
+def cheated(toys: Path, plugin: Path, store: Store) -> Store:  # noqa: F811
+    """The run of a solver that reads the known values."""
+    (points,) = plugin.glob("*.dist-info/entry_points.txt")
+    points.write_text(points.read_text(encoding="utf-8") + "cheat = tests.testing.cheat:CheatSolver\n", "utf-8")
+    run(store, "strip", solvers=("cheat",))
+    return store
+
+
+def judged(store: Store, solver: str) -> Verdict:  # noqa: F811
+    return gate(store, None, Scope((), (solver,)))
+
+
+def test_a_cheat_has_right_values_and_no_class(cheated: Store) -> None:
+    verdict = judged(cheated, "cheat")
+    (grade,) = verdict.grades
+    assert {finding.colour for finding in verdict.accuracy} == {"green"}
+    assert (grade.within, grade.held) == (1e-4, None)
+    assert not verdict.good()
+    said = "class: cheat is not checked and holds no class, though its 1 figures of 1 case are within 0.0001: no checks"
+    assert said in as_text(verdict, "none")
+    assert "a gate fell short" in as_text(verdict, "none")
+
+
+def checked(entry: SolverEntry, case: Problem) -> list[Line]:
+    return list(examine(entry, CheckOptions((case,), checks=OF_FIELD), start=lambda: InProcess(entry)))
+
+
+def test_check_solver_finds_the_cheat_out() -> None:
+    lines = checked(SolverEntry("cheat", "tests.testing.cheat:CheatSolver", "", ""), catalog.named_case("square_plate"))
+    assert {line.check for line in lines if line.needed} == set(OF_FIELD)
+    by_check = {line.check: line.verdict.status for line in lines}
+    assert (by_check["continuity"], by_check["energies"], by_check["work"]) == ("not shown", "failed", "failed")
+
+
+def test_the_gate_says_which_check_is_not_passed(cheated: Store) -> None:
+    note(cheated, entry := find_solver("cheat"), checked(entry, catalog.named_case("strip")))
+    (grade,) = judged(cheated, "cheat").grades
+    assert (grade.held, grade.unchecked.partition(":")[0]) == (None, "its check 'continuity' is not passed")
+
+
+def test_its_field_between_the_points_is_shown_beside_another(cheated: Store) -> None:
+    answers = current_runs(cheated.read()).runs
+    between = between_points(find_solver("cheat"), answers, cheated.folder, InProcess)
+    assert between is not None
+    (one,) = between.found
+    assert (one.case, one.largest) == ("strip", 1.0)  # it is zero there
+    assert one.at
+    assert str(POINTS) in next(between.lines())
+
+
+def test_a_right_field_is_near_the_other_one_at_points_of_its_own(full: Store) -> None:  # noqa: F811
+    runs = [r for r in current_runs(full.read()).runs if r.record.identity.solver == "toy-noisy"]
+    one, other = (between_points(find_solver("toy-noisy"), [r], full.folder, InProcess) for r in runs[:2])
+    assert one is not None
+    assert other is not None
+    assert 0 < one.found[0].largest < 1e-3
+    assert not np.allclose(one.found[0].at, other.found[0].at)
+
+
+def lines_of(**status: str) -> list[Line]:
+    return [
+        Line(check, "strip", Outcome(status.get(check, "passed"), "so it is"), SHELL, check in OF_FIELD)  # type: ignore[arg-type]
+        for check in (*OF_FIELD, "storage")
+    ]
+
+
+@pytest.mark.parametrize("check", OF_FIELD)
+@pytest.mark.parametrize("status", ["failed", "not shown", "not applicable"])
+def test_each_check_of_a_field_is_needed(check: str, status: str) -> None:
+    (why,) = lacking(lines_of(**{check: status}))
+    assert f"'{check}'" in why
+    assert lacking([*lines_of(**{check: status}), *lines_of()]) == ((why,) if status == "failed" else ())
+
+
+def test_what_is_no_check_of_a_field_is_not_needed() -> None:
+    assert lacking(lines_of(storage="failed")) == ()
+    assert needed_checks(SHELL, ["kirchhoff-love-linear"]) == OF_FIELD
+    assert set(needed_checks(SHELL, ["kirchhoff-love-nonlinear"])) == {"continuity", "energies", "placement"}
+
+
+def test_it_counts_for_the_source_that_was_checked_only(strangers: Store) -> None:  # noqa: F811
+    assert judged(strangers, "toy-noisy").good()
+    (path,) = (strangers.folder / FOLDER).glob("*.json")
+    whole = path.read_text(encoding="utf-8")
+    source = json.loads(whole)["source"]
+    path.write_text(whole.replace(source, "0" * 64), encoding="utf-8")  # not as it was sealed
+    verdict = judged(strangers, "toy-noisy")
+    assert not verdict.good()
+    assert any(str(path) in words for words in verdict.warnings)
+    path.write_text(whole.replace('"lacking": []', '"lacking": ["x"]'), encoding="utf-8")
+    assert read_conformance(strangers).found == ()
+
+
+def test_a_changed_solver_is_not_checked_any_more(strangers: Store, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    with monkeypatch.context() as patch:
+        patch.setattr("shellbench.bench.conformance.current_source", lambda *_: "0" * 64)
+        note_conformance(strangers, find_solver("toy-noisy"), SHELL, {}, ())
+    (grade,) = judged(strangers, "toy-noisy").grades
+    assert grade.unchecked == "its source has changed since it was checked"
+
+
+def test_a_pack_takes_it_along(strangers: Store, tmp_path: Path) -> None:  # noqa: F811
+    manifest, notes = write_pack(strangers, "toy-noisy", tmp_path / "one.zip")
+    assert [one.solver for one in manifest.conformance] == ["toy-noisy"]
+    assert not any("not checked" in words for words in notes)
+    assert read_pack(tmp_path / "one.zip").unchecked == ""
+    for path in (strangers.folder / FOLDER).iterdir():
+        path.unlink()
+    manifest, notes = write_pack(strangers, "toy-noisy", tmp_path / "two.zip")
+    assert manifest.conformance == ()
+    assert any(words.startswith("not checked: no checks are known of it") for words in notes)
+    assert read_pack(tmp_path / "two.zip").unchecked
+
+
+def test_the_command_keeps_what_it_finds(strangers: Store, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    for path in (strangers.folder / FOLDER).iterdir():
+        path.unlink()
+    found = lines_of()
+    monkeypatch.setattr(suite, "examine", lambda *_: iter(found))
+    exam = ExamOptions(None, strangers.folder, 1, grade=False)
+    out = Console(file=io.StringIO())
+    assert suite.check_solver("toy-noisy", console=out, exam=exam, settings=["toy-noisy.noise=0.0"]) == 0
+    assert read_conformance(strangers).found == ()  # these are no default settings
+    assert suite.check_solver("toy-noisy", console=out, exam=exam) == 0
+    assert judged(strangers, "toy-noisy").good()
+    found[:] = lines_of(work="failed")
+    assert suite.check_solver("toy-noisy", console=out, exam=exam) == 1
+    assert not judged(strangers, "toy-noisy").good()
