@@ -131,7 +131,7 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
     _check_answered(rows, graded)
     by_id = {run.record.run_id: run.record for run in current.runs}
     records = [by_id[run_id] for run_id in dict.fromkeys(row.run_id for row in rows) if run_id in by_id]
-    noted, by_class = read_conformance(store), graded & {row.solver for row in rows}
+    noted, by_class = read_conformance(store), graded & {row.solver for row in rows if not row.own_case}
     unchecked = {
         name: why_unchecked(name, (r for r in records if r.identity.solver == name), noted.found) for name in by_class
     }

@@ -15,6 +15,7 @@ from shellbench.bench.conformance import FOLDER, note_conformance, read_conforma
 from shellbench.bench.current import current_runs
 from shellbench.bench.expected import Scope
 from shellbench.bench.gate import Verdict, gate
+from shellbench.bench.lock import write_lock
 from shellbench.bench.pack import read_pack, write_pack
 from shellbench.bench.registry import SolverEntry, find_solver
 from shellbench.bench.store import Store
@@ -26,9 +27,10 @@ from shellbench.testing.conforming import OF_FIELD, Line, lacking, needed_checks
 from shellbench.testing.examination import Verdict as Outcome
 from shellbench.testing.grading import ExamOptions
 from shellbench.testing.suite import CheckOptions, examine
-from tests.bench.conftest import full, made_once, plugin, store, toys  # noqa: F401 - fixtures
+from tests.bench.conftest import forget, full, made_once, own_case, plugin, store, tolerances_of, toys  # noqa: F401
 from tests.bench.running import run
 from tests.bench.test_classes import strangers  # noqa: F401 - a fixture
+from tests.bench.test_known_in_files import known
 from tests.testing.test_suite import InProcess
 
 SHELL = "shell"
@@ -126,6 +128,17 @@ def test_it_counts_for_the_source_that_was_checked_only(strangers: Store) -> Non
     assert any(str(path) in words for words in verdict.warnings)
     path.write_text(whole.replace('"lacking": []', '"lacking": ["x"]'), encoding="utf-8")
     assert read_conformance(strangers).found == ()
+
+
+def test_a_case_of_ones_own_is_judged_by_its_file_and_not_by_class(toys: Path, store: Store, own_case: Path) -> None:  # noqa: F811
+    tolerances_of("toy-noisy").unlink()
+    forget()
+    write_lock()
+    path = known(own_case)
+    run(store, path, solvers=("toy-noisy",))
+    verdict = gate(store, None, Scope(cases=(path,)))
+    assert verdict.grades == ()
+    assert verdict.good()
 
 
 def test_a_changed_solver_is_not_checked_any_more(strangers: Store, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811

@@ -1,5 +1,7 @@
 """Files of fields: what is wrong with them is one sentence; what solutions measure, and what survives a file."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -120,3 +122,14 @@ def test_what_a_solver_cant_take_it_declines(solver, case, words):
 
 def test_a_lattice_has_midpoints():
     assert lattice(2) == pytest.approx(np.array([[0.25, 0.25], [0.25, 0.75], [0.75, 0.25], [0.75, 0.75]]))
+
+
+def test_the_depth_in_a_body_is_exact():
+    """All points are moved to one place, so deep below the ball's surface."""
+    case = catalog.named_case("field_drape")
+    for depth, known in ((0.05, 0.05), (0.0, 0.0), (-0.1, 0.0)):
+        place = np.add(case.body.centre, [0.0, 0.0, case.body.radius - depth])
+        sunk = SimpleNamespace(case=case, displacement=lambda p, place=place: place - case.rest(p))
+        assert next(q for q in case.quantities if q.kind == "penetration").measure(sunk) == pytest.approx(
+            known, abs=1e-12
+        )

@@ -1,6 +1,7 @@
 """Measuring: exact on fields that are known in closed form."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -81,6 +82,16 @@ def test_an_error_needs_a_field_that_it_is_an_error_of(exact, words):
     data["quantities"].append({"name": "error", "kind": "field_error", "exact": exact})
     with pytest.raises(InputError, match=re.escape(words)):
         build_case(data, "plate", "plate.toml")
+
+
+@pytest.mark.parametrize("depth", [0.0, 1e-4, 0.02])
+def test_the_depth_in_a_floor_is_that_of_the_shell_s_lower_face(depth):
+    """The strip at z = 0 is moved rigidly to a floor at z = -.4, and so much deeper."""
+    case = catalog.named_case("contact_heavy_strip")
+    lower_face = case.material.thickness / 2 if case.contact.thickness else 0.0
+    sunk = ClosedFormField(case, lambda p: np.broadcast_to([0.0, 0.0, lower_face - 0.4 - depth], (*p.shape[:-1], 3)))
+    sunk.touch = lambda at: SimpleNamespace(points=np.zeros((0, 2)))
+    assert measure(sunk, case.quantity("penetration")) == pytest.approx(depth, abs=1e-12)
 
 
 class SnappingPath:
