@@ -250,7 +250,7 @@ def _differences(locked: Lock, now: Lock) -> Iterator[Found]:
     for name, value in locked.constants.items():
         if now.constants.get(name) != value:
             yield "broken", f"the constant {name} is {now.constants.get(name)}, and {value} is locked"
-    for name in now.constants.keys() - locked.constants.keys():
+    for name in sorted(now.constants.keys() - locked.constants.keys()):
         yield "unlocked", f"the constant {name} judges"
     for name in sorted(now.cases.keys() - locked.cases.keys()):
         yield "unlocked", f"new case {name}"
