@@ -9,10 +9,12 @@ import pytest
 from shellbench.bench import catalog
 from shellbench.bench.classes import LOOSEST, judged_by_class
 from shellbench.bench.compare import rows
+from shellbench.bench.conformance import note_conformance
 from shellbench.bench.expected import Scope
 from shellbench.bench.gate import gate
 from shellbench.bench.lock import write_lock
 from shellbench.bench.reference import Tolerance, read_tolerances
+from shellbench.bench.registry import find_solver
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.bench.verdicts import as_text
@@ -96,6 +98,7 @@ def test_a_plug_ins_own_file_is_a_claim_and_no_verdict(full: Store, plugin: Path
             (full.folder / f"{record.run_id}.json").unlink()
     (plugin / "toy_shells" / "tolerances").mkdir()
     (plugin / "toy_shells" / "tolerances" / "toy-noisy.toml").write_text(f"[strip]\ncentre = {claim}\n")
+    note_conformance(full, find_solver("toy-noisy"), "shell", {}, ())
     verdict = gate(full, None, Scope())
     noisy = [finding.row for finding in verdict.accuracy if finding.row.solver == "toy-noisy"]
     assert {row.tolerance for row in noisy if not row.tolerance_is_absolute} == {LOOSEST}  # by class, not by its claim
