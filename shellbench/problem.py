@@ -250,6 +250,11 @@ class Problem(Model):
         """
         return {}
 
+    @property
+    def undecided(self) -> str | None:
+        """Return why no solution of it counts as settled, as one clause: what in its data nobody can tell; or None."""
+        return None
+
     def check_state(self, at: float) -> None:
         """Raise InputError if no solution can be asked at this mark."""
 

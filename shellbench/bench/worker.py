@@ -319,7 +319,7 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
     if reason is None and solution is not None:
         values = result.get("values", {})
         uncertain = why_uncertain(problem_of(task.case), task.identity.solver, task.own_case, values)
-        said_of_it = why_unsettled(solution), drifting, uncertain
+        said_of_it = why_unsettled(solution), case.undecided, drifting, uncertain
         reason = "; ".join(filter(None, said_of_it)) or None
         status = NOT_SETTLED if reason else "ok"
     try:

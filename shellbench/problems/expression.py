@@ -16,15 +16,15 @@ from __future__ import annotations
 import ast
 import math
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
-from itertools import combinations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shellbench.errors import InputError, without_middle
+from shellbench.problems.interval import Interval, Undecided, interval_of
 from shellbench.problems.taylor import (
     Array,
     Taylor,
@@ -37,10 +37,12 @@ from shellbench.problems.taylor import (
     sin_terms,
     sinh_terms,
     square_root,
+    tangent_terms,
 )
 
 MAX_LENGTH = 100_000  # characters: the longest formula that is read
 MAX_DEPTH = 200  # deepest nesting of a formula that is read
+LONG, LOW = 500, 4  # nodes of a formula that is looked at by its parts, and powers that make nothing narrow
 
 
 Function = Callable[[Taylor], Taylor]
@@ -48,13 +50,13 @@ Function = Callable[[Taylor], Taylor]
 FUNCTIONS: dict[str, Function] = {
     "sin": lambda x: x.compose(sin_terms),
     "cos": lambda x: x.compose(cos_terms),
-    "tan": lambda x: x.compose(sin_terms) / x.compose(cos_terms),
+    "tan": lambda x: x.compose(tangent_terms(np.tan, 1.0)),
     "exp": lambda x: x.compose(exp_terms),
     "log": lambda x: x.compose(log_terms),
     "sqrt": square_root,
     "sinh": lambda x: x.compose(sinh_terms),
     "cosh": lambda x: x.compose(cosh_terms),
-    "tanh": lambda x: x.compose(sinh_terms) / x.compose(cosh_terms),
+    "tanh": lambda x: x.compose(tangent_terms(np.tanh, -1.0)),
     "asin": lambda x: x.compose(integrated(np.arcsin, lambda s: one(s) / square_root(one(s) - s * s))),
     "acos": lambda x: x.compose(integrated(np.arccos, lambda s: -one(s) / square_root(one(s) - s * s))),
     "atan": lambda x: x.compose(integrated(np.arctan, lambda s: one(s) / (one(s) + s * s))),
@@ -67,14 +69,25 @@ CONSTANTS = {"pi": math.pi}
 def _least(arguments: list[Taylor]) -> Taylor:
     least, *others = arguments
     for other in others:
-        least = least.chosen(other, least.value <= other.value)
+        first = least.value <= other.value
+        chosen = least.chosen(other, first, (least, other), known=1)
+        if isinstance(first, Undecided):
+            chosen.terms[0, 0] = np.minimum(least.value, other.value)
+        least = chosen
     return least
+
+
+def _magnitude(arguments: list[Taylor]) -> Taylor:
+    (argument,) = arguments
+    found = argument.chosen(-argument, argument.value >= 0, arguments, known=1)
+    found.terms[0, 0] = np.abs(argument.value)
+    return found
 
 
 PIECEWISE: dict[str, Callable[[list[Taylor]], Taylor]] = {
     "min": _least,
     "max": lambda arguments: -_least([-argument for argument in arguments]),
-    "abs": lambda arguments: arguments[0].chosen(-arguments[0], arguments[0].value >= 0),
+    "abs": _magnitude,
 }
 """Functions with kinks, of as many arguments as `_FEWEST` and `_MOST` say; `where` is read by itself."""
 _FEWEST = {"min": 2, "max": 2, "abs": 1}
@@ -128,24 +141,66 @@ class Expression:
         self._constants = {**CONSTANTS, **(constants or {})}
         self._tree, self._evaluate = _read(self.text, variables, tuple(sorted(self._constants)), piecewise)
 
+    @property
+    def parts(self) -> tuple[Expression, ...]:
+        """What may vary quickly in a long formula: its calls, divisors and high powers; itself if it is short.
+
+        A long formula is a polynomial of these. Intervals of it as a whole would be as wide as it is long.
+        """
+        if sum(1 for _ in ast.walk(self._tree)) <= LONG:
+            return (self,)
+        texts = dict.fromkeys(ast.unparse(part) for part in _parts(self._tree))
+        found = (Expression(text, self._variables, self._constants, self._piecewise) for text in texts)
+        return tuple(part for part in found if not part.constant)
+
+    @property
+    def constant(self) -> bool:
+        """Whether no variable stands in the formula."""
+        return not any(self.depends_on(name) for name in self._variables)
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """All that the formula is made of, to know it by."""
+        return self.text, self._variables, tuple(self._constants.items()), self._piecewise
+
+    @classmethod
+    def of_key(cls, key: tuple[Any, ...]) -> Expression:
+        """Make the formula of a `key`."""
+        return cls(key[0], key[1], dict(key[2]), key[3])
+
     def depends_on(self, variable: str) -> bool:
         """Tell whether a variable stands in the formula."""
         return any(isinstance(node, ast.Name) and node.id == variable for node in ast.walk(self._tree))
 
     @property
-    def switches(self) -> tuple[Expression, ...]:
-        """Differences at whose changes of sign the formula may have a kink or jump."""
-        pairs: list[tuple[ast.expr, ast.expr | None]] = []
+    def rivals(self) -> tuple[tuple[Expression, ...], ...]:
+        """By call that is piecewise, what stands inside first, the formulas the least of which decides what it is."""
+        found: list[list[ast.expr]] = []
         for node in ast.walk(self._tree):
             match node:
                 case ast.Call(func=ast.Name(id="abs"), args=[argument]):
-                    pairs.append((argument, None))
-                case ast.Call(func=ast.Name(id="min" | "max"), args=arguments):
-                    pairs += combinations(arguments, 2)
+                    found.append([argument, ast.UnaryOp(ast.USub(), argument)])
+                case ast.Call(func=ast.Name(id="min"), args=arguments):
+                    found.append(list(arguments))
+                case ast.Call(func=ast.Name(id="max"), args=arguments):
+                    found.append([ast.UnaryOp(ast.USub(), argument) for argument in arguments])
                 case ast.Compare(left=left, comparators=[right]):
-                    pairs.append((left, right))
-        trees = (left if right is None else ast.BinOp(left, ast.Sub(), right) for left, right in pairs)
-        return tuple(Expression(ast.unparse(tree), self._variables, self._constants, piecewise=True) for tree in trees)
+                    found.append([left, right])
+        lines = _lines(self.text)
+        return tuple(tuple(self._part(tree, lines) for tree in trees) for trees in found[::-1])
+
+    def _part(self, tree: ast.expr, lines: tuple[bytes, ...]) -> Expression:
+        """Return a part of the formula, which need not be read again."""
+        part = object.__new__(Expression)
+        part.text, part._tree = ast.unparse(tree), tree
+        part._variables, part._constants, part._piecewise = self._variables, self._constants, self._piecewise
+        part._evaluate = _evaluation(tree, lines)
+        return part
+
+    @property
+    def quoted(self) -> str:
+        """The formula, as far as a sentence quotes it."""
+        return without_middle(self.text)
 
     def series(self, values: Mapping[str, Taylor], order: int) -> Taylor:
         """Return the Taylor series of the formula; variables without a value are an error."""
@@ -177,6 +232,20 @@ class Expression:
         """
         (found,) = derivatives_of((self,), points, order, t)
         return found
+
+    def enclosed(self, boxes: Mapping[str, Interval], along: str = "", order: int = 0) -> list[Interval]:
+        """Return intervals (n,) of the values on boxes, and of derivatives along a variable over k!, up to an order.
+
+        Each variable has an interval for each box.
+        """
+        values = {
+            name: Taylor.variable(box, 0, order) if name == along else Taylor.constant(box, order)  # type: ignore[arg-type]
+            for name, box in boxes.items()
+            if name in self._variables
+        }
+        series, count = self.series(values, order), len(next(iter(boxes.values())).low)
+        found = (interval_of(series.terms.get((k, 0), np.zeros(()))) for k in range(order + 1))
+        return [Interval(np.broadcast_to(k.low, count), np.broadcast_to(k.high, count)) for k in found]
 
     def __reduce__(self) -> tuple[type[Expression], tuple[object, ...]]:
         return Expression, (self.text, self._variables, self._constants, self._piecewise)
@@ -231,7 +300,11 @@ def _read(
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise InputError(f"'{without_middle(text)}' is not a formula") from None
     _check(_Formula(without_middle(text), variables, constants, piecewise), tree, depth=0)
-    return tree, _evaluation(tree, tuple(text.strip().encode().splitlines(keepends=True)))
+    return tree, _evaluation(tree, _lines(text))
+
+
+def _lines(text: str) -> tuple[bytes, ...]:
+    return tuple(text.strip().encode().splitlines(keepends=True))
 
 
 def _check(formula: _Formula, node: ast.AST, depth: int) -> None:
@@ -256,8 +329,8 @@ def _check(formula: _Formula, node: ast.AST, depth: int) -> None:
             _check(formula, argument, depth + 1)
         case ast.Call(func=ast.Name(id=name)) if name in {*PIECEWISE, "where"} and not formula.piecewise:
             raise InputError(
-                f"'{formula.text}' calls '{name}', which has kinks: it may stand in loads, springs and factors of the"
-                " material alone"
+                f"'{formula.text}' calls '{name}', which has kinks: it may stand in surfaces, loads, springs and"
+                " factors of the material alone"
             )
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if (
             name in PIECEWISE and _FEWEST[name] <= len(arguments) <= _MOST[name]
@@ -315,6 +388,22 @@ def _evaluation(node: ast.AST, lines: tuple[bytes, ...]) -> Evaluation:
     raise AssertionError("unreachable: the tree was checked")
 
 
+def _parts(node: ast.AST) -> Iterator[ast.expr]:
+    match node:
+        case ast.Call():
+            yield node
+        case ast.BinOp(left=left, op=ast.Div(), right=right):
+            yield ast.BinOp(ast.Constant(1.0), ast.Div(), right)
+            yield from _parts(left)
+        case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=int() as power)) if 0 <= power <= LOW:
+            yield from _parts(left)
+        case ast.BinOp(op=ast.Pow()):
+            yield node
+        case _:
+            for child in ast.iter_child_nodes(node):
+                yield from _parts(child)
+
+
 def _words(node: ast.expr, lines: tuple[bytes, ...]) -> str:
     """Return the text of a part; to unparse what stands in a nest would take the square of its depth."""
     rows = [*lines[node.lineno - 1 : node.end_lineno]]
@@ -331,9 +420,13 @@ def _call(node: ast.Call, lines: tuple[bytes, ...]) -> Evaluation:
         case ast.Call(func=ast.Name(id="where"), args=[ast.Compare(left, [comparison], [right]), given, otherwise]):
             compared = _COMPARISONS[type(comparison)]
             first, second, third, fourth = (_evaluation(part, lines) for part in (left, right, given, otherwise))
-            return lambda values, order: third(values, order).chosen(
-                fourth(values, order), compared(first(values, order).value, second(values, order).value)
-            )
+
+            def either(values: dict[str, Taylor], order: int) -> Taylor:
+                sides = first(values, order), second(values, order)
+                mask = compared(sides[0].value, sides[1].value)
+                return third(values, order).chosen(fourth(values, order), mask, sides)
+
+            return either
         case ast.Call(func=ast.Name(id=name), args=arguments):
             chosen, inners = PIECEWISE[name], [_evaluation(argument, lines) for argument in arguments]
             return lambda values, order: chosen([inner(values, order) for inner in inners])

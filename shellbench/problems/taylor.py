@@ -6,10 +6,13 @@ Griewank & Walther, Evaluating Derivatives, 2nd ed., chapter 13.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from shellbench.problems.interval import Interval, Undecided, is_interval, products
 
 MAX_EXPONENT = 16  # largest whole power that is expanded by multiplication
 
@@ -37,13 +40,13 @@ class Taylor:
     @classmethod
     def constant(cls, value: ArrayLike, order: int) -> Taylor:
         """Return the series of a constant."""
-        return cls({(0, 0): np.asarray(value, dtype=float)}, order)
+        return cls({(0, 0): _term(value)}, order)
 
     @classmethod
     def variable(cls, value: ArrayLike, axis: int, order: int) -> Taylor:
         """Return the series of the coordinate xi1 (axis 0) or xi2 (axis 1) at `value`."""
         unit = (1, 0) if axis == 0 else (0, 1)
-        terms = {(0, 0): np.asarray(value, dtype=float)}
+        terms = {(0, 0): _term(value)}
         if order > 0:
             terms[unit] = np.asarray(1.0)
         return cls(terms, order)
@@ -81,6 +84,8 @@ class Taylor:
     def __mul__(self, other: Taylor) -> Taylor:
         if self.order == 0 and self.terms and other.terms:
             return Taylor._of_value(self.terms[0, 0] * other.terms[0, 0])
+        if is_interval(*self.terms.values()) and is_interval(*other.terms.values()):
+            return self._products(other)
         terms: dict[tuple[int, int], Array] = {}
         for (i, j), a in self.terms.items():
             for (k, m), b in other.terms.items():
@@ -89,15 +94,36 @@ class Taylor:
                     terms[key] = terms[key] + a * b if key in terms else a * b
         return Taylor(terms, self.order)
 
+    def _products(self, other: Taylor) -> Taylor:
+        """Return the product of series of intervals along one variable."""
+        rows = products(*([x.terms.get((k, 0), np.zeros(())) for k in range(self.order + 1)] for x in (self, other)))
+        terms: dict[tuple[int, int], Any] = {(k, 0): row for k, row in enumerate(rows)}
+        # the value keeps what a square, or a bound of zero, has sharper
+        return Taylor({**terms, (0, 0): self.value * other.value}, self.order)
+
     def __truediv__(self, other: Taylor) -> Taylor:
         return self * other.compose(_reciprocal)
 
-    def chosen(self, other: Taylor, mask: NDArray[np.bool_]) -> Taylor:
-        """Return this series where the mask says so, and the other one elsewhere."""
+    def chosen(
+        self, other: Taylor, mask: NDArray[np.bool_] | Undecided, compared: Sequence[Taylor] = (), known: int = 0
+    ) -> Taylor:
+        """Return this series where the mask, which comes of what was `compared`, says so, and the other one elsewhere.
+
+        Of intervals it may be either: then derivatives up to the order `known` are those of both, and others unbounded.
+        """
         zero = np.asarray(0.0)
         keys = self.terms.keys() | other.terms.keys()
-        terms = {key: np.where(mask, self.terms.get(key, zero), other.terms.get(key, zero)) for key in keys}
-        return Taylor(terms, self.order)
+        moving = {key for series in compared for key in series.terms} - {(0, 0)}
+        if isinstance(mask, Undecided) and moving:
+            # a derivative that neither part has is unbounded, too, where one turns into the other
+            keys |= {(i * k, j * k) for i, j in moving for k in range(1, self.order + 1) if (i + j) * k <= self.order}
+        pairs = {key: (self.terms.get(key, zero), other.terms.get(key, zero)) for key in keys}
+        if not isinstance(mask, Undecided) and is_interval(*(term for pair in pairs.values() for term in pair)):
+            mask = Undecided(mask, ~mask)  # of numbers alone, and decided
+        if isinstance(mask, Undecided):
+            chosen = {key: mask.chosen(*pair, not moving or sum(key) <= known) for key, pair in pairs.items()}
+            return Taylor(chosen, self.order)  # type: ignore[arg-type]
+        return Taylor({key: np.where(mask, *pair) for key, pair in pairs.items()}, self.order)
 
     def compose(self, outer: Callable[[Array, int], list[Array]]) -> Taylor:
         """Return outer(self), `outer` giving the scaled derivatives g, g', g''/2!, ... at the value."""
@@ -112,6 +138,8 @@ class Taylor:
         """Return self**exponent; a whole constant exponent is also right for a base of zero."""
         constant = len(exponent.terms) == 1 and exponent.value.ndim == 0
         number = float(exponent.value) if constant else math.nan
+        if constant and number.is_integer() and is_interval(self.value):
+            return self.compose(lambda v, n: _power(v, number, n))
         if constant and number.is_integer() and abs(number) <= MAX_EXPONENT:
             result = Taylor.constant(1.0, self.order)
             for _ in range(abs(int(number))):
@@ -130,9 +158,27 @@ def _reciprocal(v: Array, order: int) -> list[Array]:
     return [(-1.0) ** k / v ** (k + 1) for k in range(order + 1)]
 
 
+def _term(value: ArrayLike | Interval) -> Array:
+    """Return numbers as an array; intervals, which stand for arrays, as they are."""
+    return value if isinstance(value, Interval) else np.asarray(value, dtype=float)  # type: ignore[return-value]
+
+
 def _power(v: Array, p: float, order: int) -> list[Array]:
     factors = np.cumprod([1.0, *(p - k for k in range(order))])
-    return _scaled([f * v ** (p - k) for k, f in enumerate(factors)])
+    return _scaled([f * v ** (p - k) if f else np.zeros(()) for k, f in enumerate(factors)])
+
+
+def tangent_terms(function: Callable[[Array], Array], sign: float) -> Callable[[Array, int], list[Array]]:
+    """Return the scaled derivatives of a function with f' = 1 + sign f^2, from the value on: tan, or tanh with -1."""
+
+    def outer(v: Array, order: int) -> list[Array]:
+        found = [function(v)]
+        for k in range(order):
+            squares = sum((found[i] * found[k - i] for i in range(1, k + 1)), start=found[0] * found[k])
+            found.append((sign * squares + (1.0 if k == 0 else 0.0)) / (k + 1))
+        return found
+
+    return outer
 
 
 def exp_terms(v: Array, order: int) -> list[Array]:

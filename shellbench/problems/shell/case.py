@@ -13,14 +13,14 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from pydantic import model_validator
 
 from shellbench.errors import InputError
-from shellbench.model import LARGEST, SMALLEST
-from shellbench.problems.shell.conditions import COMPONENTS, EdgeLoad, GravityLoad, MomentLoad, PointLoad, Support
+from shellbench.problems.shell.conditions import COMPONENTS, EdgeLoad, GravityLoad, MomentLoad, PointLoad
 from shellbench.problems.shell.contact import check_contact
 from shellbench.problems.shell.course import SAMPLES, check_motion, check_path
+from shellbench.problems.shell.features import check_formulas
 from shellbench.problems.shell.mesh.surface import with_fit
 from shellbench.problems.shell.places import Edge, Place, Point, Whole
 from shellbench.problems.shell.point_actions import check_point_actions, drifts, remark
@@ -138,42 +138,14 @@ class Case(Shell):
 
     @model_validator(mode="after")
     def _formulas_are_finite(self) -> Self:
-        sample = self.surface.domain.grid(SAMPLES, SAMPLES)
-        for spring in self.springs:
-            stiffness = self.stiffness_of(spring, sample)
-            if not _in_range(stiffness) or np.any(stiffness < 0):
-                raise ValueError(f"the stiffness of spring '{spring.name}' is not finite, or negative, on the shell")
-        try:
-            factors = self.material.factors(sample, self.surface.named_constants)
-        except InputError as error:
-            raise ValueError(f"a factor of the material: {error}") from None
-        for name, factor in zip(("modulus_factor", "thickness_factor"), factors, strict=True):
-            if not (_in_range(factor) and np.all(factor >= SMALLEST)):
-                raise ValueError(f"field 'material.{name}' is not finite, or not positive, on the shell")
-        for support, place in self.supported_places():
-            if not all(_in_range(v) for v in self._checked_motion(support, place, sample).values()):
-                raise ValueError(f"the motion of support '{support.name}' is not finite, or above {LARGEST:g}, on it")
-        for load in self.loads:
-            formulas = load.formulas
-            try:
-                values = [self.formula(f).derivatives(sample, 0)[0, 0] for f in formulas]
-            except InputError as error:
-                raise ValueError(f"a load of kind '{load.kind}': {error}") from None
-            if not _in_range(values):
-                raise ValueError(f"a load of kind '{load.kind}' is not finite, or above {LARGEST:g}, on the shell")
+        check_formulas(self)
         return self
-
-    def _checked_motion(self, support: Support, place: Place, sample: Array) -> dict[tuple[int, int], Array]:
-        try:
-            return self.motion(support, place, sample, order=2)
-        except InputError as error:
-            raise ValueError(f"support '{support.name}': {error}") from None
 
     @model_validator(mode="after")
     def _kinks_are_where_they_may_be(self) -> Self:
         for support in self.supports:
             for text in support.motion.formulas if support.motion is not None else ():
-                if self.formula(text).switches:
+                if self.formula(text).rivals:
                     raise ValueError(
                         f"the motion of support '{support.name}' is piecewise: only loads, springs and factors of the"
                         " material may be"
@@ -238,11 +210,6 @@ class Case(Shell):
     def remark(self) -> str:
         """A clause on values that have no limit and are given all the same; empty if there are none."""
         return remark(self)
-
-
-def _in_range(values: ArrayLike) -> bool:
-    """Tell whether values are finite, and no larger than a record keeps."""
-    return bool(np.all(np.abs(values) <= LARGEST))
 
 
 def read_case(path: Path) -> Case:

@@ -11,7 +11,7 @@ is symmetric is never assumed: it is looked at, at points of a solver's own choi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -65,7 +65,7 @@ class Sight:
 
     @classmethod
     def spread(cls, case: Shell) -> Sight:
-        """Return points in no rhythm that a formula might have: over the whole rectangle, and between all kinks."""
+        """Return points in no rhythm that a formula might have: over the rectangle, and between all kinks."""
         domain, number = case.surface.domain, np.arange(1, SAMPLES + 1)
         lower, size = np.asarray(domain.lower), np.asarray(domain.size)
         unit = np.stack([number * GOLDEN % 1, number * PLASTIC % 1], axis=-1)
@@ -82,7 +82,18 @@ class Sight:
             )
             for low, side, (at, step) in zip(lower, size, panels, strict=True)
         )
-        return cls(np.concatenate([lower + unit * size, between]), (first, second))
+        return cls(np.concatenate([lower + unit * size, between]), (first, second)).and_narrow(case)
+
+    def and_narrow(self, case: Shell) -> Sight:
+        """Return the same with points in cells in which a formula varies quickly."""
+        found = [(feature.edge, feature.division.middles) for feature in case.features]
+        quick = [(edge, at[:: 1 + len(at) // SAMPLES]) for edge, at in found]
+        points = np.concatenate([self.points, *(at for edge, at in quick if edge is None)])
+        first, second = (
+            np.concatenate([own, *(at[:, a] for edge, at in quick if edge is not None and edge.axis != a)])
+            for a, own in enumerate(self.along)
+        )
+        return replace(self, points=points, along=(first, second))
 
     def alike(self, one: Array, other: Array, scale: float | None = None) -> bool:
         """Whether two arrays differ by rounding only, relative to their largest magnitude unless it is given."""

@@ -32,6 +32,7 @@ from shellbench.problems.shell.conditions import (
     VectorFormula,
 )
 from shellbench.problems.shell.contact import Contact
+from shellbench.problems.shell.features import Feature, features_of, undecided
 from shellbench.problems.shell.measure import area_rule
 from shellbench.problems.shell.mesh.surface import MeshSurface
 from shellbench.problems.shell.path import Dynamics
@@ -333,6 +334,16 @@ class Shell(Problem):
                     # around a closed coordinate such a formula has another kink at the seam
                     found[axis].update([domain.lower[axis]] if lines[axis] and domain.periodic[axis] else [])
         return tuple(sorted(found[0])), tuple(sorted(found[1]))
+
+    @cached_property
+    def features(self) -> tuple[Feature, ...]:
+        """The formulas that vary, and cells that tell them: where meshes and rules of points have to look."""
+        return features_of(self)
+
+    @property
+    def undecided(self) -> str | None:
+        """Return which formula no cells tell, and where, as one clause; None if all are told."""
+        return undecided(self)
 
     @property
     def steady(self) -> bool:

@@ -32,6 +32,7 @@ from shellbench.problem import FIELDS, NumberFormat, ProgressCallback, Solution,
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import AreaLoad, EdgeLoad, MomentLoad
 from shellbench.problems.shell.contact import Touch
+from shellbench.problems.shell.features import narrowest
 from shellbench.problems.shell.field import RESULTANTS
 from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.quantities import LoadQuantity, ResultantQuantity, Unmarked
@@ -351,6 +352,7 @@ Beyond = Literal[
     "modes",
     "transverse shear",
     "resultants",
+    "narrow formulas",
 ]
 """What a case may have that not every solver of shells takes."""
 
@@ -398,7 +400,10 @@ class ShellSolver(CheckedSolver):
 
 def why_not_plain(case: Case, takes: frozenset[Beyond] = frozenset()) -> str | None:
     """Return what a case has beyond the plainest shells, and what a solver takes, as one clause; None if nothing."""
-    return next((words for beyond, words in _beyond_plain(case) if beyond not in takes), None)
+    found = next((words for beyond, words in _beyond_plain(case) if beyond not in takes), None)
+    if found is None and "narrow formulas" not in takes and (where := narrowest(case)) is not None:
+        return f"{where}, and this solver may miss it between its points"
+    return found
 
 
 def _beyond_plain(case: Case) -> Iterator[tuple[Beyond, str]]:

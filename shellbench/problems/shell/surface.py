@@ -18,6 +18,7 @@ from pydantic import Field, model_validator
 
 from shellbench.model import LARGEST, SMALLEST, Finite, Flag, Model, Positive
 from shellbench.problems.expression import Expression, derivatives_of
+from shellbench.problems.smoothness import rough_place
 
 Array = NDArray[np.float64]
 Coordinate = Literal["xi1", "xi2"]
@@ -151,8 +152,9 @@ class AnalyticSurface(Model):
         )
 
     @cached_property
-    def _expressions(self) -> tuple[Expression, ...]:
-        return tuple(Expression(text, COORDINATES, self.named_constants) for text in self.formulas)
+    def expressions(self) -> tuple[Expression, ...]:
+        """The three formulas, read."""
+        return tuple(Expression(text, COORDINATES, self.named_constants, piecewise=True) for text in self.formulas)
 
     def derivatives(self, points: ArrayLike, order: int = 2) -> dict[tuple[int, int], Array]:
         """Return exact partial derivatives of the position.
@@ -169,7 +171,7 @@ class AnalyticSurface(Model):
         dict
             (i, j) -> (..., 3), metres per unit of xi1**i xi2**j; (0, 0) is the position.
         """
-        components = derivatives_of(self._expressions, points, order)
+        components = derivatives_of(self.expressions, points, order)
         return {key: np.stack([c[key] for c in components], axis=-1) for key in components[0]}
 
     def position(self, points: ArrayLike) -> Array:
@@ -183,6 +185,7 @@ class AnalyticSurface(Model):
                 raise ValueError(f"the bounds of {name} are [{low:g}, {high:g}]; the first must be the smaller")
             if high - low < SMALLEST:
                 raise ValueError(f"{name} has a side of {high - low:g}, but it must be at least {SMALLEST:g}")
+        self._check_smoothness()
         x = self.derivatives(self.domain.grid(SAMPLES, SAMPLES), order=2)
         if not all(np.all(np.abs(value) <= LARGEST) for value in x.values()):
             raise ValueError(f"the surface or its derivatives are not finite, or above {LARGEST:g}, on the domain")
@@ -202,6 +205,23 @@ class AnalyticSurface(Model):
             )
         self._check_closure(x)
         return self
+
+    def _check_smoothness(self) -> None:
+        domain = self.domain
+        (low1, low2), (up1, up2) = domain.lower, domain.upper
+        found = rough_place(self.expressions, ((low1, up1), (low2, up2)))
+        if found is None:
+            return
+        at, sides, order = found
+        shown = ", ".join(f"{np.degrees(c) if angle else c:.6g}" for c, angle in zip(at, domain.angle, strict=True))
+        x = self.derivatives(np.array(sides), order=1)
+        turns = [np.arctan2(np.linalg.norm(np.cross(*x[key])), x[key][0] @ x[key][1]) for key in ((1, 0), (0, 1))]
+        angle = f"tangent turns by {np.degrees(max(turns)):.3g} degrees"
+        what = ("position jumps", angle, "curvature jumps")[order]
+        raise ValueError(
+            f"the surface has a kink at (xi1, xi2) = ({shown}), where its {what}: a midsurface has a tangent and a"
+            " curvature without jumps, however its formulas are written"
+        )
 
     def _pole(self, areas: Array) -> Array | None:
         """Return a point (2,) where |a1 x a2| vanishes, from its values on the grid; None if there is none."""

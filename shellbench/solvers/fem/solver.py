@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 from pydantic import Field, PositiveInt
 
-from shellbench.errors import InputError
 from shellbench.problem import Capabilities, ProgressCallback, Quantity, Settings, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad
@@ -131,19 +130,11 @@ class FemSolver(ShellSolver):
         SolveFailure
             If a linear solve fails or the loads are not in balance; the finest mesh's answer so far comes with it.
         InputError
-            If the surface has a kink, supports contradict each other, a direct solver is not installed, or the start is
+            If supports contradict each other, a direct solver is not installed, or the start is
             of another shell.
         """
         from shellbench.solvers.fem import solving
-        from shellbench.solvers.fem.kinks import find_kink
 
-        kink = find_kink(case.surface)
-        if kink is not None:
-            raise InputError(
-                f"{self.name} can't take {case.name}: its surface has a kink at (xi1, xi2) = ({kink.xi[0]:.6g},"
-                f" {kink.xi[1]:.6g}), where its tangent turns by {kink.degrees:.3g} degrees, and {self.name} needs a"
-                " surface without kinks"
-            )
         begin = self.load(start) if isinstance(start, Path) else start
         return solving.solve(case, settings, begin, progress)
 
