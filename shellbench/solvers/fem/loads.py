@@ -23,8 +23,10 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
+from shellbench.problems.features import Division, cut_line
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import AreaLoad, EdgeLoad, GravityLoad, MomentLoad, PointLoad, PressureLoad
+from shellbench.problems.shell.features import narrow_division
 from shellbench.problems.shell.places import Edge, Point
 from shellbench.problems.shell.rigid import rigid_modes
 from shellbench.solvers.fem.assembly import (
@@ -265,7 +267,15 @@ class _Builder:
     def add_area_loads(
         self, quadrature: Quadrature, states: Sequence[float], rule: Iterable[AreaPortion] | None
     ) -> None:
-        loads = [load for load in self.case.dead if isinstance(load, AreaLoad | PressureLoad | GravityLoad)]
+        # Cells that a load's own cells are narrower than are cut at these, and loaded part by part.
+        loads: list[AreaLoad | PressureLoad | GravityLoad] = []
+        for load in self.case.dead:
+            if isinstance(load, AreaLoad | PressureLoad | GravityLoad):
+                division = narrow_division(self.case, load)
+                if division is None:
+                    loads.append(load)
+                else:
+                    self._add_cut_load(load, division, quadrature, states)
         if not loads:
             return
         table = tabulate(quadrature.points, (0, 0), self.mesh.degree).reshape(len(quadrature.points), -1)
@@ -280,6 +290,24 @@ class _Builder:
             for corner in range(len(CORNERS)):
                 block = np.swapaxes(work[:, corner], 1, 2)
                 self.nodal[self.mesh.nodes[part.cells, corner]] += block.reshape(len(block), *self.nodal.shape[1:])
+
+    def _add_cut_load(
+        self,
+        load: AreaLoad | PressureLoad | GravityLoad,
+        division: Division,
+        quadrature: Quadrature,
+        states: Sequence[float],
+    ) -> None:
+        origins, sizes = division.parts(self.mesh.lines, self.mesh.domain.periodic)
+        for start in range(0, len(origins), LOADED):
+            some = slice(start, start + LOADED)
+            points = origins[some, None] + quadrature.points * sizes[some, None]
+            weights = quadrature.weights * np.prod(sizes[some], axis=-1, keepdims=True)
+            flat = points.reshape(-1, 2)
+            wrapped = self.mesh.domain.wrap(flat)
+            surface = Midsurface.at(self.case.surface.derivatives(wrapped, order=2))
+            density = np.stack([self._density([load], wrapped, surface, t) for t in states], axis=-1)
+            self._add_forces(flat, density * (weights.ravel() * surface.area)[:, None, None])
 
     def _density(
         self, loads: Sequence[AreaLoad | PressureLoad | GravityLoad], points: Array, surface: Midsurface, t: float
@@ -302,6 +330,8 @@ class _Builder:
     def add_edge_load(self, load: EdgeLoad, edge: Edge, states: Sequence[float]) -> None:
         running = 1 - edge.axis
         line = self.mesh.lines[running]
+        if (division := narrow_division(self.case, load, edge)) is not None:
+            line = cut_line(line, division.ends(running), self.mesh.domain.periodic[running])
         x, w = gauss_rule(EDGE_GAUSS_POINTS)
         loaded = edge.covers(self.mesh.domain, (line[:-1] + line[1:]) / 2)
         h = np.diff(line)[loaded, None]

@@ -34,6 +34,7 @@ from skfem import MeshQuad
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import PointLoad
+from shellbench.problems.shell.features import quickness
 from shellbench.problems.shell.places import Edge, Point
 from shellbench.problems.shell.surface import Domain
 
@@ -347,13 +348,19 @@ class TensorMesh:
 
 FEWEST = 2  # cells of a part that is graded toward one end, or half of another
 SAME = 1e-9  # coordinates that differ by less of the side are the same
+USUAL = 8  # cells a side of meshes that take just the cells which tell a stiffness
+MOST_ADDED = 1600  # of these where all are in one mesh: what would add more is left to even meshes
+COARSE = 4  # times as long as cells that tell a stiffness: such cells of a mesh do not resolve it
+APART = 1 / 16  # of the side: cells further from each other are of two places
+NEAR = 0.5  # of the cells beside it: a line that is nearer to another is left out
 
 
 def singular_points(case: Case) -> list[tuple[float, float]]:
-    """Return the points where a concentrated force acts, point loads and point supports, and the case's focus."""
+    """Return the points where a force acts: point loads and supports, narrow loads, and the case's focus."""
     names = [*case.focus, *(name for load in case.loads if isinstance(load, PointLoad) for name in load.on)]
     places = [case.places[name] for name in names] + [place for _, place in case.supported_places()]
-    return sorted({place.xi for place in places if isinstance(place, Point)})
+    peaks = (peak for feature in case.features for peak in feature.peaks)
+    return sorted({*(place.xi for place in places if isinstance(place, Point)), *peaks})
 
 
 def segment(cells: int, exponents: tuple[float, float]) -> Array:
@@ -442,7 +449,49 @@ def axis_lines(
     for (start, stop), exponents, parts, count in zip(pairwise(stops), toward, halves, counts, strict=True):
         inside = segment(parts * max(int(count), FEWEST), exponents)[1:-1]
         lines += [start + (stop - start) * inside, np.array([stop])]
-    return np.concatenate(lines)
+    return _resolving(case, axis, cells, np.concatenate(lines))
+
+
+def _resolving(case: Case, axis: int, cells: int, lines: Array) -> Array:
+    """Return mesh lines with more of them where the stiffness of a case varies quickly.
+
+    At `USUAL` cells they are the ends of the cells that tell it, and on other meshes as many more or fewer.
+    """
+    for feature in case.features:
+        both = [feature.division.ends(a) for a in (0, 1)]
+        ends = both[axis]
+        if feature.role != "stiffness" or not len(ends) or (len(both[0]) + 1) * (len(both[1]) + 1) > MOST_ADDED:
+            continue
+        # places that are apart are resolved each by itself
+        for run in np.split(ends, 1 + np.flatnonzero(np.diff(ends) > APART * feature.division.side[axis])):
+            count = max(2, round((len(run) - 1) * cells / USUAL))
+            at = np.interp(np.linspace(0, len(run) - 1, count + 1), np.arange(len(run)), run)
+            if case.surface.domain.periodic[axis]:
+                at = np.sort(lines[0] + np.mod(at - lines[0], lines[-1] - lines[0]))
+            # what is as near to a line as its own neighbours stays out, but for lines that have to be
+            gaps = np.diff(at)
+            nearest = np.abs(lines[:, None] - at).argmin(axis=1)
+            near = np.abs(lines - at[nearest]) < NEAR * np.minimum(np.r_[gaps, gaps[-1]], np.r_[gaps[0], gaps])[nearest]
+            fixed = [lines[0], lines[-1], *break_coordinates(case, axis), *marked_coordinates(case, axis)]
+            kept = ~near | (np.abs(lines[:, None] - fixed).min(axis=1) <= SAME * case.surface.domain.size[axis])
+            taken = np.abs(lines[kept][:, None] - at).min(axis=0) > SAME**1.5 * case.surface.domain.size[axis]
+            lines = np.sort(np.concatenate([lines[kept], at[taken]]))
+    return lines
+
+
+def unresolved(case: Case, mesh: TensorMesh) -> str | None:
+    """Return which formula varies within less than a cell of the mesh, and where, as one clause; None if none does."""
+    for feature in case.features if not case.modal else ():
+        division = feature.division
+        for axis in (0, 1) if feature.role == "stiffness" else ():
+            there = division.narrow[:, axis]
+            middles = mesh.brought_in((division.low + division.high)[there] / 2)[:, axis]
+            line = mesh.lines[axis]
+            cells = np.diff(line)[np.clip(np.searchsorted(line, middles) - 1, 0, len(line) - 2)]
+            needed = (division.high - division.low)[there, axis]
+            if np.any(cells > COARSE * needed):
+                return f"{feature.what} {quickness(case, feature, axis)}, and the mesh does not resolve it"
+    return None
 
 
 def graded_mesh(

@@ -33,6 +33,7 @@ from shellbench.solvers.fem.mesh import (
     TensorMesh,
     graded_mesh,
     singular_points,
+    unresolved,
 )
 from shellbench.solvers.fem.modes import solve_modes
 from shellbench.solvers.fem.motion_solution import MotionSolution
@@ -380,6 +381,7 @@ def _finished(
         history=(*steps, *states),
         uncertainty={name: e.uncertainty for name, e in known.items()},
         extrapolated={name: e.extrapolated for name, e in known.items()},
+        unsettled=unresolved(found.solution.case, found.solution.mesh),
         diagnostics={
             **found.solution.diagnostics,
             "converged": converged,

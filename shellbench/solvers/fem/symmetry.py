@@ -276,7 +276,7 @@ class _Observed:
         runs = [self._points(axis, line, cells), self.runs[1 - axis]]
         first, second = runs if axis == 0 else runs[::-1]
         points = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
-        sight = Sight(points, self.along, order=2, rounding=SYMMETRIC)
+        sight = Sight(points, self.along, order=2, rounding=SYMMETRIC).and_narrow(self.case)
         mirror = mirror_of(self.case, axis, float(self.mesh.lines[axis][line]), sight)
         return mirror if mirror is not None and mirrored_supports(self.case, mirror) is not None else None
 

@@ -25,7 +25,7 @@ from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.ndf.bspline_solution import SPEC, SplineSolution, solved_part, splines_of
 from shellbench.solvers.ndf.bspline_solver import SplineSettings
-from shellbench.solvers.ndf.build import build_ansatz, focal_points
+from shellbench.solvers.ndf.build import build_ansatz, focal_points, joints_of
 from shellbench.solvers.ndf.declines import why_declined
 from shellbench.solvers.ndf.energy import Table, concentrated, surface_area, tabulate
 from shellbench.solvers.ndf.field import Ansatz
@@ -87,7 +87,7 @@ def rule_of(case: Case, cells: int, settings: SplineSettings) -> RuleSpec:
         order=settings.degree + POINTS,
         grading=settings.grading,
         layers=layers or (0.0, 0.0),
-        joints=case.kinks,
+        joints=joints_of(case),
     )
 
 

@@ -43,7 +43,15 @@ class SplineSolver(FieldSolver):
     )
     settings_type: ClassVar[type[SplineSettings]] = SplineSettings
     takes: ClassVar[frozenset[Beyond]] = frozenset(
-        {"varying stiffness", "bending Poisson's ratio", "foundation", "loaded parts", "local loads", "kinks"}
+        {
+            "varying stiffness",
+            "bending Poisson's ratio",
+            "foundation",
+            "loaded parts",
+            "local loads",
+            "kinks",
+            "narrow formulas",
+        }
     )
 
     def declines(self, case: Case) -> str | None:

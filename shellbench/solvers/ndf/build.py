@@ -180,6 +180,7 @@ def graded_points(case: Case, spec: FieldSpec) -> Array:
     return np.where(domain.periodic, np.nan, np.array([domain.lower, domain.upper]))
 
 
+TOGETHER = 2  # cells that tell a stiffness in a panel: its Gauss points are exact to twice their degree
 LINE = 65  # points of a coordinate line that is measured
 
 
@@ -288,7 +289,15 @@ def _lengthened(spec: RuleSpec, axis: int, factor: float) -> RuleSpec:
 def _rule(case: Case, panels: int, order: int, grading: float = 1.0, cuts: int = 0) -> RuleSpec:
     """Return a rule with twice the panels along a periodic coordinate, whose inputs run through a whole turn."""
     first, second = (2 * panels if periodic else panels for periodic in case.surface.domain.periodic)
-    return RuleSpec((first, second), order, grading, cuts, joints=case.kinks)
+    return RuleSpec((first, second), order, grading, cuts, joints=joints_of(case))
+
+
+def joints_of(case: Case) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the values of xi1 and of xi2 at which panels end: kinks, and ends of cells that tell a stiffness."""
+    stiff = [f.division for f in case.features if f.role == "stiffness"]
+    narrow = [[at for d in stiff for at in d.ends(axis)[::TOGETHER].tolist()] for axis in (0, 1)]
+    first, second = (tuple(sorted({*kinks, *ends})) for kinks, ends in zip(case.kinks, narrow, strict=True))
+    return first, second
 
 
 def _around_points(case: Case, panels: int, cuts: int) -> RuleSpec:

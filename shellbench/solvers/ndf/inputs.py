@@ -29,6 +29,7 @@ from torch import Tensor
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import PointLoad
+from shellbench.problems.shell.features import quick_lines
 from shellbench.problems.shell.places import Point
 from shellbench.problems.shell.surface import Domain
 from shellbench.solvers.ndf.choices import LAYER, PeriodicInput, Slopes
@@ -41,6 +42,8 @@ SURFACE_SAMPLES = 9  # points a side of the grid on which a surface is looked at
 EDGE_LAYER = 1.0  # the same along an edge; between .4 and 1 the certified energy of a hyperbolic paraboloid is flat
 WIDEST = 0.12  # l in units of the shell's size at most, and where it is flat
 CURVED = 1e-9  # a principal curvature times the size below this is flat: rounding of the shape operator
+
+WIDEST_STRETCH = 5.0  # of stiffness that varies quickly: waves are as fine there, however narrow it is
 
 
 @dataclass(frozen=True)
@@ -67,10 +70,11 @@ class Focus:
 
 
 def foci(case: Case, layer: float = LAYER) -> tuple[Focus, ...]:
-    """Return the points of a case that carry a force: point loads, point supports, and those that it names a focus."""
+    """Return the points of a case that carry a force: loads and supports at points, narrow loads, and what it names."""
     loaded = [*case.focus, *(name for load in case.loads if isinstance(load, PointLoad) for name in load.on)]
     places = [case.places[name] for name in loaded] + [s.point for s in point_supports(case)]
-    distinct = {place.xi: place for place in places if isinstance(place, Point)}
+    narrow = [peak for feature in case.features for peak in feature.peaks]
+    distinct = dict.fromkeys([*(place.xi for place in places if isinstance(place, Point)), *narrow])
     return tuple(_focus(case, xi, layer) for xi in distinct)
 
 
@@ -311,7 +315,7 @@ class Inputs:
                 centred = 2 * t
                 centred[VALUE] -= 1
                 columns.append((centred, False))
-        columns += [(self._from_line(axis, start, unit[axis]), True) for axis, start in self._stretched_lines()]
+        columns += [(self._stretched_along(axis, *line, unit[axis]), True) for axis, *line in self._stretched_lines()]
         if not self.foci:
             return columns
         chords = not any(flag for side in self.even for flag in side) and not (
@@ -328,27 +332,25 @@ class Inputs:
                 else:
                     x_focus = self.case.surface.derivatives(np.asarray(focus.xi), 1)
                     layer = focus.layer / float(np.linalg.norm((x_focus[1, 0], x_focus[0, 1])[axis]))
-                    column = self._stretched_along(axis, focus.xi[axis], layer, unit[axis])
+                    column = self._stretched_along(axis, focus.xi[axis], layer, math.inf, unit[axis])
                 columns.append((column, True))
         return columns
 
-    def _stretched_lines(self) -> list[tuple[int, float]]:
-        """Return axis and coordinate of each edge toward which coordinates are stretched, and of each kink."""
+    def _stretched_lines(self) -> list[tuple[int, float, float, float]]:
+        """Return axis, coordinate, length of the layer and widest stretch of what coordinates are stretched toward.
+
+        That is each edge, each kink, and where stiffness varies quickly.
+        """
         domain = self.case.surface.domain
-        open_axes = [axis for axis in (0, 1) if self.edges and not domain.periodic[axis]]
-        edges = [
-            (a, (domain.lower, domain.upper)[bound][a])
-            for a in open_axes
-            for bound in (0, 1)
-            if not self.even[a][bound]
-        ]
-        return edges + [(a, at) for a in open_axes for at in self.case.kinks[a]]
+        if not self.edges:
+            return []
+        open_axes = [axis for axis in (0, 1) if not domain.periodic[axis]]
+        bounds = (domain.lower, domain.upper)
+        lines = [(a, bounds[n][a], self.edges[a], math.inf) for a in open_axes for n in (0, 1) if not self.even[a][n]]
+        lines += [(a, at, self.edges[a], math.inf) for a in open_axes for at in self.case.kinks[a]]
+        return lines + [(a, *line, WIDEST_STRETCH) for a in open_axes for line in quick_lines(self.case, a)]
 
-    def _from_line(self, axis: int, start: float, unit: Tensor) -> Tensor:
-        assert self.edges is not None
-        return self._stretched_along(axis, start, self.edges[axis], unit)
-
-    def _stretched_along(self, axis: int, start: float, layer: float, unit: Tensor) -> Tensor:
+    def _stretched_along(self, axis: int, start: float, layer: float, widest: float, unit: Tensor) -> Tensor:
         """Return the stretched distance from a value of one coordinate; even where that coordinate is."""
         domain = self.case.surface.domain
         here = np.full((2, 2), start)
@@ -356,12 +358,12 @@ class Inputs:
         at, beside = even_coordinate(domain, here, axis, self.even[axis], Placement())[VALUE].tolist()
         distance = unit / abs(beside - at)
         distance[VALUE] -= at / abs(beside - at)
-        return _stretched(distance, max(at, 1 - at) / abs(beside - at))
+        return _stretched(distance, max(at, 1 - at) / abs(beside - at), widest)
 
 
-def _stretched(distance: Tensor, reach: float) -> Tensor:
-    """Return the jet of asinh(d) / asinh(reach), d in units of the layer."""
-    v, extent = distance[VALUE], math.asinh(reach)
+def _stretched(distance: Tensor, reach: float, widest: float = math.inf) -> Tensor:
+    """Return the jet of asinh(d) / asinh(reach), d in units of the layer, or over `widest` if that is less."""
+    v, extent = distance[VALUE], min(math.asinh(reach), widest)
     root = torch.sqrt(1 + v * v)
     return compose((torch.asinh(v) / extent, 1 / (root * extent), -v / (root**3 * extent)), distance)
 

@@ -12,6 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from shellbench.problems.features import cut_line
 from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.surface import Domain, Surface
 from shellbench.solvers.ndf.jets import Array
@@ -233,10 +234,23 @@ def _last_corner_rule(order: int) -> tuple[Array, Array]:
     return np.concatenate(both), np.concatenate([weights, weights])
 
 
-def edge_rule(domain: Domain, edge: Edge, focal: Array, spec: RuleSpec) -> Rule:
-    """Return the rule along an edge, or along a part of one; weights are those of the running coordinate."""
+def rule_on_parts(origins: Array, sizes: Array, order: int) -> Rule:
+    """Return the rule of so many points a side on each of some rectangles (k, 2)."""
+    x, w = line_rule(np.array([0.0, 1.0]), order)
+    unit, weights = _tensor(x, w, x, w)
+    points = origins[:, None] + unit * sizes[:, None]
+    return Rule(points.reshape(-1, 2), np.outer(np.prod(sizes, axis=1), weights).ravel())
+
+
+def edge_rule(domain: Domain, edge: Edge, focal: Array, spec: RuleSpec, more: Array | None = None) -> Rule:
+    """Return the rule along an edge, or along a part of one; weights are those of the running coordinate.
+
+    Panels end at `more` values (k,) besides.
+    """
     axis = 1 - edge.axis
     ends = ends_of(domain, focal, spec, axis)
+    if more is not None:
+        ends = cut_line(ends, more, periodic=False)
     start, stop = edge.bounds(domain)
     inside = ends[(ends > start + MERGE * domain.size[axis]) & (ends < stop - MERGE * domain.size[axis])]
     running, weights = line_rule(np.array([start, *inside, stop]), spec.order)

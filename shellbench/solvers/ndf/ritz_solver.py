@@ -90,6 +90,7 @@ class RitzSolver(FieldSolver):
             "modes",
             "contact",
             "resultants",
+            "narrow formulas",
         }
     )
 

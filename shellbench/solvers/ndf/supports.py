@@ -6,6 +6,7 @@ at points of edges and at single points.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,15 +19,17 @@ from shellbench.problems.shell.conditions import (
     AreaLoad,
     EdgeLoad,
     GravityLoad,
+    Load,
     PointLoad,
     PressureLoad,
     Support,
 )
+from shellbench.problems.shell.features import narrow_division
 from shellbench.problems.shell.places import SIDES, Edge, Point
 from shellbench.problems.shell.rigid import free_motions, rigid_modes
 from shellbench.solvers.ndf.choices import Slopes
 from shellbench.solvers.ndf.jets import Array
-from shellbench.solvers.ndf.quadrature import Rule, RuleSpec, edge_rule
+from shellbench.solvers.ndf.quadrature import Rule, RuleSpec, edge_rule, ends_of, rule_on_parts
 
 EDGE_SAMPLES = 33  # points of an edge at which its normal is looked at
 TANGENTIAL = 1e-9  # a component of a unit vector below this is zero
@@ -130,10 +133,17 @@ BALANCE = (
 
 
 def force_density(case: Case, points: ArrayLike, t: float = 1.0) -> Array:
-    """Return the dead load per reference area (N, 3), N/m^2, at points (N, 2)."""
+    """Return the dead load per reference area (N, 3), N/m^2, at points (N, 2), but for narrow ones.
+
+    These have points of their own, and are among the `concentrated_forces`.
+    """
+    return _density(case, [load for load in case.dead if narrow_division(case, load) is None], points, t)
+
+
+def _density(case: Case, loads: Sequence[Load], points: ArrayLike, t: float) -> Array:
     xi = np.asarray(points, dtype=float)
     force = np.zeros((len(xi), 3))
-    for load in case.dead:
+    for load in loads:
         match load:
             case AreaLoad():
                 given = case.evaluate(load.vector, xi, t)[0, 0]
@@ -166,8 +176,18 @@ def _from_local(case: Case, vectors: Array, points: Array, running: int, outward
 
 
 def concentrated_forces(case: Case, spec: RuleSpec, focal: Array, t: float = 1.0) -> tuple[Array, Array]:
-    """Return points (P, 2) and forces (P, 3), N: the point loads, and the edge loads at an edge rule's points."""
+    """Return points (P, 2) and forces (P, 3), N: point loads, edge loads at an edge rule's points, and narrow loads.
+
+    An edge rule has more panels where a load on it is narrow. Narrow loads on the surface have a rule on the parts into
+    which their own cells cut the panels.
+    """
     points, forces = [np.zeros((0, 2))], [np.zeros((0, 3))]
+    panels = [ends_of(case.surface.domain, focal, spec, axis) for axis in (0, 1)]
+    for load in case.dead:
+        if (division := narrow_division(case, load)) is not None:
+            rule = rule_on_parts(*division.parts((panels[0], panels[1]), (False, False)), spec.order)
+            points.append(rule.points)
+            forces.append(_density(case, [load], rule.points, t) * rule.areas(case.surface)[:, None])
     for load in case.loads:
         if not isinstance(load, PointLoad | EdgeLoad):
             continue
@@ -176,7 +196,9 @@ def concentrated_forces(case: Case, spec: RuleSpec, focal: Array, t: float = 1.0
                 at = np.array([place.xi])
                 forces.append(case.evaluate(load.force, at, t)[0, 0])
             elif isinstance(load, EdgeLoad) and isinstance(place, Edge):
-                rule = edge_rule(case.surface.domain, place, focal, spec)
+                narrow = narrow_division(case, load, place)
+                more = np.zeros(0) if narrow is None else narrow.ends(1 - place.axis)
+                rule = edge_rule(case.surface.domain, place, focal, spec, more)
                 at = rule.points
                 tangent = case.surface.derivatives(at, 1)[(0, 1) if place.axis == 0 else (1, 0)]
                 lengths = rule.weights * np.linalg.norm(tangent, axis=-1)
