@@ -17,8 +17,7 @@ MOST_LOOKED_AT = 1024  # cells whose bounds do not tell whether a formula is fin
 def bad_place(formula: Expression, box: Box, least: float = -np.inf, t: float = 1.0, order: int = 0) -> Place | None:
     """Return a place where a formula, or a derivative up to an order, is not finite, above `LARGEST`, or not above `least`; or None.
 
-    Cells whose bounds do not tell are halved as long as there are few. What they leave is told by a solver's own
-    division: see `Division.undecided`.
+    Cells whose bounds do not tell are halved. Of many some are looked at; what they leave, solvers' divisions tell.
     """
     axes = [a for a in (0, 1) if box[a][1] > box[a][0] and formula.depends_on(NAMES[a])]
     low, high = grid(box, [FIRST if a in axes else 1 for a in (0, 1)])
@@ -38,8 +37,11 @@ def bad_place(formula: Expression, box: Box, least: float = -np.inf, t: float = 
         if last.any() and ((pole := look.pole(low[last], high[last])) or np.isfinite(least)):
             return pole or place(low[last][0])
         low, high = low[~last], high[~last]
-        if not len(low) or 2 * len(low) > MOST_LOOKED_AT:
+        if not len(low):
             return None
+        if len(low) > MOST_LOOKED_AT:
+            some = np.unique(np.linspace(0, len(low) - 1, MOST_LOOKED_AT // 16).astype(int))
+            low, high = low[some], high[some]
         relative = (high - low)[:, axes] / look.side[axes]
         low, high, _ = look.halves(low, high, np.zeros(low.shape, dtype=bool), relative)
 
