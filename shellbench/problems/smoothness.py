@@ -15,7 +15,9 @@ MOST_LOOKED_AT = 1024  # cells whose bounds do not tell whether a formula is fin
 
 
 def bad_place(formula: Expression, box: Box, least: float = -np.inf, t: float = 1.0, order: int = 0) -> Place | None:
-    """Return a place where a formula, or a derivative up to an order, is not finite, above `LARGEST`, or not above `least`; or None.
+    """Return a place where a formula, or a derivative up to an order, is not a number in range, or None.
+
+    In range is what is at most `LARGEST` in size; the formula itself is above `least` as well.
 
     Cells whose bounds do not tell are halved. Of many some are looked at; what they leave, solvers' divisions tell.
     """
