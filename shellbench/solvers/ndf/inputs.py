@@ -315,7 +315,8 @@ class Inputs:
                 centred = 2 * t
                 centred[VALUE] -= 1
                 columns.append((centred, False))
-        columns += [(self._stretched_along(axis, *line, unit[axis]), True) for axis, *line in self._stretched_lines()]
+        for axis, start, layer, widest in self._stretched_lines():
+            columns.append((self._stretched_along(axis, start, layer, widest, unit[axis]), True))
         if not self.foci:
             return columns
         chords = not any(flag for side in self.even for flag in side) and not (
