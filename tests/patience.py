@@ -6,11 +6,12 @@ COMMAND_LINE = """
 import signal
 from shellbench.__main__ import main
 signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 main()
 """
-"""The command line for `python -c`: SIGINT ends it even if a shell runs the tests in its background.
+"""The command line for `python -c`: SIGINT and SIGHUP end it even if a shell or nohup runs the tests in the background.
 
-A shell without job control has what it starts there ignore SIGINT, and programs hand that on to those that they start.
+What they start there ignores these signals, and programs hand that on to those that they start.
 """
 
 GUARD = 600.0
