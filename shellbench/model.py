@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -32,8 +33,9 @@ def _not_tiny(value: float) -> float:
     return value
 
 
-Finite = Annotated[float, Field(strict=True, ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
-Positive = Annotated[float, Field(strict=True, gt=0, le=LARGEST, allow_inf_nan=False), AfterValidator(_not_tiny)]
+# `LARGEST` is no bound of these: a field with bounds of its own would lose them. See `check_sizes`.
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False), AfterValidator(_not_tiny)]
 Vector = tuple[Finite, Finite, Finite]
 Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=60)]
 Flag = StrictBool  # true or false; "yes" and 1 are neither
@@ -73,7 +75,9 @@ def one_sentence(error: ValidationError, data: Any = None) -> str:
         hint = did_you_mean(name, known)
         if limits and not (hint and all(one not in name for one in known)):  # youngs_modulus_1 is no slip of the pen
             return f"field '{field}' is not known here{hint}{limits}"
-        return f"field '{field}' is not known here{hint}" + (f": known are {', '.join(known)}" if not hint else "")
+        return f"field '{field}' is not known here{hint}" + (
+            f": known are {', '.join(known)}" if known and not hint else ""
+        )
     if kind == "missing":
         return f"field '{field}' is missing"
     if kind == "union_tag_not_found":
@@ -192,7 +196,7 @@ def _tag(field: str, context: Mapping[str, Any]) -> str:
 
 
 def _either(choices: str) -> str:
-    """Return choices, without_middle and with commas between them, as what a field must be."""
+    """Return choices, quoted and with commas between them, as what a field must be."""
     listed = choices.split(", ")
     return f"it must be {' or '.join(filter(None, (', '.join(listed[:-1]), listed[-1])))}"
 
@@ -279,7 +283,7 @@ def parse_toml(text: str) -> dict[str, Any]:
     TOMLDecodeError
         If it is not TOML.
     InputError
-        As a clause, if it is TOML that can't be kept: nested too deeply, or with a whole number that is too large.
+        As a clause, if it is TOML that can't be kept: nested too deeply, or with a number that is too large.
     """
     if LONG_KEY.search(text):
         raise InputError(f"a key has more than {MOST_PARTS} parts: it is nested too deeply")
@@ -298,7 +302,20 @@ def parse_toml(text: str) -> dict[str, Any]:
             parts += part.values() if isinstance(part, dict) else part
         elif isinstance(part, int) and abs(part) > LARGEST_WHOLE:
             raise InputError(TOO_LARGE)
+    check_sizes(data)
     return data
+
+
+def check_sizes(data: Any) -> None:
+    """Raise InputError, as a clause with the field, if a number of a file's data is above `LARGEST` in size."""
+    parts: list[tuple[str, Any]] = [("", data)]
+    while parts:
+        where, part = parts.pop()
+        inner = part.items() if isinstance(part, Mapping) else enumerate(part) if isinstance(part, list | tuple) else ()
+        parts += [(f"{where}.{key}" if where else str(key), value) for key, value in inner]
+        if isinstance(part, float) and LARGEST < abs(part) < math.inf:
+            found = f"found {part:g}, but it must be at most {LARGEST:g} in size"
+            raise InputError(f"field '{_shown(where)}': {found}")
 
 
 TOO_LARGE = "a whole number in it is too large: it may have 63 bits"

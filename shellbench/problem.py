@@ -21,7 +21,7 @@ from pydantic import Field, ValidationError, model_validator
 from shellbench.account import Phase
 from shellbench.errors import InputError
 from shellbench.known import Known, check_known
-from shellbench.model import LONGEST_TITLE, Finite, Flag, Model, Name, Positive, one_sentence, read_toml
+from shellbench.model import LONGEST_TITLE, Finite, Flag, Model, Name, Positive, check_sizes, one_sentence, read_toml
 from shellbench.portrait import Portrait
 from shellbench.sample import Sample
 from shellbench.shown import case_html
@@ -171,9 +171,12 @@ class Problem(Model):
             raise InputError(f"{where}: a case's name can't contain '{VARIANT}', which stands before a variant's")
         whole = {**data, "name": name}
         try:
+            check_sizes(whole)
             return cls.model_validate(whole)
         except ValidationError as error:
             raise InputError(f"{where}: {one_sentence(error, whole)}") from None
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from None
 
     @property
     def base(self) -> str:

@@ -106,7 +106,7 @@ def difference(defaults: Mapping[str, Any], settings: Mapping[str, Any]) -> dict
 
 
 def parse_setting(text: str) -> tuple[str, str, Any]:
-    """Read ``SOLVER.KEY=VALUE``; the value is TOML (a number, true, a list, a without_middle text) or else a text.
+    """Read ``SOLVER.KEY=VALUE``; the value is TOML (a number, true, a list, a quoted text) or else a text.
 
     Raises
     ------

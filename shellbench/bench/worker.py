@@ -280,7 +280,7 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
     except MemoryError:
         reason = "the solve ran out of memory"
         traceback.print_exc()
-    except ArithmeticError as error:
+    except (OverflowError, FloatingPointError) as error:
         reason = f"the solve left the range of its numbers: {' '.join(str(error).split())}"
         traceback.print_exc()
     except Exception as error:

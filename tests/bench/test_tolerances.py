@@ -46,7 +46,7 @@ def test_an_open_finding_may_be_of_a_variant_alone(tmp_path: Path) -> None:
     ("entry", "words"),
     [
         ("-1e-3", "field 'strip.centre': found -0.001, but it must be greater than 0.0"),
-        ("1.0", "field 'strip.centre': found 1.0, but it must be less than 1.0"),
+        ("1.0", "field 'strip.centre': found 1.0, but it must be less than 1"),
         ("nan", "field 'strip.centre': found nan, but it must be a finite number"),
         ("true", "field 'strip.centre': found True, but it must be a number"),
         ("{ absolute = 0 }", "field 'strip.centre.absolute': found 0, but it must be greater than 0.0"),

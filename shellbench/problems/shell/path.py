@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from shellbench.model import Model, Name, Positive
+from shellbench.model import Finite, Model, Name, Positive
 
 
 class Path(Model):
@@ -66,5 +66,5 @@ class Dynamics(Model):
         Times that are kept beside those that quantities ask for, s.
     """
 
-    until: Annotated[Positive, Field(ge=SHORTEST, le=LONGEST)]
+    until: Annotated[Finite, Field(ge=SHORTEST, le=LONGEST)]
     states: tuple[Positive, ...] = ()

@@ -185,9 +185,11 @@ class AnalyticSurface(Model):
                 raise ValueError(f"the bounds of {name} are [{low:g}, {high:g}]; the first must be the smaller")
             if high - low < SMALLEST:
                 raise ValueError(f"{name} has a side of {high - low:g}, but it must be at least {SMALLEST:g}")
+        x = self.derivatives(self.domain.grid(SAMPLES, SAMPLES), order=2)
+        if not np.all(np.abs(x[0, 0]) <= LARGEST):
+            raise ValueError(f"the surface is not finite, or above {LARGEST:g}, on the domain")
         if isinstance(self, ExpressionSurface):  # the named kinds, and meshes that were fitted, are smooth
             self._check_smoothness()
-        x = self.derivatives(self.domain.grid(SAMPLES, SAMPLES), order=2)
         if not all(np.all(np.abs(value) <= LARGEST) for value in x.values()):
             raise ValueError(f"the surface or its derivatives are not finite, or above {LARGEST:g}, on the domain")
         a1, a2 = x[1, 0], x[0, 1]

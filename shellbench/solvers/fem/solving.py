@@ -381,7 +381,7 @@ def _finished(
         history=(*steps, *states),
         uncertainty={name: e.uncertainty for name, e in known.items()},
         extrapolated={name: e.extrapolated for name, e in known.items()},
-        unsettled=unresolved(found.solution.case, found.solution.mesh),
+        unsettled=found.solution.unsettled or unresolved(found.solution.case, found.solution.mesh),
         diagnostics={
             **found.solution.diagnostics,
             "converged": converged,

@@ -11,7 +11,7 @@ from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import Beyond
-from shellbench.solvers.ndf.given import FieldSolver
+from shellbench.solvers.ndf.field_solver import FieldSolver
 
 if TYPE_CHECKING:
     from shellbench.solvers.ndf.bspline_solution import SplineSolution

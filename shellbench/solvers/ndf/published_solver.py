@@ -14,7 +14,7 @@ from shellbench.problem import Capabilities, ProgressCallback, Quantity, SeededS
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities import SupportQuantity
 from shellbench.solvers.ndf.choices import Components, PeriodicInput, Pins, StrainName
-from shellbench.solvers.ndf.given import FieldSolver
+from shellbench.solvers.ndf.field_solver import FieldSolver
 
 NOT_OF_THE_TRAINING = {"device", "checkpoint", "checkpoint_every"}
 OF_FIXED_LENGTH = "cosine"  # a schedule whose steps depend on the iterations asked for

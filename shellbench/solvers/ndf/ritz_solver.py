@@ -20,7 +20,7 @@ from shellbench.solvers.ndf.choices import (
     StrainName,
     Supports,
 )
-from shellbench.solvers.ndf.given import FieldSolver
+from shellbench.solvers.ndf.field_solver import FieldSolver
 
 if TYPE_CHECKING:
     from shellbench.solvers.ndf.motion_solution import MotionSolution

@@ -12,7 +12,7 @@ from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, S
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import Beyond, why_not_plain
 from shellbench.solvers.ndf.choices import LARGEST_GAP, Components, PeriodicInput, StrainName
-from shellbench.solvers.ndf.given import FieldSolver
+from shellbench.solvers.ndf.field_solver import FieldSolver
 
 if TYPE_CHECKING:
     from shellbench.solvers.ndf.motion_solution import MotionSolution

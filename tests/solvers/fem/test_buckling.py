@@ -1,5 +1,6 @@
 """Through buckling: critical states of known load and mode, the tangent's sign change, and the states beyond."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -127,8 +128,8 @@ def test_the_critical_state_is_bracketed_as_closely_as_is_said():
 
 
 def test_nothing_is_asked_beyond_buckling_of_a_path_that_ends_there():
-    with pytest.raises(SolveFailure, match=r"the shell buckles at load factor 0\.0013"):
-        solve(ending_column(1.5)[0], (4, 1))
+    found = solve(ending_column(1.5)[0], (4, 1))
+    assert re.match(r"the shell buckles at load factor 0\.0013.*; not reached: push$", found.unsettled)
 
 
 def test_a_path_that_ends_before_the_shell_buckles_says_so():
@@ -331,11 +332,8 @@ def test_where_no_stable_state_is_found_the_path_ends_with_what_was_reached(monk
     case = column(True, 2 * shortening, [shortening / 2])
     with pytest.raises(PathEndsError, match=r"^no stable state was found at load factor \S+$"):
         list(following_steps(problem_of(case, (6, 1)), case.states, shortening / 4, 1e-6))
-    with pytest.raises(SolveFailure) as caught:
-        solve(case, (3, 1))
-    assert str(caught.value).startswith("no stable state was found at load factor ")
-    assert "\n" not in str(caught.value)
-    partial = caught.value.partial
+    partial = solve(case, (3, 1))
+    assert re.match(r"no stable state was found at load factor [^\n]+; not reached: push$", partial.unsettled)
     assert [s.phase for s in partial.history][-1] == "critical"
     assert partial.states[-1] == pytest.approx(shortening, rel=5e-3)
     assert sum(partial.energies(shortening / 2)) == pytest.approx(straight_energy(shortening / 2), rel=1e-9)

@@ -8,7 +8,6 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from shellbench.errors import SolveFailure
 from shellbench.problems.shell.measure import measure
 from shellbench.solvers.ndf import buckling
 from shellbench.solvers.ndf.buckling import NEUTRAL, follow_steps, trust_region_step
@@ -299,9 +298,8 @@ def test_a_shell_that_does_not_relax_keeps_what_was_found(problem, monkeypatch):
     with pytest.raises(PathEndsError, match="no stable state"):
         found.extend(follow_steps(problem, strut().states))
     solver, case = RitzSolver(), strut(quantities=[QUANTITIES[0]])
-    with pytest.raises(SolveFailure, match="no stable state") as failure:
-        solver.solve(case, RitzSettings(neurons=40, scale=2.5, panels=(5, 2)))
-    partial = failure.value.partial
+    partial = solver.solve(case, RitzSettings(neurons=40, scale=2.5, panels=(5, 2)))
+    assert "no stable state" in partial.diagnostics["path_end"]
     assert [step.phase for step in partial.history].count("critical") == 1
     assert measure(partial, case.quantities[0]) == pytest.approx(100 * EULER, rel=5e-3)
 
