@@ -27,7 +27,7 @@ NOT_ASKED = "no checks are known of it"
 
 
 class Conformance(Model):
-    """What the checks found of a solver.
+    """Findings of the checks of a solver.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Conformance(Model):
 
 @dataclass(frozen=True)
 class Noted:
-    """What a store knows of conformance.
+    """Findings of conformance that a store holds.
 
     Attributes
     ----------

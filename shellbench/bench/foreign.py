@@ -21,7 +21,7 @@ from shellbench.sample import Sample
 
 
 class Described(BaseModel):
-    """What a kind says of itself; see `shellbench.bench.inside.AskedKind`."""
+    """Facts that a kind states of itself; see `shellbench.bench.inside.AskedKind`."""
 
     model_config = ConfigDict(strict=True)
 
@@ -35,7 +35,7 @@ class Described(BaseModel):
 
 
 class Told(BaseModel):
-    """What is known of a problem; see `shellbench.bench.inside.told`."""
+    """Data that describe a problem; see `shellbench.bench.inside.told`."""
 
     model_config = ConfigDict(strict=True)
 
@@ -63,7 +63,7 @@ class ForeignQuantity(Quantity):
 
     @property
     def is_an_error(self) -> bool:  # type: ignore[override] # of each quantity, for there is one class for all
-        """Whether its value is an error already."""
+        """True if its value is an error already."""
         return self.stated_error
 
     @property

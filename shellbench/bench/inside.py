@@ -85,7 +85,7 @@ def modules() -> list[str]:
 
 
 class AskedSolver:
-    """What is asked of a solver."""
+    """Answers to what is asked of a solver."""
 
     def __init__(self, solver: Solver) -> None:
         self.solver = solver
@@ -116,7 +116,7 @@ class AskedSolver:
 
 
 class AskedKind:
-    """What is asked of a kind of problem."""
+    """Answers to what is asked of a kind of problem."""
 
     def __init__(self, name: str) -> None:
         self.kind: Kind = kinds.find_kind(name)

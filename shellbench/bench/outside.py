@@ -44,7 +44,7 @@ T = TypeVar("T", bound=BaseModel)
 
 
 class Facts(BaseModel):
-    """What a solver says of itself; see `shellbench.bench.facts`."""
+    """Facts that a solver states of itself; see `shellbench.bench.facts`."""
 
     model_config = ConfigDict(strict=True)
 
@@ -58,7 +58,7 @@ class Facts(BaseModel):
 
 
 class Refusal(BaseModel):
-    """Why a solver declines a problem; None if it does not."""
+    """The reason why a solver declines a problem; None if it takes it."""
 
     model_config = ConfigDict(strict=True)
 
@@ -79,12 +79,12 @@ class KnownSeededSettings(SeededSettings):
 
 @dataclass
 class Outsider:
-    """What another package registers, asked from outside.
+    """A solver or kind of another package, asked from outside.
 
     Attributes
     ----------
     what
-        What it is: "solver" or "kind".
+        "solver" or "kind".
     answers, places
         Answers that are kept, and the files and folders on which they depend, as they look.
     """
@@ -98,7 +98,7 @@ class Outsider:
 
     @property
     def name(self) -> str:
-        """What messages call it."""
+        """Its name in messages."""
         noun = f"solver '{self.entry.name}'" if self.what == "solver" else f"problems of kind '{self.entry.name}'"
         return f"{noun} can't be used"
 
@@ -188,8 +188,21 @@ class Outsider:
 
 
 def looks(places: Iterable[str]) -> dict[str, Any]:
-    """Return what changes as soon as a file, or what a folder holds, does, by its path."""
-    return {place: (list(look) if (look := look_up(Path(place))) else None) for place in places}
+    """Return what changes as soon as a file does, or the names in a folder do, by its path.
+
+    Of a folder neither its time counts nor hidden names: tools keep caches there, and Python its own.
+    """
+    return {place: _look(Path(place)) for place in places}
+
+
+def _look(place: Path) -> Any:
+    with contextlib.suppress(OSError):
+        if place.is_dir():
+            names = sorted(file.name for file in place.iterdir())
+            names = [name for name in names if name[0] != "." and name != "__pycache__"]
+            return hashlib.sha256("\n".join(names).encode(errors="surrogateescape")).hexdigest()
+    seen = look_up(place)
+    return None if seen is None else list(seen)
 
 
 def package_files(entry: SolverEntry) -> list[str]:
@@ -233,13 +246,13 @@ class AskedSolver:
 
     @property
     def capabilities(self) -> Capabilities:
-        """What it can do."""
+        """Its theories, label and devices."""
         facts = self.facts
         return Capabilities(tuple(facts.theories), one_line(facts.label), tuple(facts.devices))
 
     @property
     def uses_start(self) -> bool:
-        """Whether it goes on from an earlier solution."""
+        """True if it goes on from an earlier solution."""
         return self.facts.uses_start
 
     def settings(self, overrides: Mapping[str, Any], seed: int, device: str) -> Settings:

@@ -200,7 +200,7 @@ def _divided(
 
 @dataclass(frozen=True)
 class Dividing:
-    """How formulas of one group divide cells; see `divided`."""
+    """Divides cells for the formulas of one group; see `divided`."""
 
     formulas: Sequence[Expression]
     t: float

@@ -63,7 +63,7 @@ class Pull:
 
     @property
     def drift(self) -> float:
-        """How far the point moves on the way to cells as small as the thickness, m."""
+        """Distance that the point moves on the way to cells as small as the thickness, m."""
         return self.force * self.spot.softness * self.spot.halvings
 
 

@@ -34,7 +34,7 @@ NEEDED = 1e-3  # of all loads: a support that takes less yields by less than a h
 
 @dataclass(frozen=True)
 class Hold:
-    """What supports hold of one point beyond what they hold of edges through it.
+    """Components that supports hold of one point beyond what they hold of edges through it.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Hold:
 
     @property
     def firm(self) -> int:
-        """How many of the rows hold the point: the first one, unless it is nearer to the midsurface."""
+        """The number of rows that hold the point: the first one, unless it is nearer to the midsurface."""
         return int(self.lean <= LEANING and not self.spot.shears)
 
 
