@@ -133,3 +133,13 @@ def test_the_steps_solve_compare_pack_and_judge(tmp_path: Path) -> None:
     assert "status=0" in (tmp_path / "outputs").read_text(encoding="utf-8")
     assert (tmp_path / "out/fem.zip").is_file()
     assert (tmp_path / "out/page/index.html").is_file()
+
+
+def test_no_token_that_may_write_is_in_the_job_that_runs_a_pull_requests_code() -> None:
+    assert WORKFLOW["permissions"] == {"contents": "read"}
+    runs_code = [
+        name for name, job in WORKFLOW["jobs"].items() if "checkout" in str(job) or "shellbench-action" in str(job)
+    ]
+    may_write = [name for name, job in WORKFLOW["jobs"].items() if "write" in job.get("permissions", {}).values()]
+    assert runs_code == ["gate"]
+    assert may_write == ["comment"]
