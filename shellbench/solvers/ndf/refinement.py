@@ -43,6 +43,7 @@ EDGE_SCALE = 2.0  # of inputs stretched toward edges
 ROUNDING = 1e-9  # of a quantity's scale: answers repeat to this and better
 SLOWEST = 0.8  # ratio of energy gained in one level to the level before beyond which no tail is summed
 PROBES = 25  # points a side at which fields are compared, and the largest displacement is looked for
+REPEATED = 1.5  # times the panels a side: with 6 Gauss points in each, a hundredth of what the rule misjudges
 LEAST_TAIL = 0.5  # of what a level changed: the one before had missed it, and this one may miss half of it still
 
 
@@ -80,6 +81,8 @@ class Level:
         From 0.
     kinds
         Of challengers.
+    repeated
+        Whether the same features were solved for on a coarser rule before.
     """
 
     resolution: Resolution
@@ -87,6 +90,13 @@ class Level:
     detail: int
     number: int = 0
     kinds: tuple[Kind, ...] = ()
+    repeated: bool = False
+
+    def on_finer_rule(self) -> Level:
+        """Return the level with the same features on a finer rule, for challengers that exploit this one."""
+        usual = self.resolution
+        rule, fine = (finer_rule(spec, REPEATED) for spec in (usual.rule, usual.fine))
+        return replace(self, resolution=replace(usual, rule=rule, fine=fine), repeated=True)
 
     def network(self, inputs: Inputs, seed: int, activation: str, placement: Placement) -> Network:
         """Draw the features of the first answer, then those of each kind of challenger."""
@@ -147,8 +157,8 @@ def next_level(first: Level, before: Level, winner: str, most: int) -> Level | N
         scale=old.scale * plain,
         edge_scale=(old.edge_scale or EDGE_SCALE if winner == "layers" else old.edge_scale) * stretched,
         stretched_scale=old.stretched_scale * stretched,
-        rule=finer_rule(first.resolution.rule, growth),
-        fine=finer_rule(first.resolution.fine, growth),
+        rule=finer_rule(old.rule if before.repeated else first.resolution.rule, growth),
+        fine=finer_rule(old.fine if before.repeated else first.resolution.fine, growth),
     )
     return Level(resolution, _challengers(neurons), detail=2, number=number, kinds=before.kinds)
 

@@ -42,6 +42,7 @@ from shellbench.solvers.ndf.patches import Balances
 from shellbench.solvers.ndf.quadrature import area_rule
 from shellbench.solvers.ndf.refinement import (
     KINDS,
+    ROUNDING,
     Level,
     Miss,
     changes,
@@ -63,7 +64,7 @@ from shellbench.solvers.ndf.supports import check_balance, point_supports
 
 STRONGER = 10.0  # times the usual regularisation: of answers that tell what the usual one takes
 STEPS_LEFT = math.log(JITTER / np.finfo(float).eps) / math.log(STRONGER)  # from the usual one down to rounding: 3.7
-EXPLOITED = 1e-8  # of the strain energy that less regularisation costs on a finer rule: less than that may be rounding
+EXPLOITED = ROUNDING  # of the stored energy that more features, or less regularisation, cost on a finer rule
 PENALTY = 1e4  # supports give by 1e-5 of the deflection and less, and rounding takes less than 1e-3 of the energy
 NESTED = (0.25, 0.5, 1.0)  # shares of the width whose nested fields make the convergence curve
 
@@ -97,6 +98,10 @@ class Answer:
     values: dict[str, float]
     probed: Array
     step: Step
+
+    def exploits(self, other: float) -> bool:
+        """Tell whether its certified energy is above another one, J, by more than rounding."""
+        return self.potential - other > EXPLOITED * self.stored
 
     def missed(self, finer: Answer) -> Miss:
         """Return what it has missed at least, as a finer answer tells."""
@@ -135,7 +140,12 @@ class Solved:
         # finer one, the field exploits its rule: hardly in displacements, much in their third derivatives.
         *_, usual = self.regularised
         best = min(self.regularised, key=lambda answer: answer.potential)
-        return best if usual.potential - best.potential > EXPLOITED * usual.stored else usual
+        return best if usual.exploits(best.potential) else usual
+
+    @property
+    def best(self) -> Answer:
+        """The answer of the level: with the challengers' features, unless these lose certified energy."""
+        return self.first if self.challenged.exploits(self.first.potential) else self.challenged
 
     def missed(self) -> Miss:
         """Return what the answers miss at least: what challengers change, and what less regularisation would change."""
@@ -146,6 +156,15 @@ class Solved:
         left = tail((stiffest.potential, stiffer.potential, usual.potential), STEPS_LEFT) if best is usual else 1.0
         softer = (stiffest if best is stiffer else stiffer).missed(best).times(left)
         return self.first.missed(best).or_larger(softer)
+
+
+@dataclass(frozen=True)
+class Kept:
+    """The answer of least certified energy among the levels so far, its level, and what it misses at least."""
+
+    answer: Answer
+    solved: Solved
+    missed: Miss
 
 
 def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback) -> NdfSolution:
@@ -160,35 +179,39 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
     # 2. What the second answer changes is what the first one had missed at least, and so was the change since the last
     #    level. What regularisation takes is told by regularising more. The uncertainty of each quantity follows.
     # 3. Not settled: the next level is wider, on a finer rule, and of the kind of challenger that has gained most.
-    # A level that exploits its quadrature has no answer, but the next one may have.
+    # A level that exploits its quadrature has no answer, but the next one may have. The answer is that of the level with
+    # the least certified energy: features drawn anew need not span the former ones.
     # Where settings fix width or panels, the first answer stands, and challengers only tell how sure it is.
     begin, usual = time.perf_counter(), with_settings(resolution(case), settings)
     given_width, given_rule = settings.neurons is not None, settings.panels is not None
     fixed = given_width or given_rule
     first = first_level(case, usual, given_width, given_rule)
     level: Level | None = first
-    former: Miss | None = None
+    kept: Kept | None = None
     steps: list[Step] = []
     answer: NdfSolution | None = None
     balances: Balances = {}
-    before: Answer | None = None
     while level is not None:
         progress(Progress(level.number, None, f"solving with {level.resolution.neurons} neurons and their challengers"))
         solved = _solve_level(case, spec, settings, level, begin, balances)
-        last = solved.first if fixed else solved.challenged
+        last = solved.first if fixed else solved.best
+        exploiting = solved.best is not solved.challenged
         reason = refusal(last.signs, last.solution.spec, settings.largest_gap)
         alone = refusal(solved.first.signs, solved.first.solution.spec, settings.largest_gap)
         if reason is not None and alone is None:
             # The challengers alone exploit the rule, and are no part of the answer.
             last, reason = solved.first, None
-        if reason is not None and before is not None:
+        if reason is not None and kept is not None:
             break
         steps += [a.step for a in (*solved.narrower, solved.first, *(() if last is solved.first else (last,)))]
         missed = solved.missed()
-        if before is not None and former is not None:
-            since = before.missed(last)
-            left = still_missed(since.energy, former.energy)
-            missed = missed.times(max(1.0, left)).or_larger(since.times(left))
+        if kept is not None:
+            since = kept.answer.missed(last)
+            if last.exploits(_certified_again(kept.answer, level, settings)):
+                last, solved, missed = kept.answer, kept.solved, kept.missed.or_larger(since)
+            else:
+                left = still_missed(since.energy, kept.missed.energy)
+                missed = missed.times(max(1.0, left)).or_larger(since.times(left))
         answer, wider = _stated(last, solved, tuple(steps), missed)
         exploited = replace(
             last.signs, gap=0.0, jitter_share=last.signs.jitter_share if spec.supports == "soft" else 0.0
@@ -200,17 +223,33 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
             break
         winner = KINDS[0].name
         if reason is None:
-            reached = solved.energies()
-            winner = min(reached, key=reached.__getitem__)
-        if reason is None:
-            before, former = last, missed
+            kept = Kept(last, solved, missed)
+            if exploiting and not level.repeated:
+                level = level.on_finer_rule()
+                continue
+            if not exploiting:
+                reached = solved.energies()
+                winner = min(reached, key=reached.__getitem__)
         level = next_level(first, level, winner, settings.most_neurons)
     assert answer is not None
     if fixed:
         answer = _without_challengers(answer, first.resolution.neurons)
-    if reason is not None and before is None:
+    if reason is not None and kept is None:
         raise SolveFailure(reason, answer)
     return answer
+
+
+def _certified_again(answer: Answer, level: Level, settings: RitzSettings) -> float:
+    """Return the potential energy of an answer on the finer rule of another level, J."""
+    solution, spec = answer.solution, level.resolution.fine
+    case, field = solution.case, solution.field
+    ansatz, features, focal = field.ansatz, field.features, graded_points(case, solution.spec)
+    forces = concentrated(ansatz, spec, focal, features.placement)
+    energies = certify(ansatz, features, [field.output], area_rule(case.surface.domain, focal, spec), forces)[0]
+    if ansatz.soft:
+        springs = Springs.from_spec(ansatz, spec, focal, settings.penalty or PENALTY)
+        energies = springs.certify(energies, ansatz, features, field.output)
+    return energies.potential()
 
 
 def _without_challengers(solution: NdfSolution, width: int) -> NdfSolution:
@@ -279,7 +318,12 @@ def _solve_level(
     # Nested bases: parts of the usual features, all of them, and all there are.
     hidden, former = network.width, np.logical_or(features.fixed.former(), level.number > 1)
     plain, powers = hidden + np.nonzero(former)[0], hidden + np.nonzero(~former)[0]
-    widths = sorted({math.ceil(share * chosen.neurons) for share in (NESTED if level.number == 0 else NESTED[-1:])})
+    widths = sorted(
+        {
+            math.ceil(share * chosen.neurons)
+            for share in (NESTED if level.number == 0 and not level.repeated else NESTED[-1:])
+        }
+    )
     parts = [np.concatenate([np.arange(width), plain]) for width in widths]
     parts.append(np.arange(features.count))
     parts += [parts[-1]] * 2
