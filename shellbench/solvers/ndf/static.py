@@ -64,7 +64,7 @@ from shellbench.solvers.ndf.supports import check_balance, point_supports
 
 STRONGER = 10.0  # times the usual regularisation: of answers that tell what the usual one takes
 STEPS_LEFT = math.log(JITTER / np.finfo(float).eps) / math.log(STRONGER)  # from the usual one down to rounding: 3.7
-EXPLOITED = ROUNDING  # of the stored energy that more features, or less regularisation, cost on a finer rule
+EXPLOITED = ROUNDING  # of what is stored: more features, or less regularisation, cost so much on a finer rule
 PENALTY = 1e4  # supports give by 1e-5 of the deflection and less, and rounding takes less than 1e-3 of the energy
 NESTED = (0.25, 0.5, 1.0)  # shares of the width whose nested fields make the convergence curve
 
@@ -179,8 +179,9 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
     # 2. What the second answer changes is what the first one had missed at least, and so was the change since the last
     #    level. What regularisation takes is told by regularising more. The uncertainty of each quantity follows.
     # 3. Not settled: the next level is wider, on a finer rule, and of the kind of challenger that has gained most.
-    # A level that exploits its quadrature has no answer, but the next one may have. The answer is that of the level with
-    # the least certified energy: features drawn anew need not span the former ones.
+    # A level that exploits its quadrature has no answer, but the next one may have.
+    # Where challengers lose certified energy, they exploit the rule: the level is solved once more on a finer one.
+    # Of all levels, that of the least certified energy answers: features drawn anew need not span the former ones.
     # Where settings fix width or panels, the first answer stands, and challengers only tell how sure it is.
     begin, usual = time.perf_counter(), with_settings(resolution(case), settings)
     given_width, given_rule = settings.neurons is not None, settings.panels is not None
@@ -318,12 +319,8 @@ def _solve_level(
     # Nested bases: parts of the usual features, all of them, and all there are.
     hidden, former = network.width, np.logical_or(features.fixed.former(), level.number > 1)
     plain, powers = hidden + np.nonzero(former)[0], hidden + np.nonzero(~former)[0]
-    widths = sorted(
-        {
-            math.ceil(share * chosen.neurons)
-            for share in (NESTED if level.number == 0 and not level.repeated else NESTED[-1:])
-        }
-    )
+    shares = NESTED if level.number == 0 and not level.repeated else NESTED[-1:]
+    widths = sorted({math.ceil(share * chosen.neurons) for share in shares})
     parts = [np.concatenate([np.arange(width), plain]) for width in widths]
     parts.append(np.arange(features.count))
     parts += [parts[-1]] * 2

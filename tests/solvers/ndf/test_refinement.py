@@ -23,6 +23,7 @@ from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule, line_rule, pa
 from shellbench.solvers.ndf.refinement import (
     CORNER_CUTS,
     LEAST_TAIL,
+    ROUNDING,
     SAFETY,
     SETTLED,
     SLOWEST,
@@ -144,7 +145,7 @@ def test_tails_follow_the_last_gains():
 
 @pytest.mark.parametrize(
     ("energies", "best", "told"),
-    [((3, 2, 1), 2, 3.7), ((3, 1, 2), 1, 1.0), ((1, 2, 3), 0, 1.0), ((2, 1, 1 + 1e-9), 2, 3.7)],
+    [((3, 2, 1), 2, 3.7), ((3, 1, 2), 1, 1.0), ((1, 2, 3), 0, 1.0), ((2, 1, 1 + 1e-10), 2, 3.7)],
 )
 def test_the_answer_is_the_regularisation_of_least_certified_energy(monkeypatch, energies, best, told):
     """Planted: each step of regularisation changes a value by 1e-3, and energy as said."""
@@ -157,6 +158,45 @@ def test_the_answer_is_the_regularisation_of_least_certified_energy(monkeypatch,
     solved = Solved(None, (), answers[best], answers, dict)
     assert solved.challenged is answers[best]
     assert solved.missed().changes["centre_deflection"] == pytest.approx(told * 1e-3)
+
+
+@pytest.mark.parametrize("lost", [1e-6, -1e-6, 1e-10])
+def test_challengers_that_lose_certified_energy_are_no_part_of_the_answer(lost):
+    """Planted: challengers change the certified energy by so much of what is stored."""
+    first, challenged = (Answer(None, energy, 1.0, None, {}, None, None) for energy in (-1.0, -1.0 + lost))
+    assert Solved(None, (), first, (challenged,) * 3, dict).best is (first if lost == 1e-6 else challenged)
+
+
+def test_challengers_that_exploit_their_rule_do_not_make_the_field_worse():
+    """Lame's solution is smooth: 120 neurons have it to 1e-12 in energy, and challengers at the edges are beside it."""
+    solution = solve("pulled_ring")
+    assert solution.unsettled is None
+    assert solution.diagnostics["certified_energy"] <= min(step.energy for step in solution.history) * (1 - ROUNDING)
+    for name, value in measure_all(solution).items():
+        known = known_values("pulled_ring").judge(name, solution.case.theory).value
+        assert abs(value - known) <= solution.uncertainty[name] <= SETTLED * abs(known)
+
+
+@pytest.mark.parametrize(("energies", "answering"), [((-1.0, -1.1), 1), ((-1.0, -0.9), 0)])
+def test_the_level_of_least_certified_energy_answers(monkeypatch, energies, answering):
+    """Planted: nothing settles, and a wider level has more energy or less on the same rule."""
+    levels = []
+
+    def solved(case, spec, settings, level, *others):
+        answer = usual(case, spec, settings, level, *others)
+        planted = replace(answer.challenged, potential=energies[min(level.number, 1)])
+        levels.append(replace(answer, first=planted, regularised=(planted,) * 3))
+        return levels[-1]
+
+    usual = static._solve_level
+    monkeypatch.setattr(static, "_solve_level", solved)
+    monkeypatch.setattr(static, "_certified_again", lambda answer, *others: answer.potential)
+    monkeypatch.setattr(static, "unsettled", lambda *others: "planted")
+    solution = solve("square_plate", most_neurons=240)
+    assert len(levels) == 2
+    assert solution.diagnostics["level"] == answering
+    disagreement = abs(np.subtract(*(level.best.values["centre_deflection"] for level in levels)))
+    assert solution.uncertainty["centre_deflection"] >= SAFETY * disagreement * LEAST_TAIL
 
 
 def test_a_displacement_that_hardly_changes_by_accident_is_no_surer_than_the_field():
