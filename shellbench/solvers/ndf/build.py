@@ -32,6 +32,7 @@ from shellbench.solvers.ndf.corners import CornerPowers
 from shellbench.solvers.ndf.creases import Crease, Creases
 from shellbench.solvers.ndf.factors import BoundaryFactors, Lift, MirroredFactors, TurnedFactors, Turning, turns
 from shellbench.solvers.ndf.field import Ansatz, Features, FixedFeatures, Network
+from shellbench.solvers.ndf.hinges import TOGETHER, Hinges, hinges_of
 from shellbench.solvers.ndf.inputs import Inputs, edge_layers, foci, mirrored_axes, strongest_curvature
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.mirrors import SAME, Mirrors, mirrors_of, samples
@@ -133,7 +134,8 @@ def build_inputs(case: Case, spec: FieldSpec) -> Inputs:
     asked = spec.edge_stretched and (spec.detail > 0 or not around)
     edges = edge_layers(case, flat=spec.detail > 0) if asked else None
     near = around if spec.stretched else ()
-    return Inputs.from_case(case, spec.periodic_input, near, edges, spec.slopes, built_in(case, spec))
+    hinged = tuple((hinge.axis, hinge.at) for hinge in (hinges_of(case) if spec.detail else ()))
+    return Inputs.from_case(case, spec.periodic_input, near, edges, spec.slopes, built_in(case, spec), hinged)
 
 
 def build_features(case: Case, spec: FieldSpec, network: Network, placement: Placement, inputs: Inputs) -> Features:
@@ -143,9 +145,13 @@ def build_features(case: Case, spec: FieldSpec, network: Network, placement: Pla
     exact = spec.supports == "hard" and spec.components == "cartesian" and not turns(case)
     corners = CornerPowers.from_case(case, spec.detail) if exact and spec.detail else None
     creases = Creases(case.surface.domain, spec.creases) if spec.creases else None
+    found = hinges_of(case) if spec.detail else ()
+    hinges = Hinges(case, found) if found else None
     around = foci(case, spec.layer)
     mirrors = built_in(case, spec)
-    fixed = FixedFeatures.from_case(case, around, spec.multipliers, mirrored, corners, spec.slopes, creases, mirrors)
+    fixed = FixedFeatures.from_case(
+        case, around, spec.multipliers, mirrored, corners, spec.slopes, creases, mirrors, hinges
+    )
     return Features(inputs, network, fixed, placement)
 
 
@@ -180,7 +186,6 @@ def graded_points(case: Case, spec: FieldSpec) -> Array:
     return np.where(domain.periodic, np.nan, np.array([domain.lower, domain.upper]))
 
 
-TOGETHER = 2  # cells that tell a stiffness in a panel: its Gauss points are exact to twice their degree
 LINE = 65  # points of a coordinate line that is measured
 
 
@@ -296,6 +301,8 @@ def joints_of(case: Case) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the values of xi1 and of xi2 at which panels end: kinks, and ends of cells that tell a stiffness."""
     stiff = [f.division for f in case.features if f.role == "stiffness"]
     narrow = [[at for d in stiff for at in d.ends(axis)[::TOGETHER].tolist()] for axis in (0, 1)]
+    for hinge in hinges_of(case):
+        narrow[hinge.axis] += hinge.breaks[1:-1].tolist()
     first, second = (tuple(sorted({*kinks, *ends})) for kinks, ends in zip(case.kinks, narrow, strict=True))
     return first, second
 

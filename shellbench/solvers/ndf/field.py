@@ -23,6 +23,7 @@ from shellbench.problems.shell.rigid import rigid_modes
 from shellbench.solvers.ndf.choices import MULTIPLIERS, Slopes
 from shellbench.solvers.ndf.corners import CornerPowers
 from shellbench.solvers.ndf.creases import Creases
+from shellbench.solvers.ndf.hinges import Hinges
 from shellbench.solvers.ndf.inputs import Focus, Inputs, even_columns, independent_columns
 from shellbench.solvers.ndf.jets import (
     D1,
@@ -221,8 +222,8 @@ class FixedFeatures:
         How many functions multiply r^2 log r^2.
     kept
         Which of these features are used: all, unless an edge asks for even ones.
-    corners, creases
-        Powers about corners, and about edges of contact; they come last.
+    corners, creases, hinges
+        Powers about corners, and about edges of contact, and integrals across hinges; they come last.
     mirrors
         Planes about which each feature is made even, as the mean of its images.
     """
@@ -234,6 +235,7 @@ class FixedFeatures:
     corners: CornerPowers | None = None
     creases: Creases | None = None
     mirrors: Mirrors | None = None
+    hinges: Hinges | None = None
 
     @classmethod
     def from_case(
@@ -246,13 +248,14 @@ class FixedFeatures:
         slopes: Slopes = "even",
         creases: Creases | None = None,
         mirrors: Mirrors | None = None,
+        hinges: Hinges | None = None,
     ) -> FixedFeatures:
         """Derive the features of a case: those that are even where inputs are, and about the seams `mirrored`.
 
         With `mirrors`, those whose means of all images are independent.
         """
-        total = 1 + multipliers * len(around) + sum(part.count for part in (corners, creases) if part)
-        everything = cls(case, around, multipliers, tuple(range(total)), corners, creases)
+        total = 1 + multipliers * len(around) + sum(part.count for part in (corners, creases, hinges) if part)
+        everything = cls(case, around, multipliers, tuple(range(total)), corners, creases, hinges=hinges)
         even = torch.ones(everything.count, dtype=torch.bool)
         for support in edge_supports(case):
             if support.free and slopes == "even":
@@ -282,13 +285,14 @@ class FixedFeatures:
         first = np.ones(1 + self.multipliers * len(self.foci), dtype=bool)
         powers = [self.corners.former()] if self.corners else []
         cut = [np.ones(self.creases.count, dtype=bool)] if self.creases else []
+        cut += [self.hinges.former()] if self.hinges else []
         return np.asarray(np.concatenate([first, *powers, *cut])[list(self.kept)])
 
     def allowed(self) -> Array:
         """Return (3, count): whether each component of F has each feature."""
         first = np.ones((3, 1 + self.multipliers * len(self.foci)), dtype=bool)
         powers = [self.corners.allowed()] if self.corners else []
-        cut = [np.ones((3, self.creases.count), dtype=bool)] if self.creases else []
+        cut = [np.ones((3, part.count), dtype=bool) for part in (self.creases, self.hinges) if part]
         everything = np.concatenate([first, *powers, *cut], axis=1)
         return np.asarray(everything[:, list(self.kept)])
 
@@ -314,6 +318,8 @@ class FixedFeatures:
             columns += self.corners.columns(points, placement)
         if self.creases:
             columns += self.creases.columns(points, placement)
+        if self.hinges:
+            columns += self.hinges.columns(points, placement)
         return torch.stack([columns[k] for k in self.kept], dim=-1)
 
     def _around(self, focus: Focus, x: Tensor, placement: Placement) -> list[Tensor]:

@@ -207,6 +207,8 @@ class Inputs:
         Which of the candidate columns are used: those independent of the earlier ones.
     mirrors
         Planes about which all of them are even.
+    hinged
+        Axis and value of lines that have features of their own, toward which no coordinate is stretched.
     squared, averaged
         Which of the candidates enter as 2 z^2 - 1, and which as the mean of their images.
     """
@@ -218,6 +220,7 @@ class Inputs:
     even: Sides
     kept: tuple[int, ...]
     mirrors: Mirrors | None = None
+    hinged: tuple[tuple[int, float], ...] = ()
     squared: tuple[int, ...] = ()
     averaged: tuple[int, ...] = ()
 
@@ -230,13 +233,14 @@ class Inputs:
         edges: tuple[float, float] | None = None,
         slopes: Slopes = "even",
         mirrors: Mirrors | None = None,
+        hinged: tuple[tuple[int, float], ...] = (),
     ) -> Inputs:
         """Derive the inputs of a case, with stretched coordinates around the given foci and at edges.
 
         Where only cosines enter, what is not even about the seam is left out.
         """
         even = even_sides(edge_supports(case), slopes)
-        candidates = cls(case, periodic, around, edges, even, ())
+        candidates = cls(case, periodic, around, edges, even, (), hinged=hinged)
         domain = case.surface.domain
         if mirrors is not None:
             parity = mirrors.parity(candidates.values)
@@ -349,7 +353,8 @@ class Inputs:
         bounds = (domain.lower, domain.upper)
         lines = [(a, bounds[n][a], self.edges[a], math.inf) for a in open_axes for n in (0, 1) if not self.even[a][n]]
         lines += [(a, at, self.edges[a], math.inf) for a in open_axes for at in self.case.kinks[a]]
-        return lines + [(a, *line, WIDEST_STRETCH) for a in open_axes for line in quick_lines(self.case, a)]
+        quick = [(a, *line) for a in open_axes for line in quick_lines(self.case, a)]
+        return lines + [(a, at, layer, WIDEST_STRETCH) for a, at, layer in quick if (a, at) not in self.hinged]
 
     def _stretched_along(self, axis: int, start: float, layer: float, widest: float, unit: Tensor) -> Tensor:
         """Return the stretched distance from a value of one coordinate; even where that coordinate is."""
