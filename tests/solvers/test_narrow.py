@@ -83,12 +83,13 @@ def test_a_notch_between_all_samples_is_found_by_fem(name, width):
     assert abs(measure_all(solution)["u"] - right) < max(solution.uncertainty["u"], 1e-9 * right)
 
 
-@pytest.mark.long
-def test_a_notch_that_ndf_ritz_does_not_resolve_is_said_not_to_have_settled():
-    case = strip({"thickness_factor": "1 - 0.9*exp(-((xi1 - 2.317)/0.005)**2)"})
-    solution = RitzSolver().solve(case, RitzSettings(neurons=240))
-    assert abs(measure_all(solution)["u"] - bent(notch(0.9, 0.005), one)) < 2 * solution.uncertainty["u"]
-    assert solution.unsettled is not None
+@pytest.mark.parametrize("width", [5e-3, 1e-3])
+def test_a_notch_between_all_samples_is_found_by_ndf_ritz(width):
+    """Few waves are enough: the field turns across the notch by features of its own."""
+    case = strip({"thickness_factor": f"1 - 0.9*exp(-((xi1 - 2.317)/{width!r})**2)"})
+    solution = RitzSolver().solve(case, RitzSettings(neurons=60))
+    right = bent(notch(0.9, width), one)
+    assert abs(measure_all(solution)["u"] - right) < solution.uncertainty["u"] < 5e-3 * right
 
 
 OBLIQUE = "1 + exp(-((xi1 - 0.7*xi2 - 0.1)/1e-6)**2)/1e-6"

@@ -34,7 +34,8 @@ NODES = 8  # of the polynomial in a panel
 TOLD = 1e-6  # of the largest compliance that the polynomial of a panel may be off by
 HALVINGS = 12  # of panels that no polynomial tells: they are left as they are
 MIDDLE, ENDS = 0.5, (0.0, 1.0)  # of a line: where its compliance is taken, and where it may be another
-SOFTER = 2.0  # times the compliance beside it: less is no hinge
+SOFTER = 2.0  # times the compliance of most of the coordinate line: less is no hinge
+LINE = 65  # points of a coordinate line on which that is looked at
 
 
 @dataclass(frozen=True)
@@ -172,14 +173,15 @@ def hinges_of(case: Case) -> tuple[Hinge, ...]:
     """Return the lines along open coordinates across which a shell is much softer than beside them."""
     domain, found = case.surface.domain, []
     for axis in (a for a in (0, 1) if not domain.periodic[a]):
-        lines = sorted(at for at, _ in quick_lines(case, axis))
+        lower, upper = domain.lower[axis], domain.upper[axis]
+        along = Hinge(case, axis, lower, lower, upper).compliance(3)
+        # A peak has places beside it, too, where formulas vary quickly: they are no softer than most of the line.
+        usual = SOFTER * float(np.median(along(np.linspace(lower, upper, LINE))))
+        lines = sorted(at for at, _ in quick_lines(case, axis) if along(np.array([at]))[0] > usual)
         middles = [(a + b) / 2 for a, b in pairwise(lines)]
-        bounds = pairwise([domain.lower[axis], *middles, domain.upper[axis]])
-        for at, (start, stop) in zip(lines, bounds, strict=False):  # without lines there is one part, and no hinge
+        for at, (start, stop) in zip(lines, pairwise([lower, *middles, upper]), strict=False):  # one part if no line
             hinge = Hinge(case, axis, at, start, stop)
             values = hinge.compliance(3)(hinge.breaks)
-            if values.max() <= SOFTER * values.min():
-                continue
             others = [replace(hinge, across=share) for share in ENDS]
             other = (o for o in others if np.abs(o.compliance(3)(hinge.breaks) - values).max() > TOLD * values.max())
             found += [hinge, *other]
