@@ -77,8 +77,8 @@ class Line:
             raise ValueError("a message is too long")
         try:
             return json.loads(self._exactly(size, look), object_hook=_decoded)
-        except RecursionError:
-            raise ValueError("a message is nested too deeply") from None
+        except (TypeError, RecursionError):
+            raise ValueError("a message has no array where it says so, or is nested too deeply") from None
 
     def _exactly(self, size: int, look: Look) -> bytes:
         data = bytearray()

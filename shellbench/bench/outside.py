@@ -112,10 +112,11 @@ class Outsider:
         PluginError
             In one sentence that names it and says what it did, if it does not answer.
         """
-        key = hashlib.sha256(json.dumps([operation, arguments], sort_keys=True).encode()).hexdigest()
+        plain = json.loads(json.dumps(arguments, default=str))  # a date of TOML is a text here
+        key = hashlib.sha256(json.dumps([operation, plain], sort_keys=True).encode()).hexdigest()
         told = self.answers.get(key)
         if told is None:
-            told = self.call(operation, *arguments)
+            told = self.call(operation, *plain)
         try:
             found = answer.model_validate(told)
         except ValidationError as error:

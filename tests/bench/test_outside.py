@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import os
 import subprocess
 import sys
@@ -149,6 +150,10 @@ def test_what_a_line_carries_is_data_and_nothing_that_runs() -> None:
     for bad in (object(), np.array([object()])):
         with pytest.raises(TypeError):
             here.send(bad)
+    for shape in (["x"], [0.5], [[1]]):
+        here.send([1, "ok", {"$array": ["<f8", shape, ""]}])
+        with pytest.raises(ValueError, match="no array"):
+            there.receive()
     here.end.send(b"\xff" * 8)
     with pytest.raises(ValueError, match="too long"):
         there.receive()
@@ -202,6 +207,18 @@ def test_a_kind_of_another_package_is_known_as_data(plugin_of: Make, monkeypatch
     finally:
         outside.outsider("kind", entry).subject.stop()  # type: ignore[union-attr]
         kinds.find_kind.cache_clear()
+
+
+def test_a_date_is_a_text_to_a_plug_in(plugin_of: Make) -> None:
+    entry = plugin_of("import datetime\nclass Dated(Settings):\n    day: datetime.date | None = None").name
+    points = SolverEntry(entry, "bad_plugin:Bad", "bad-dist", "1.0")
+    file = Path(str(sys.path[0])) / "bad_plugin.py"
+    file.write_text(file.read_text().replace("settings_type = Settings", "settings_type = Dated"))
+    solver = outside.asked(points)
+    given = outside.settings_of(solver, {"day": datetime.date(2026, 1, 2)}, 0, "cpu")
+    assert given.model_dump()["day"] == "2026-01-02"
+    with pytest.raises(InputError, match="'no'"):
+        outside.settings_of(solver, {"day": "no"}, 0, "cpu")
 
 
 def test_a_kind_of_ours_can_not_be_replaced(plugin_of: Make) -> None:
