@@ -166,7 +166,7 @@ def execute(
         waiting, said = list(tasks), False
         while waiting:
             claimed = {task.run_id: task for task in waiting if seen is None or claims.take(run_key(task))}
-            made = {} if seen is None else _made_since(seen, store)
+            made = _made_since(seen, store) if seen is not None and claimed else {}
             here: list[Task] = []
             for task in claimed.values():
                 if run_key(task) not in made:
