@@ -10,6 +10,7 @@ from __future__ import annotations
 import errno
 import io
 import os
+import re
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -81,7 +82,7 @@ def as_vtu(sample: Sample, scale: float) -> bytes:
         raise ShellbenchError(f"VTK could not write {sample.title}")
     # A string in the field data would keep meshio from reading the file at all, so that the title is a comment.
     declaration, _, rest = str(writer.GetOutputString()).partition("\n")
-    return f"{declaration}\n<!-- {sample.title.replace('--', '-')} -->\n{rest}".encode()
+    return f"{declaration}\n<!-- {re.sub('-+', '-', sample.title)} -->\n{rest}".encode()
 
 
 WRITERS: dict[str, Callable[[Sample, float], bytes]] = {".npz": as_npz, ".obj": as_obj, ".vtu": as_vtu}
