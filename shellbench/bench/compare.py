@@ -17,7 +17,7 @@ from shellbench.bench import catalog
 from shellbench.bench.current import CurrentRun, CurrentRuns, case_of_planned, current_runs, overrides_of
 from shellbench.bench.planned import DID_NOT_END, not_ended, read_planned
 from shellbench.bench.record import Record
-from shellbench.bench.reference import KnownValue, KnownValues, Tolerance
+from shellbench.bench.reference import KnownValue, KnownValues, Tolerance, allowed_by_file
 from shellbench.bench.row import Row, in_suites
 from shellbench.bench.store import Store
 from shellbench.bench.task import Task
@@ -307,14 +307,6 @@ def values_of_file(case: Problem) -> KnownValues:
             for one in case.known
         )
     )
-
-
-def allowed_by_file(case: Problem, quantity: Quantity) -> Tolerance | None:
-    """Return what a user's own case file allows every solver; None if it gates nothing of a quantity."""
-    for one in case.known:
-        if one.quantity == quantity.name and one.tolerance is not None:
-            return Tolerance.model_validate({"absolute" if one.absolute else "relative": one.tolerance})
-    return None
 
 
 def with_known_values(row: Row, known: KnownValues, case: Problem, quantity: Quantity) -> Row:

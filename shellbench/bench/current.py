@@ -29,7 +29,7 @@ from shellbench.bench.store import Contents
 from shellbench.bench.suite import SuiteRun
 from shellbench.bench.task import Task
 from shellbench.engine import ENGINE, engine_version
-from shellbench.errors import InputError
+from shellbench.errors import InputError, PluginError
 from shellbench.problem import Problem
 
 UNSEALED = "it has no checksum, so nothing tells whether it was edited"
@@ -184,7 +184,7 @@ def current_runs(contents: Contents, *, any_code: bool = False) -> CurrentRuns:
             continue
         try:
             case = _todays_case(record)
-        except (ValidationError, InputError):
+        except (ValidationError, InputError, PluginError):
             stale[record.run_id] = (record, "its case can't be read any more")
             continue
         wanted = own_physics[record.case_name] if record.own_case else case.digest()
@@ -253,7 +253,7 @@ def case_of_planned(task: Task) -> tuple[Problem, dict[str, str]] | None:
     """Return today's case of a planned run and the suites that declare it; None if it can't be read any more."""
     try:
         case = _todays_case(task)
-    except (ValidationError, InputError):
+    except (ValidationError, InputError, PluginError):
         return None
     return case, declared_by(task, case)
 

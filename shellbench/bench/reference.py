@@ -19,6 +19,7 @@ from shellbench.bench.registry import SolverEntry
 from shellbench.bench.source import locate
 from shellbench.errors import InputError
 from shellbench.model import Finite, Model, Name, Positive, one_sentence, read_toml
+from shellbench.problem import Problem, Quantity
 
 KnownTheory = Annotated[str, Field(pattern=r"^[a-z]+(-[a-z]+)*$")]
 Role = Literal["judge", "origin", "literature", "published"]
@@ -206,3 +207,11 @@ def claimed(entry: SolverEntry) -> Tolerances:
     module = locate(entry.module)
     path = module.parent / FOLDER / f"{entry.name}.toml" if module else None
     return read_tolerances(path) if path and path.is_file() else {}
+
+
+def allowed_by_file(case: Problem, quantity: Quantity) -> Tolerance | None:
+    """Return what a user's own case file allows every solver; None if it gates nothing of a quantity."""
+    for one in case.known:
+        if one.quantity == quantity.name and one.tolerance is not None:
+            return Tolerance.model_validate({"absolute" if one.absolute else "relative": one.tolerance})
+    return None

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from shellbench.bench import catalog
-from shellbench.bench.compare import allowed_by_file
 from shellbench.bench.record import Measured
+from shellbench.bench.reference import allowed_by_file
 from shellbench.problem import Problem, Solution
 
 SETTLED = 0.01  # largest stated uncertainty of a value that has settled, relative to it

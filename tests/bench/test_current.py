@@ -14,8 +14,8 @@ from shellbench.bench.current import current_runs
 from shellbench.bench.expected import Scope
 from shellbench.bench.export import stored_run
 from shellbench.bench.gate import gate, move_baseline
-from shellbench.bench.store import Store
-from shellbench.errors import InputError, ShellbenchError
+from shellbench.bench.store import Contents, Store
+from shellbench.errors import InputError, PluginError, ShellbenchError
 from tests.bench.running import changed, run, run_here
 from tests.bench.test_compare import edit
 
@@ -30,6 +30,18 @@ def uninstall(plugin: Path) -> None:
 def remove_source(plugin: Path) -> None:
     entry = "toy = toy_shells.solver:ExactSolver"
     edit(plugin / "toy_shells-1.0.dist-info" / "entry_points.txt", entry, "toy = toy_shells.gone:ExactSolver")
+
+
+def test_records_of_a_kind_that_does_not_answer_are_left_out(recorded: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    def dead(data: object) -> None:
+        raise PluginError("problems of kind 'spring' can't be used: its process died")
+
+    contents = recorded.read()
+    own = contents.records[0].model_copy(update={"own_case": True})
+    monkeypatch.setattr("shellbench.bench.current.problem_of", dead)
+    found = current_runs(Contents((own,)))
+    assert not found.runs
+    assert [reason for _, reason in found.stale.values()] == ["its case can't be read any more"]
 
 
 @pytest.mark.parametrize("leave", [uninstall, remove_source])
