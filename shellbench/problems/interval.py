@@ -128,10 +128,11 @@ def _multiply(a: Any, b: Any) -> Interval:
         return _whole_power(interval_of(a), 2)
     if not is_interval(a):
         a, b = b, a
-    if not is_interval(b):  # a number has one bound
+    if not is_interval(b) and not np.isnan(b).any():  # a number has one bound
         first, second = a.low * b, a.high * b
         low, high = np.fmin(first, second), np.fmax(first, second)
     else:
+        b = interval_of(b)
         ends = (a.low * b.low, a.low * b.high, a.high * b.low, a.high * b.high)
         low = np.fmin(np.fmin(ends[0], ends[1]), np.fmin(ends[2], ends[3]))
         high = np.fmax(np.fmax(ends[0], ends[1]), np.fmax(ends[2], ends[3]))
@@ -224,7 +225,8 @@ def _sine(x: Interval) -> Interval:
 
 
 def _tangent(x: Interval) -> Interval:
-    pole = np.floor(x.high / math.pi + 0.5) != np.floor(x.low / math.pi + 0.5)
+    slack = 1e-15 * (1 + x.size)  # poles are known as well as pi is
+    pole = np.floor((x.high + slack) / math.pi + 0.5) != np.floor((x.low - slack) / math.pi + 0.5)
     pole |= ~(x.high - x.low < math.pi)
     found = _outward(np.tan(x.low), np.tan(x.high), APPROXIMATED)
     return Interval(np.where(pole, -np.inf, found.low), np.where(pole, np.inf, found.high))

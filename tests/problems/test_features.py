@@ -120,6 +120,18 @@ def test_poles_between_samples_are_found(text, place):
         assert found[0] == pytest.approx(place, abs=1e-6)
 
 
+@pytest.mark.parametrize("low", [np.pi / 2, np.nextafter(np.pi / 2, 0), 1.5, 65 * np.pi / 2])
+def test_a_pole_at_an_end_of_cells_is_no_bound(low):
+    boxes = boxes_of(np.array([[low, 0.0]]), np.array([[low + 0.3, 1.0]]), 1.0)
+    (bounds,) = read("tan(xi1)").enclosed(boxes)
+    assert (bounds.low[0], bounds.high[0]) == (-np.inf, np.inf)
+
+
+def test_nothing_is_known_of_what_is_no_number_anywhere():
+    (bounds,) = read("log(0 - 1)*xi1").enclosed(boxes_of(np.zeros((1, 2)), np.ones((1, 2)), 1.0))
+    assert not np.isfinite(bounds.size).any()
+
+
 def test_a_factor_that_is_zero_between_samples_is_not_positive():
     found = bad_place(read("1 - exp(-((xi1 - 0.3719)/1e-7)**2)"), UNIT, 0.0)
     assert found[0] == pytest.approx(0.3719, abs=1e-6)
