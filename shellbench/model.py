@@ -253,7 +253,7 @@ ALLOWED = {
 
 # A bare or quoted key of too many parts, where a key may begin. Possessive quantifiers give nothing back, so that it is
 # found in linear time.
-PART = r"""(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""
+PART = r"""(?:[A-Za-z0-9_-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
 LONG_KEY = re.compile(rf"(?:^|[\[{{,])[ \t]*+{PART}(?:[ \t]*+\.[ \t]*+{PART}){{{MOST_PARTS}}}", re.MULTILINE)
 
 

@@ -300,6 +300,16 @@ def test_meshes_of_other_programs_are_the_same_surface(tmp_path, suffix, data):
     assert read.texture[read.corners] == pytest.approx(whole.texture[whole.corners], abs=1e-9)
 
 
+def test_no_abaqus_file_includes_another(tmp_path):
+    (tmp_path / "other.inp").write_text("*NODE\n1,0,0,0\n2,1,0,0\n3,0,1,0\n*ELEMENT, TYPE=S3\n1,1,2,3\n")
+    for word in ("*INCLUDE", "*inc*lude", "include", " * Include"):
+        for line in ("\n", "\r", "\r\n"):
+            with pytest.raises(InputError, match="includes another file"):
+                read_mesh(f"*HEADING{line}{word}, INPUT={tmp_path / 'other.inp'}{line}".encode(), ".inp")
+    with pytest.raises(InputError, match="no texture"):
+        read_mesh(b"** include, in a comment\n" + (tmp_path / "other.inp").read_bytes(), ".inp")
+
+
 @pytest.mark.parametrize("suffix", [".bdf", ".inp", ".msh", ".stl", ".vtk", ".vtu"])
 def test_meshes_without_texture_coordinates_say_how_to_add_them(tmp_path, suffix):
     with pytest.raises(

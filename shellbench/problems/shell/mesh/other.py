@@ -32,7 +32,8 @@ FORMATS = {
 PAIRS = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"), ("xi1", "xi2"))
 BOTH = ("uv", "xi", "tcoords", "texture coordinates", "texturecoordinates", "texcoords")  # in small letters
 CORNERS = {"triangle": 3, "triangle6": 3, "triangle7": 3, "quad": 4, "quad8": 4, "quad9": 4}  # later ones are on edges
-INCLUDES = re.compile(rb"^\s*\*\s*include", re.IGNORECASE | re.MULTILINE)  # meshio would read whatever it names
+# meshio would read whatever an include names. It takes stars out of keywords, and lines without one for keywords too.
+INCLUDES = re.compile(rb"(?:^|[\r\n])(?!\*\*)[^\w,\r\n]*" + rb"\**".join(b"i n c l u d e".split()), re.IGNORECASE)
 LINES = ("vertex", "line", "line3")  # which bound surfaces, and are none
 
 
