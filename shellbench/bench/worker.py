@@ -56,8 +56,9 @@ def measured(solution: Solution, case: Problem, folder: Path) -> tuple[dict[str,
     values, lost = values_of(solution, case)
     result: dict[str, Any] = {"values": values}
     headline = next(quantity.name for quantity in case.quantities if quantity.primary)
-    # A solver that names what it did not reach has an answer as long as it reached the headline.
-    told = headline in values and set(lost) <= set(solution.diagnostics.get(NOT_REACHED, ()))
+    # A solver that names what it did not reach, and so has not settled, has an answer if it reached the headline.
+    told = headline in values and why_unsettled(solution) is not None
+    told = told and set(lost) <= set(solution.diagnostics.get(NOT_REACHED, ()))
     why = without_values(lost) if lost and not told else why_misstated(solution, case)
     numbers = {name: found.value for name, found in values.items()}
     accounts = {name: partial(account, solution, case, numbers) for name, account in kind.accounts.items()}

@@ -176,6 +176,18 @@ def test_a_bug_in_one_quantity_costs_no_other(tmp_path: Path, capsys: pytest.Cap
     assert found["fields_file"] == FIELDS
 
 
+def test_what_is_named_as_not_reached_is_missing_unless_the_answer_has_not_settled(tmp_path: Path) -> None:
+    case = spring.loaded_case()
+    solution = SpringSolution(case)
+    solution.energies = lambda at=None: (float("nan"),) * 2  # type: ignore[method-assign]
+    solution.diagnostics = {"not_reached": ["bending", "energy"]}
+    _, why = measured(solution, case, tmp_path)
+    assert "no finite value for bending, energy" in str(why)
+    solution.unsettled = "the path ended"  # type: ignore[attr-defined]
+    _, why = measured(solution, case, tmp_path)
+    assert why is None
+
+
 def test_states_of_a_path_are_sampled_at_their_marks(tmp_path: Path) -> None:
     case = spring.snapping_case()
     path = tmp_path / "fields.npz"
