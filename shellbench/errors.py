@@ -29,6 +29,12 @@ class PluginError(ShellbenchError):
     """Code of somebody else ended, hung or talked nonsense where it was loaded or asked."""
 
 
+class Interrupted(ShellbenchError):
+    """The user, or a signal, ended a command."""
+
+    exit_code = 130  # as shells say of a program that Ctrl-C has ended
+
+
 class SolveFailure(ShellbenchError):
     """A solve that ended without a trustworthy answer.
 

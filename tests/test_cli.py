@@ -17,6 +17,7 @@ from shellbench import __version__, cli
 from shellbench.bench import local
 from shellbench.bench.planned import FOLDER
 from shellbench.bench.store import Store
+from shellbench.errors import Interrupted
 from shellbench.problems.shell import self_intersection
 from shellbench.report import sections
 from tests.bench import strip
@@ -349,7 +350,7 @@ def test_interrupt_exits_130_with_a_sentence(own_case: Path, plugin: Path, store
     assert process.poll() is None
     process.send_signal(number)
     out, err = process.communicate(timeout=GUARD)
-    assert process.returncode == cli.INTERRUPTED
+    assert process.returncode == Interrupted.exit_code
     assert out == ""
     assert err.startswith("shellbench: interrupted")
     assert err.count("\n") == 1

@@ -27,7 +27,7 @@ from shellbench.bench import catalog, doctor, templates
 from shellbench.bench.display import Lines, display
 from shellbench.bench.store import Store
 from shellbench.cli import first
-from shellbench.errors import InputError
+from shellbench.errors import InputError, Interrupted
 from shellbench.nearest import did_you_mean
 from shellbench.problem import Progress
 from tests.bench.conftest import plugin, toys  # noqa: F401 - fixtures
@@ -195,7 +195,7 @@ def test_any_command_that_is_interrupted_says_so_and_exits_130(shellbench, monke
 
     monkeypatch.setattr(Store, "read", interrupt)
     for command in (("table",), ("gate",), ("report",), ("compare", "a", "b")):
-        assert shellbench(*command) == (cli.INTERRUPTED, "", "shellbench: interrupted\n")
+        assert shellbench(*command) == (Interrupted.exit_code, "", "shellbench: interrupted\n")
 
 
 def test_an_interrupt_outside_of_any_command_says_so_too(capfd, monkeypatch: pytest.MonkeyPatch) -> None:

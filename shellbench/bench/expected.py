@@ -17,7 +17,7 @@ from shellbench.bench.outside import asked
 from shellbench.bench.plan import FIRST_SEED, declines
 from shellbench.bench.registry import find_solver
 from shellbench.bench.row import Row
-from shellbench.errors import InputError
+from shellbench.errors import InputError, PluginError
 from shellbench.problem import Problem
 
 Lack = tuple[Literal["missing", "declined"], str]
@@ -138,7 +138,7 @@ def _lack(current: CurrentRuns, case: Problem, solver: str, seed: int) -> Lack:
     """Say why there is no record that counts; only now is the solver imported, to hear whether it declines."""
     try:
         reason = declines(asked(find_solver(solver)), case)
-    except InputError as error:
+    except (InputError, PluginError) as error:
         return "missing", f"no record: {error}"
     if reason is not None:
         return "declined", f"the solver declines the case: {reason}"

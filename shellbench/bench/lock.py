@@ -23,7 +23,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError
 
-from shellbench.bench import baseline, calibration, catalog, classes, identity, row
+from shellbench.bench import baseline, calibration, catalog, classes, identity, row, settled
 from shellbench.bench.reference import FOLDER, Tolerance
 from shellbench.bench.suite import SuiteRun
 from shellbench.errors import InputError
@@ -38,6 +38,7 @@ JUDGING: dict[ModuleType, tuple[str, ...]] = {
     classes: ("CLASSES", "BLUNT", "BLUNTEST"),
     identity: ("GATED_DTYPE",),
     row: ("UNEXPLAINED",),
+    settled: ("SETTLED",),
 }
 """Constants that judge, by module."""
 
@@ -251,7 +252,7 @@ def _differences(locked: Lock, now: Lock) -> Iterator[Found]:
         if now.constants.get(name) != value:
             yield "broken", f"the constant {name} is {now.constants.get(name)}, and {value} is locked"
     for name in sorted(now.constants.keys() - locked.constants.keys()):
-        yield "unlocked", f"the constant {name} judges"
+        yield "broken", f"the constant {name} judges, and the lock does not hold it"
     for name in sorted(now.cases.keys() - locked.cases.keys()):
         yield "unlocked", f"new case {name}"
     for name, then in locked.cases.items():

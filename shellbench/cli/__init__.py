@@ -7,7 +7,6 @@ Every error is one sentence on standard error. Each command imports what it need
 
 from __future__ import annotations
 
-import functools
 import os
 import sys
 import traceback
@@ -19,13 +18,13 @@ import typer
 from shellbench.cli.compare import compare_command, history_command
 from shellbench.cli.first import doctor, new_case, new_solver, quick
 from shellbench.cli.judge import baseline_command, export, gate_command, report, table
-from shellbench.cli.options import INTERRUPTED, say
+from shellbench.cli.options import say
 from shellbench.cli.passport import passport_command
 from shellbench.cli.share import board, pack
 from shellbench.cli.solve import check_solver_command, list_command, run
-from shellbench.errors import InputError, ShellbenchError, without_middle
+from shellbench.errors import InputError, Interrupted, ShellbenchError, without_middle
 
-__all__ = ["INTERRUPTED", "app", "main"]
+__all__ = ["app", "main"]
 
 VERBOSE = "--verbose"
 LONGEST_ARGUMENT = 4096  # characters: no path is longer
@@ -61,20 +60,6 @@ def shellbench(
     """Take what is common to all commands."""
 
 
-def _stoppable(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a command that says so in one sentence when Ctrl-C ends it."""
-
-    @functools.wraps(command)
-    def called(*arguments: Any, **options: Any) -> Any:
-        try:
-            return command(*arguments, **options)
-        except KeyboardInterrupt:
-            say("interrupted")
-            raise typer.Exit(INTERRUPTED) from None
-
-    return called
-
-
 COMMANDS: dict[str, Callable[..., Any]] = {
     "quick": quick,
     "doctor": doctor,
@@ -95,7 +80,7 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "new-solver": new_solver,
 }
 for name, command in COMMANDS.items():
-    app.command(name)(_stoppable(command))
+    app.command(name)(command)
 
 
 def main() -> None:
@@ -105,7 +90,10 @@ def main() -> None:
             if len(argument) > LONGEST_ARGUMENT:
                 found = f"argument {number}, {without_middle(argument)!r}, has {len(argument)} characters"
                 raise InputError(f"{found}; it may have at most {LONGEST_ARGUMENT}")
-        sys.exit(app(prog_name="shellbench", standalone_mode=False))
+        code = app(prog_name="shellbench", standalone_mode=False)
+        if code == Interrupted.exit_code:  # wherever Ctrl-C was caught: while arguments are read, too
+            say("interrupted")
+        sys.exit(code)
     except USAGE_ERROR as error:
         from typer.rich_utils import rich_format_error
 

@@ -12,7 +12,6 @@ from typing import Annotated, Any
 
 import typer
 
-INTERRUPTED = 130  # what shells say of a program that Ctrl-C has ended
 LEAST_WIDTH = 60  # letters: less than that no table can be
 LARGEST_SEED = 2**31 - 1
 DEFAULT_STORE = Path("reports/runs")

@@ -11,7 +11,6 @@ import typer
 from shellbench.cli.options import (
     CASES,
     DEFAULT_STORE,
-    INTERRUPTED,
     NAMES,
     SOLVERS,
     Device,
@@ -26,7 +25,7 @@ from shellbench.cli.options import (
     text_width,
     warn,
 )
-from shellbench.errors import InputError, PluginError
+from shellbench.errors import InputError, Interrupted, PluginError
 
 if TYPE_CHECKING:
     from shellbench.bench.execute import Executor, Outcome
@@ -209,8 +208,7 @@ def carry_out(request: Request, where: Store, executor: Executor, *, force: bool
             with display(Console(), len(plan.tasks), verbose) as observer:
                 outcomes = execute(plan.tasks, where, observer, executor, None if force else plan.seen, say)
     except KeyboardInterrupt:
-        say("interrupted: what had ended is kept, and the same command goes on from there")
-        raise typer.Exit(INTERRUPTED) from None
+        raise Interrupted("interrupted: what had ended is kept, and the same command goes on from there") from None
     code = _summary(plan, outcomes)
     if verbose:
         _print_logs(where, outcomes)
@@ -346,6 +344,5 @@ def check_solver_command(
                 solver, cases or (), settings or (), refine=refine, seconds=timeout, as_json=json, exam=exam
             )
     except KeyboardInterrupt:
-        say("interrupted: what had ended is kept, and the same command goes on from there")
-        raise typer.Exit(INTERRUPTED) from None
+        raise Interrupted("interrupted: what had ended is kept, and the same command goes on from there") from None
     raise typer.Exit(code)
