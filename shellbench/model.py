@@ -251,6 +251,8 @@ ALLOWED = {
 """What a field must be, by the type of pydantic's problem: its own words name classes and parsers, not fields."""
 
 
+CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")  # a terminal obeys them; not tabs and ends of lines
+
 # A bare or quoted key of too many parts, where a key may begin. Possessive quantifiers give nothing back, so that it is
 # found in linear time.
 PART = r"""(?:[A-Za-z0-9_-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
@@ -283,7 +285,8 @@ def parse_toml(text: str) -> dict[str, Any]:
     TOMLDecodeError
         If it is not TOML.
     InputError
-        As a clause, if it is TOML that can't be kept: nested too deeply, or with a number that is too large.
+        As a clause, if it is TOML that can't be kept: nested too deeply, with a number that is too large, or with a
+        character that commands a terminal.
     """
     if LONG_KEY.search(text):
         raise InputError(f"a key has more than {MOST_PARTS} parts: it is nested too deeply")
@@ -299,9 +302,11 @@ def parse_toml(text: str) -> dict[str, Any]:
     while parts:
         part = parts.pop()
         if isinstance(part, dict | list):
-            parts += part.values() if isinstance(part, dict) else part
+            parts += (*part, *part.values()) if isinstance(part, dict) else part
         elif isinstance(part, int) and abs(part) > LARGEST_WHOLE:
             raise InputError(TOO_LARGE)
+        elif isinstance(part, str) and (found := CONTROL.search(part)) is not None:
+            raise InputError(f"a text has the control character U+{ord(found[0]):04X}")
     check_sizes(data)
     return data
 

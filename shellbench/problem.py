@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, Self, get_args
 
 from numpy.typing import NDArray
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic_core import PydanticKnownError
 
 from shellbench.account import Phase
 from shellbench.errors import InputError
@@ -292,6 +293,14 @@ class Settings(Model):
     bench gives one. Settings that can't change the answer, like that one, are declared with `exclude=True`:
     they are no part of a run's identity.
     """
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _is_true_or_false(cls, value: Any, info: ValidationInfo) -> Any:
+        field = cls.model_fields.get(info.field_name or "")
+        if field is not None and field.annotation is bool and not isinstance(value, bool):
+            raise PydanticKnownError("bool_type")
+        return value
 
 
 class SeededSettings(Settings):

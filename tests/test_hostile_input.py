@@ -7,9 +7,9 @@ import tomllib
 import pytest
 
 from shellbench import cli
-from shellbench.bench import catalog, kinds
+from shellbench.bench import catalog, kinds, registry
 from shellbench.bench.baseline import read_baseline
-from shellbench.bench.identity import parse_setting
+from shellbench.bench.identity import make_settings, parse_setting
 from shellbench.bench.pack import read_pack
 from shellbench.bench.reference import read_known_values
 from shellbench.bench.store import Store
@@ -78,6 +78,26 @@ def test_a_key_of_too_many_parts_is_refused_before_it_is_read(text, tmp_path):
     (tmp_path / "x.toml").write_text(text)
     with pytest.raises(InputError, match=r"x\.toml: .*nested too deeply$"):
         read_toml(tmp_path / "x.toml")
+
+
+@pytest.mark.parametrize("text", ['title = "a\\u001b[2Jb"', 'a = [{ b = "\\u0000" }]', '"k\\u009b" = 1'])
+def test_a_text_that_commands_a_terminal_is_refused(text, tmp_path):
+    (tmp_path / "x.toml").write_text(text)
+    with pytest.raises(InputError, match=r"x\.toml: a text has the control character U\+00(1B|00|9B)$"):
+        read_toml(tmp_path / "x.toml")
+    assert parse_toml(r'x = "a\tb\nc\u00e9"') == {"x": "a\tb\ncé"}
+
+
+@pytest.mark.parametrize("value", ["no", "yes", "0", "'false'"])
+def test_a_setting_that_is_neither_true_nor_false_is_refused(value):
+    solver = registry.load_solver(registry.find_solver("fem"))
+
+    def setting(value):
+        return dict([parse_setting(f"fem.symmetry={value}")[1:]])
+
+    with pytest.raises(InputError, match=r"field 'symmetry': found .*, but it must be true or false"):
+        make_settings(solver, setting(value), 0, "cpu")
+    assert not make_settings(solver, setting("false"), 0, "cpu").symmetry
 
 
 def test_texts_and_lists_with_many_points_are_read():

@@ -78,6 +78,7 @@ def asked(entry: SolverEntry) -> str | None:
         ("os.kill(os.getpid(), signal.SIGSEGV)", "", "the import: its process died (signal 11)"),
         ("os.kill(os.getppid(), signal.SIGKILL); time.sleep(60)", "", "the import: its process died (signal 9)"),
         (NOISE, "", "it wrote something else than its answer"),
+        ("class Settings(Settings):\n    order: int", "", "its setting 'order' has no default"),
         ("", "sys.exit(0)", "declines raised SystemExit: 0"),
         ("", "os._exit(0)", "declines: its process died (exit code 0)"),
         ("", "os.closerange(3, 99); return None", "declines: "),

@@ -121,3 +121,16 @@ def test_solvers_that_look_at_points_alone_decline(part, what):
     assert what in load_solver(find_solver("ndf")).declines(case) or "springs" in part
     assert FemSolver().declines(case) is None
     assert RitzSolver().declines(case) is None
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_contact_with_what_points_miss_has_not_settled(turned):
+    data = {"kind": "plane", "xi1": [0, 4], "xi2": [0, 1]}
+    if turned:
+        data |= {"kind": "expression", "x": "xi1", "y": "xi2", "z": "0.01*xi1"}
+    for width, said in ((0.002, True), (0.5, False)):
+        needle = {"kind": "formula", "centre": [0.3, 0, 0], "phi": f"z + 5 - 4.99*exp(-((x - 1)/{width})**2)"}
+        case = shell(data, supports=SUPPORTED, quantities=U, points={"p": [2, 0.5]}, obstacles=[needle])
+        found = case.undecided
+        assert (found is not None) is said
+        assert not said or "an obstacle of kind 'formula' varies within" in found

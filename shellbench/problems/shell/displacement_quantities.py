@@ -10,9 +10,11 @@ from pydantic import AfterValidator, Field, model_validator
 
 from shellbench.errors import InputError
 from shellbench.model import Vector
+from shellbench.problems.features import MOST_CELLS, Division, divided
 from shellbench.problems.shell.conditions import Places, VectorFormula
+from shellbench.problems.shell.features import shown_place
 from shellbench.problems.shell.field import DisplacementField
-from shellbench.problems.shell.measure import unit
+from shellbench.problems.shell.measure import cells_rule, panel_ends, unit
 from shellbench.problems.shell.places import Point
 from shellbench.problems.shell.quantity import ShellQuantity
 from shellbench.problems.shell.search import largest
@@ -173,10 +175,27 @@ class FieldError(ShellQuantity):
             raise ValueError(f"quantity '{self.name}': {error}") from None
         if not np.all(np.isfinite(exact)) or not np.any(exact):
             raise ValueError(f"the displacement of quantity '{self.name}' is zero, or not finite, on the shell")
+        if (at := self._division(shell).undecided) is not None:
+            raise ValueError(
+                f"the displacement of quantity '{self.name}' varies more quickly than {MOST_CELLS} cells tell, at"
+                f" {shown_place(shell, at)}"
+            )
+
+    def _division(self, shell: Any) -> Division:
+        """Return cells that tell the prescribed displacement, none larger than panels of the rule of the case."""
+        first, second = (tuple(ends) for ends in panel_ends(shell))
+        domain = shell.surface.domain
+        (low, bottom), (high, top) = domain.lower, domain.upper
+        formulas = [shell.formula(text) for text in self.exact]
+        return divided([(formulas, self.at)], ((low, high), (bottom, top)), lines=(first, second))
+
+    def _rule(self, shell: Any) -> tuple[Array, Array]:
+        division = self._division(shell)
+        return cells_rule(shell, division) if division.narrow.any() else shell.area_rule
 
     def measure(self, solution: DisplacementField) -> float:
         """Return the relative error in the mean square."""
-        points, weights = solution.case.area_rule
+        points, weights = self._rule(solution.case)
         exact = solution.case.evaluate(self.exact, points, self.at)[0, 0]
         error = solution.displacement(points, at=self.at) - exact
         return float(np.sqrt(weights @ np.sum(error**2, axis=-1) / (weights @ np.sum(exact**2, axis=-1))))

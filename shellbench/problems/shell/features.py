@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,6 +25,7 @@ from shellbench.problems.features import (
     divided,
     place,
 )
+from shellbench.problems.obstacle import FormulaBody
 from shellbench.problems.shell.conditions import (
     AreaLoad,
     EdgeLoad,
@@ -33,10 +35,10 @@ from shellbench.problems.shell.conditions import (
     Value,
 )
 from shellbench.problems.shell.places import Edge, Whole
-from shellbench.problems.shell.surface import ExpressionSurface
+from shellbench.problems.shell.surface import AnalyticSurface, ExpressionSurface
 from shellbench.problems.smoothness import bad_place
 
-Role = Literal["load", "stiffness"]
+Role = Literal["load", "stiffness", "obstacle"]
 ON_THE_WAY = 0.37  # of a motion: where formulas of t are looked at beside its end
 
 
@@ -51,7 +53,8 @@ class Feature:
     what
         What the case calls it.
     role
-        Loads need to be integrated; what resists or moves the shell needs fields that vary as quickly.
+        Loads need to be integrated; what resists or moves the shell needs fields that vary as quickly. Contact with an
+        obstacle is looked for at points, which miss what is narrow.
     edge
         The edge that it acts on; None of the whole surface.
     division
@@ -123,7 +126,7 @@ def check_formulas(case: Any) -> None:
         formula = _read(case, "a factor of the material", getattr(material, name), NAMES)
         if (at := bad_place(formula, everywhere, SMALLEST)) is not None:
             raise ValueError(
-                f"field 'material.{name}' is not finite, or not positive, on the shell: at {_shown(case, at)}"
+                f"field 'material.{name}' is not finite, or not positive, on the shell: at {shown_place(case, at)}"
             )
     for spring in case.springs:
         formula, what = (
@@ -131,21 +134,25 @@ def check_formulas(case: Any) -> None:
             f"the stiffness of spring '{spring.name}'",
         )
         if (at := bad_place(formula, everywhere, -np.finfo(float).tiny)) is not None:
-            raise ValueError(f"{what} is not finite, or negative, on the shell: at {_shown(case, at)}")
+            raise ValueError(f"{what} is not finite, or negative, on the shell: at {shown_place(case, at)}")
     for load in case.loads:
         what = f"a load of kind '{load.kind}'"
         edges: list[Edge | None] = [p for n in getattr(load, "on", ()) if isinstance(p := case.places[n], Edge)]
         for formula in [_read(case, what, text, (*NAMES, "t")) for text in load.formulas]:
             for edge in edges or [None]:
                 if (at := bad_place(formula, _box(case, edge))) is not None:
-                    raise ValueError(f"{what} is not finite, or above {LARGEST:g}, on the shell: at {_shown(case, at)}")
+                    raise ValueError(
+                        f"{what} is not finite, or above {LARGEST:g}, on the shell: at {shown_place(case, at)}"
+                    )
     for support, held in case.supported_places():
         what = f"the motion of support '{support.name}'"
         for text in support.motion.formulas if support.motion is not None else ():
             formula = _read(case, f"support '{support.name}'", text, (*NAMES, "t"))
             side = held if isinstance(held, Edge) else None
             if (at := bad_place(formula, _box(case, side), order=2)) is not None:
-                raise ValueError(f"{what} is not finite, or above {LARGEST:g}, on the shell: at {_shown(case, at)}")
+                raise ValueError(
+                    f"{what} is not finite, or above {LARGEST:g}, on the shell: at {shown_place(case, at)}"
+                )
 
 
 def _read(case: Any, what: str, text: Any, variables: tuple[str, ...]) -> Expression:
@@ -156,10 +163,13 @@ def _read(case: Any, what: str, text: Any, variables: tuple[str, ...]) -> Expres
 
 
 def undecided(case: Any) -> str | None:
-    """Return which formula no cells tell, and where, as one clause; None if all are told."""
+    """Return the formula that no cells tell, or no contact, and its place, as one clause; None if all are told."""
     for feature in case.features:
         if (at := feature.division.undecided) is not None:
-            return f"{feature.what} varies more quickly than {MOST_CELLS} cells tell, at {_shown(case, at)}"
+            return f"{feature.what} varies more quickly than {MOST_CELLS} cells tell, at {shown_place(case, at)}"
+        if feature.role == "obstacle" and feature.division.narrow.any():
+            axis = int(feature.division.narrow[:, 1].any())
+            return f"{feature.what} {quickness(case, feature, axis)}, which points in contact may miss"
     return None
 
 
@@ -180,10 +190,10 @@ def quickness(case: Any, feature: Feature, axis: int) -> str:
     size = np.where(division.narrow[:, axis], (division.high - division.low)[:, axis], np.inf)
     at, length = place((division.low + division.high)[size.argmin()] / 2), float(size.min())
     shown = np.degrees(length) if case.surface.domain.angle[axis] else length
-    return f"varies within {shown:.2g} of {NAMES[axis]} at {_shown(case, at)}"
+    return f"varies within {shown:.2g} of {NAMES[axis]} at {shown_place(case, at)}"
 
 
-def _shown(case: Any, at: Place) -> str:
+def shown_place(case: Any, at: Place) -> str:
     """Return a place in the units of the case file."""
     domain = case.surface.domain
     each = (np.degrees(c) if angle else c for c, angle in zip(at, domain.angle, strict=True))
@@ -197,6 +207,13 @@ def _box(case: Any, edge: Edge | None) -> Box:
         bounds[edge.axis] = (edge.coordinate(domain),) * 2
         bounds[1 - edge.axis] = edge.bounds(domain)
     return bounds[0], bounds[1]
+
+
+def _at_rest(case: Any, obstacle: FormulaBody, t: float) -> Expression:
+    """Return the formula of an obstacle on the shell at rest, where the obstacle is at a time."""
+    moved = zip("xyz", case.surface.formulas, obstacle.at(t)[0].tolist(), strict=True)
+    place = {name: f"(({formula}) - ({centre!r}))" for name, formula, centre in moved}
+    return case.formula(re.sub(r"\b[xyz]\b", lambda name: place[name[0]], obstacle.phi))
 
 
 def _formulas(case: Any) -> Iterator[Formulas]:
@@ -219,6 +236,10 @@ def _formulas(case: Any) -> Iterator[Formulas]:
             [case.formula(spring.stiffness)],
             "integral",
         )
+    for obstacle in case.obstacles:
+        if isinstance(obstacle, FormulaBody) and isinstance(surface, AnalyticSurface):
+            t = 1.0 if case.dynamics is None else ON_THE_WAY * case.dynamics.until
+            yield obstacle, "an obstacle of kind 'formula'", "obstacle", None, [_at_rest(case, obstacle, t)], "integral"
     for load in case.loads:
         formulas, what = [case.formula(f) for f in load.formulas], f"a load of kind '{load.kind}'"
         if isinstance(load, AreaLoad | PressureLoad | GravityLoad):

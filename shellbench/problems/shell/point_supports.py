@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from shellbench.problems.shell.conditions import RIGID_MOTIONS, EdgeLoad, MomentLoad, PointLoad, Support
 from shellbench.problems.shell.directions import in_space, local_directions
-from shellbench.problems.shell.measure import load_density, unit
+from shellbench.problems.shell.measure import rule_of, spread_forces, unit
 from shellbench.problems.shell.modes import Frequency
 from shellbench.problems.shell.places import Edge, Point
 from shellbench.problems.shell.quantity import ShellQuantity
@@ -130,7 +130,8 @@ def _is_idle_plate(case: Shell, soft: Iterable[Hold]) -> bool:
     """Tell whether the shell is flat, and nothing that acts on it or moves it is along its midsurface."""
     if any(hold.spot.shears and hold.lean <= LEANING for hold in soft):
         return False
-    points, _ = case.area_rule
+    narrow = (feature.division.middles for feature in case.features if feature.of is case.surface)
+    points = np.concatenate([case.area_rule[0], *narrow])
     normals = local_directions(case.surface, points)[:, 2]
     marks = {mark_of(case, quantity) for quantity in case.quantities}
     vectors = [force for t in marks for force, _, _ in _forces(case, t)]
@@ -146,8 +147,7 @@ def _is_idle_plate(case: Shell, soft: Iterable[Hold]) -> bool:
 
 def _forces(case: Shell, t: float) -> Iterator[tuple[Array, Array, bool]]:
     """Yield forces, or moments, (n, 3) that act at points (n, 2), N or N m, and whether they are moments."""
-    points, weights = case.area_rule
-    yield load_density(case, points, t) * weights[:, None], points, False
+    yield from ((forces, points, False) for forces, points in spread_forces(case, t))
     for load in case.loads:
         if isinstance(load, PointLoad):
             for place in map(case.places.__getitem__, load.on):
@@ -156,7 +156,7 @@ def _forces(case: Shell, t: float) -> Iterator[tuple[Array, Array, bool]]:
         elif isinstance(load, EdgeLoad | MomentLoad):
             for edge in map(case.places.__getitem__, load.on):
                 assert isinstance(edge, Edge)
-                points, lengths = along_edge(case, edge)
+                points, lengths = rule_of(case, load, edge) or along_edge(case, edge)
                 if isinstance(load, MomentLoad):
                     values = case.formula(load.value).derivatives(points, 0, t)[0, 0]
                     yield (values * lengths)[:, None] * unit(load.axis), points, True

@@ -261,3 +261,28 @@ def test_the_critical_state_is_the_first_and_has_quantities_of_its_own():
     assert measure(solution, doubled) == 2 * 0.078
     with pytest.raises(ValueError, match="no critical state"):
         measure(Buckled(()), solution.case.quantity("critical_torque"))
+
+
+def test_a_field_error_counts_what_the_panels_of_the_rule_miss():
+    data = read_toml(catalog.data_folder("cases") / "square_plate.toml")
+    spike = "exp(-((xi1 - 33.3)/0.007)**2)"
+    error = {"name": "error", "kind": "field_error", "exact": [0.0, 0.0, f"1 + 40*{spike}"]}
+    case = build_case({**data, "quantities": [*data["quantities"], error]}, "plate", "plate.toml")
+    square = 40**2 * 0.007 * np.sqrt(np.pi / 2)  # the integrals of the spike's square, and of twice the spike
+    twice = 2 * 40 * 0.007 * np.sqrt(np.pi)
+    field = ClosedFormField(case, lambda points: np.ones((len(points), 1)) * np.array([0.0, 0.0, 1.0]))
+    found = measure(field, case.quantities[-1])
+    assert found == pytest.approx(np.sqrt(square / (100 + twice + square)), rel=1e-6)
+
+
+def test_a_field_that_no_cells_tell_is_no_exact_one():
+    data = read_toml(catalog.data_folder("cases") / "square_plate.toml")
+    error = {
+        "name": "error",
+        "kind": "field_error",
+        "exact": [0.0, 0.0, "1 + exp(-((xi1 - 0.7*xi2 - 0.1)/1e-5)**2)/1e-5"],
+    }
+    with pytest.raises(
+        InputError, match=r"quantity 'error' varies more quickly than 20000 cells tell, at \(xi1, xi2\)"
+    ):
+        build_case({**data, "quantities": [*data["quantities"], error]}, "plate", "plate.toml")

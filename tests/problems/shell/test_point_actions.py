@@ -22,6 +22,8 @@ RIM = {"name": "rim", "on": ["xi1_min", "xi1_max", "xi2_min", "xi2_max"], "clamp
 ROLLER = {"name": "table", "on": ["xi1_min", "xi1_max"], "components": ["z"]}
 PULL = {"kind": "edge", "on": ["xi1_max"], "vector": [1000, 0, 0]}
 BALANCE = {"kind": "edge", "on": ["xi1_min"], "vector": [-1000, 0, 0]}
+HIDDEN = "1e6*exp(-((xi1 - 1.2347)/0.0004)**2 - ((xi2 - 0.6181)/0.0004)**2)"
+ALONG = "1e6*exp(-((xi2 - 0.6181)/0.0004)**2)"
 WEIGHT = {"kind": "area", "vector": [0, 0, -100]}
 MEAN = {"name": "mean", "kind": "centre_of_mass", "direction": [1, 0, 0]}
 FINITE, NAGHDI = "kirchhoff-love-nonlinear", "naghdi-linear"
@@ -84,6 +86,18 @@ NONE = {
     ),
     "points that hold against a stretch": lambda: shell(
         STRIP, points={"p": [0.5, 0.5], "q": [1.5, 0.5]}, supports=[pins("p", "q"), ROLLER], loads=[PULL, BALANCE]
+    ),
+    "determinate points, and a pull that samples miss": lambda: shell(
+        STRIP, loads=[WEIGHT, {"kind": "area", "vector": [HIDDEN, 0, 0]}],
+        supports=[pins("xi1_min,xi2_min"), pins("xi1_max,xi2_min", components="y") | {"name": "roll"}, ROLLER],
+    ),
+    "determinate points, and a pull that samples of an edge miss": lambda: shell(
+        STRIP, loads=[WEIGHT, PULL | {"vector": [ALONG, 0, 0]}],
+        supports=[pins("xi1_min,xi2_min"), pins("xi1_max,xi2_min", components="y") | {"name": "roll"}, ROLLER],
+    ),
+    "idle plate on points, and a pull that samples miss": lambda: shell(
+        STRIP, points={"p": [0.5, 0.5], "q": [1.5, 0.5]}, supports=[pins("p", "q"), ROLLER],
+        loads=[WEIGHT, {"kind": "area", "vector": [HIDDEN, 0, 0]}],
     ),
     "four corners of a roof": lambda: shell(
         ROOF, supports=[pins(*(f"xi1_{a},xi2_{b}" for a in ("min", "max") for b in ("min", "max")), components="xyz")],
