@@ -213,7 +213,8 @@ def _at_rest(case: Any, obstacle: FormulaBody, t: float) -> Expression:
     """Return the formula of an obstacle on the shell at rest, where the obstacle is at a time."""
     moved = zip("xyz", case.surface.formulas, obstacle.at(t)[0].tolist(), strict=True)
     place = {name: f"(({formula}) - ({centre!r}))" for name, formula, centre in moved}
-    return case.formula(re.sub(r"\b[xyz]\b", lambda name: place[name[0]], obstacle.phi))
+    found: Expression = case.formula(re.sub(r"\b[xyz]\b", lambda name: place[name[0]], obstacle.phi))
+    return found
 
 
 def _formulas(case: Any) -> Iterator[Formulas]:
