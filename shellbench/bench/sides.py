@@ -92,11 +92,6 @@ def read_side(name: str, store: Store, scope: Scope) -> Side:
     return _side(name, _kind(name, store), store, scope, wanted)
 
 
-def commits_in(contents: Contents) -> tuple[tuple[str, int], ...]:
-    """Return the commits that made runs, in the order of their first runs, with how many."""
-    return tuple(Counter(sha for record in contents.records if (sha := record.environment.git_sha)).items())
-
-
 def _kind(name: str, store: Store) -> What:
     """Return what a name names; InputError if it is nothing that has runs."""
     bare = os.sep not in name and not name.startswith(".")

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 import typer
 
-from shellbench.cli.compare import compare_command, history_command
+from shellbench.cli.compare import compare_command
 from shellbench.cli.first import doctor, new_case, new_solver, quick
 from shellbench.cli.judge import baseline_command, export, gate_command, report, table
 from shellbench.cli.options import say
@@ -68,7 +68,6 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "table": table,
     "gate": gate_command,
     "compare": compare_command,
-    "history": history_command,
     "baseline": baseline_command,
     "report": report,
     "export": export,

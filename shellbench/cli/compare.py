@@ -1,4 +1,4 @@
-"""The commands that hold runs of other times against each other: ``compare`` and ``history``."""
+"""The command that compares runs of two times, or two solvers: ``compare``."""
 
 from __future__ import annotations
 
@@ -107,56 +107,3 @@ def compare_command(
         )
         typer.echo(shown, nl=False)
     raise typer.Exit(0 if found.good(gone) else 1)
-
-
-VERSION = "STORE|PACK|COMMIT"
-
-
-def history_command(
-    versions: Annotated[
-        list[str] | None, typer.Argument(metavar=f"[{VERSION}]...", help="The oldest first; at least two.")
-    ] = None,
-    case: Annotated[
-        list[str] | None,
-        typer.Option("--case", metavar="CASE|PATH.toml", help="Only this case; may be repeated.", **CASES),
-    ] = None,
-    suite: SuiteOption = None,
-    solver: SolverOption = None,
-    store: StoreOption = DEFAULT_STORE,
-    format: Annotated[ComparisonFormat, typer.Option("--format", help="How to print it.")] = ComparisonFormat.text,
-    every: Annotated[
-        bool, typer.Option("--all", help="Print all figures, not only headlines and what is not the same.")
-    ] = False,
-    wide: WideOption = False,
-) -> None:
-    """Show a solver over its versions: values, errors, seconds and memory of each, what came and what went.
-
-    A version is a folder of records, a pack (FILE.zip), or a commit that made runs in --store. Without any, the
-    versions are all commits that made runs in --store, in the order of their first runs. Each is held against the one
-    before it as `compare` does; whatever was lost, the exit code is 0, for a history judges nothing. Exit 2 if there
-    are no two versions that can be compared.
-
-    `shellbench report --history VERSION` puts it on the page.
-
-    Examples
-    --------
-        shellbench history mine-1.0.zip mine-1.1.zip reports/runs --solver mine
-
-        shellbench history --solver fem --suite obstacle_course
-    """
-    from shellbench.bench.changes import json_text
-    from shellbench.bench.history import as_data, read_history
-    from shellbench.bench.sides import Scope
-    from shellbench.bench.store import Store
-
-    scope = Scope(tuple(case or ()), tuple(suite or ()), tuple(solver or ()))
-    found = read_history(tuple(versions or ()), Store(Path(store)), scope)
-    warn(found.notes)
-    if format is ComparisonFormat.json:
-        typer.echo(json_text(as_data(found)))
-        return
-    from shellbench.report import history
-
-    markdown = format is ComparisonFormat.markdown
-    shown = history.as_markdown(found, every) if markdown else history.as_text(found, text_width(wide), every)
-    typer.echo(shown, nl=False)

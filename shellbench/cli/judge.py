@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
@@ -33,7 +32,7 @@ from shellbench.errors import InputError
 FRAMES = 49  # of a series, unless told
 
 if TYPE_CHECKING:
-    from shellbench.report.evidence import Section
+    pass
 
 
 def table(
@@ -151,14 +150,6 @@ def report(
     store: StoreOption = DEFAULT_STORE,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write.")] = DEFAULT_REPORT,
     suite: SuiteOption = None,
-    earlier: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--history",
-            metavar="STORE|PACK|COMMIT",
-            help="An earlier version of what --store holds, for a section on its history; repeat it, the oldest first.",
-        ),
-    ] = None,
     for_print: Annotated[bool, typer.Option("--print/--no-print", help="Figures for print too, as PDF.")] = True,
     paper: Annotated[
         Path | None,
@@ -190,30 +181,10 @@ def report(
             raise typer.BadParameter("name one folder: --out for the page, or --paper", param_hint="'--paper'")
         from shellbench.report.paper import write_paper
 
-        if earlier:
-            raise typer.BadParameter("is a section of the page: not with --paper", param_hint="'--history'")
         typer.echo(f"written to {write_paper(Store(store), rows, paper, whole=bool(suite), say=note)}")
         return
-    further = _history(earlier, Path(store), tuple(cases or ()), tuple(suite or ())) if earlier else ()
-    written = page.write_report(
-        Store(store), rows, out, for_print=for_print, whole=bool(suite), say=note, further=further
-    )
+    written = page.write_report(Store(store), rows, out, for_print=for_print, whole=bool(suite), say=note)
     typer.echo(f"written to {written}")
-
-
-def _history(earlier: Sequence[str], store: Path, cases: tuple[str, ...], suites: tuple[str, ...]) -> tuple[Section]:
-    """Return the section of a page on earlier versions of what a store holds."""
-    from shellbench.bench.history import read_history
-    from shellbench.bench.sides import Scope
-    from shellbench.bench.store import Store
-    from shellbench.report import history
-    from shellbench.report.exhibit import style
-
-    last = str(store) if store.is_absolute() else f"./{store}"  # a folder, whatever it is called
-    found = read_history((*earlier, last), Store(store), Scope(cases, suites))
-    warn(found.notes)
-    with style():
-        return (history.section(found),)
 
 
 def export(
@@ -226,16 +197,14 @@ def export(
         typer.Option(
             "--out",
             metavar="FILE",
-            help="File to write: .npz (arrays), .obj (deformed shape) or .vtu; of a motion .pvd, .glb or .gif."
+            help="File to write: .npz (arrays), .obj (deformed shape) or .vtu; of a motion .pvd."
             " .vtu and .pvd need the extra 'vtk'.",
         ),
     ],
     resolution: Annotated[
         int, typer.Option("--resolution", metavar="N", min=2, max=5000, help="Points a side of the grid.")
     ] = 101,
-    scale: Annotated[
-        float, typer.Option("--scale", metavar="X", help="Factor of the displacement in .obj, .glb and .gif.")
-    ] = 1.0,
+    scale: Annotated[float, typer.Option("--scale", metavar="X", help="Factor of the displacement in .obj.")] = 1.0,
     at: Annotated[
         float | None, typer.Option("--at", metavar="T", help="Time (s) or kept state of a path; the last if not given.")
     ] = None,
@@ -247,7 +216,7 @@ def export(
             min=2,
             max=1000,
             help="Write so many states of a motion (49 unless told), or all that a path keeps, whatever N:"
-            " numbered files, or one .pvd, .glb or .gif.",
+            " numbered files; .pvd lists them.",
         ),
     ] = None,
     seed: Annotated[
@@ -260,8 +229,8 @@ def export(
     The grid's points have displacement (m), strains (covariant components 11, 22, 12) and energy densities (J/m2). In
     .vtu the shell is undeformed, and viewers warp it by the displacement; .obj is the deformed shape.
 
-    A motion, or the states of a path, is a series: .pvd lists numbered .vtu files with their times, .glb is one mesh
-    that an animation deforms, .gif a film; with --frames the other formats become numbered files.
+    A motion, or the states of a path, is a series: .pvd lists numbered .vtu files with their times; with --frames the
+    other formats become numbered files.
 
     Examples
     --------
@@ -287,11 +256,5 @@ def export(
         typer.echo(f"written to {out}")
         return
     states = exports.samples(where, stored, resolution, exports.marks_of(stored, frames or FRAMES))
-    if out.suffix == ".gif":
-        from shellbench.report.film import film_of
-
-        exports.write(out, film_of(states, stored.case, scale, solver))
-        typer.echo(f"written to {out}")
-        return
     count = series.export_series(states, out, scale)
     typer.echo(f"written to {out if out.suffix in series.SERIES else series.numbered(out, 0)}: {count} states")

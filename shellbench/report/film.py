@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from io import BytesIO
 from typing import Any
 
@@ -11,13 +10,9 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from shellbench.bench.kinds import find_kind
-from shellbench.errors import InputError
 from shellbench.report.exhibit import style
-from shellbench.report.fields import Fields, drawn
 from shellbench.report.notation import plain
 from shellbench.report.shells import BAR, HIGHEST, LOWEST, Shell, aspect, colour_bar, draw_deformed
-from shellbench.sample import Sample
 
 SECONDS = 2.4  # that it lasts, once: shown twice it stops within five seconds, as WCAG 2.2.2 asks of what starts itself
 ACROSS = 2.6  # inches of one solver's column
@@ -73,29 +68,3 @@ def _draw(axes: Any, shell: Shell | None, among: Sequence[Shell], title: str) ->
         axes.text(0.5, 0.5, "not reached", transform=axes.transAxes, ha="center", va="center", color="#666666")
     else:
         draw_deformed(axes, shell, among, CELLS)
-
-
-def film_of(samples: Iterable[Sample], case: Any, scale: float, solver: str) -> bytes:
-    """Return the film of one solution's samples, shown without end.
-
-    Parameters
-    ----------
-    case
-        The problem that it answers.
-    scale
-        Factor of the displacement.
-
-    Raises
-    ------
-    InputError
-        If the case can't be drawn.
-    """
-    portrait, states = find_kind(case.kind).portrait(case), list(samples)
-    if portrait.scene is None:
-        raise InputError(f"{case.name}: its kind can't be drawn, and so not be filmed")
-    marks = np.array([one.at for one in states], dtype=float)
-    moved = np.stack([one.displacement for one in states])
-    fields = Fields(states[0].xi, states[0].position, moved[-1], marks, moved)
-    shells = [drawn(None, portrait, fields, one) for one in moved]
-    shells = [None if one is None else replace(one, scale=scale) for one in shells]
-    return film([shells], [portrait.mark_words(float(mark)) for mark in marks], [solver], 0)

@@ -39,7 +39,6 @@ def write_report(
     for_print: bool = True,
     say: Say = silent,
     whole: bool = False,
-    further: Sequence[Section] = (),
 ) -> Path:
     """Write the report.
 
@@ -59,8 +58,6 @@ def write_report(
         Takes a sentence for each file of a run that is damaged.
     whole
         Whether each suite is shown whole, as it was asked for by name; else each run is shown once.
-    further
-        Sections that are not made from these rows, last.
 
     Returns
     -------
@@ -73,7 +70,6 @@ def write_report(
         If the store can't be read, or `out` is a file or can't be written.
     """
     found, stored, sections = gather(store, rows, known, whole, say)
-    sections += further
     shown, drawn = found.compared, [exhibit for section in sections for exhibit in section.all_exhibits]
     turned = views(found, pictured_runs(drawn))
     leaves = leaves_of(shown, sections)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
-import struct
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,12 +10,12 @@ import numpy as np
 import pytest
 
 from shellbench.bench.export import Sample, sample, samples, stored_run
-from shellbench.bench.frames import as_glb, as_pvd, export_series, numbered
+from shellbench.bench.frames import as_pvd, export_series, numbered
 from shellbench.bench.store import Store
 from shellbench.errors import InputError
 from shellbench.report.film import film
 from shellbench.report.shells import Camera, Shell
-from tests.bench.test_export import N, formula_sample
+from tests.bench.test_export import formula_sample
 
 TIMES = (0.0, 0.25, 1.0)
 
@@ -26,44 +24,6 @@ def motion(jump: float = 0.0) -> list[Sample]:
     """A closed shell that moves along a formula, in three frames."""
     whole = formula_sample(jump=jump)
     return [replace(whole, displacement=t**2 * whole.displacement, at=t) for t in TIMES]
-
-
-def glb_arrays(data: bytes) -> tuple[dict, list[np.ndarray]]:
-    """The JSON of a binary glTF and its accessors' arrays, by the format's description."""
-    magic, version, length = struct.unpack_from("<4s2I", data)
-    assert (magic, version, length) == (b"glTF", 2, len(data))
-    size, kind = struct.unpack_from("<I4s", data, 12)
-    assert (kind, size % 4) == (b"JSON", 0)
-    whole = json.loads(data[20 : 20 + size])
-    count, kind = struct.unpack_from("<I4s", data, 20 + size)
-    assert (kind, count) == (b"BIN\0", whole["buffers"][0]["byteLength"])
-    body, arrays = data[28 + size :], []
-    for one in whole["accessors"]:
-        view = whole["bufferViews"][one["bufferView"]]
-        values = np.frombuffer(
-            body[view["byteOffset"] : view["byteOffset"] + view["byteLength"]],
-            {5125: "<u4", 5126: "<f4"}[one["componentType"]],
-        ).reshape(one["count"], -1)
-        np.testing.assert_array_equal([values.min(axis=0), values.max(axis=0)], [one["min"], one["max"]])
-        arrays.append(values)
-    return whole, arrays
-
-
-@pytest.mark.parametrize("jump", [0.0, 1e-3])
-def test_glb_holds_every_state_at_its_time(jump: float) -> None:
-    states = motion(jump)
-    whole, arrays = glb_arrays(as_glb(states, 2e6))
-    primitive = whole["meshes"][0]["primitives"][0]
-    base = arrays[primitive["attributes"]["POSITION"]]
-    assert len(base) == N * (N if jump else N - 1)  # one side of the seam, unless a state is torn there
-    assert arrays[primitive["indices"]].max() == len(base) - 1
-    sampler = whole["animations"][0]["samplers"][0]
-    np.testing.assert_allclose(arrays[sampler["input"]].ravel(), TIMES)
-    weights = arrays[sampler["output"]].reshape(len(TIMES), -1)
-    for state, weight in zip(states, weights, strict=True):
-        shown = base + sum(w * arrays[t["POSITION"]] for w, t in zip(weight, primitive["targets"], strict=True))
-        expected = state.deformed(2e6)[: None if jump else -1].reshape(-1, 3)
-        np.testing.assert_allclose(shown, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
 
 
 def test_a_series_is_numbered_files(tmp_path: Path) -> None:
