@@ -377,12 +377,13 @@ def long(session: nox.Session) -> None:
 
 @nox.session
 def mutation(session: nox.Session) -> None:
-    """Examine the exam: put mutants of our solvers through the gate, and write docs/mutation.md. Takes hours.
+    """Examine the exam: put mutants of our solvers through the gate, and print the survivors. Takes hours.
 
-    `-- --seed 8 --count 25 --solver fem --kind mechanics`: which ones. What was examined is kept in reports/mutation.
+    `-- --seed 8 --count 25 --solver fem --kind mechanics` draws some. What was examined is kept in reports/mutation.
     """
     install(session, "test")
-    session.run("python", "-m", "tests.mutation", *session.posargs)
+    session.run("pytest", "-q", "tools/mutation")
+    session.run("python", "-m", "tools.mutation", *session.posargs)
 
 
 @nox.session

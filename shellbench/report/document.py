@@ -200,7 +200,7 @@ def makings(records: Mapping[str, Record], rows: Sequence[Row]) -> tuple[list[Ma
 def exam_words() -> str:
     """Say how many mistakes made by rule the exam found; nothing if no score is kept.
 
-    `references/exam_score.json` keeps it, by draw; `python -m tests.mutation` writes it, see docs/mutation.md.
+    `references/exam_score.json` keeps it, by draw; see docs/verdict.md.
     """
     try:
         draws = json.loads((catalog.data_folder("references") / EXAM_SCORE).read_text(encoding="utf-8"))["draws"]

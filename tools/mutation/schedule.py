@@ -4,7 +4,7 @@
    does not answer within a time are no part of this exam. This is kept too, as long as the code stays.
 2. Of the mutants whose statement some case runs, and is of a kind that is asked for, a seed draws.
 3. A mutant is put the cases that run its statement, until one is red: cheap ones first, and each further way to ask
-   the same case later. `patience` may end this early. One that a person has found to be equivalent is asked nothing.
+   the same case later. `patience` may end this early.
 """
 
 from __future__ import annotations
@@ -26,10 +26,9 @@ from typing import Any
 
 import psutil
 
-from tests.mutation.draw import Mutant, all_mutants, draw
-from tests.mutation.exam import CRASH, TIME, Answered, Question, examine
-from tests.mutation.report import excuses
-from tests.mutation.targets import ROOT, TARGETS, Target, file_of
+from tools.mutation.draw import Mutant, all_mutants, draw
+from tools.mutation.exam import CRASH, TIME, Answered, Question, examine
+from tools.mutation.targets import ROOT, TARGETS, Target, file_of
 
 SUITES = ("obstacle_course", "verification", "variants", "shapes", "nonlinear", "cloth")
 SUITES += ("modes", "buckling", "resultants", "contact")
@@ -97,11 +96,7 @@ def examined(
     )
     path = folder / f"{target.name}-{seed}.jsonl"
     known = {entry["name"]: entry for entry in _lines(path)}
-    equivalent = {key for key, excuse in excuses().items() if excuse.verdict == "equivalent"}
-    exams = {
-        mutant.name: _within([r for r in exam if r.runs(mutant)], patience) if mutant.key not in equivalent else []
-        for mutant in drawn
-    }
+    exams = {mutant.name: _within([r for r in exam if r.runs(mutant)], patience) for mutant in drawn}
     known = {name: e for name, e in known.items() if e["red"] or _asked_all(e, exams.get(name, ()))}
     waiting = [mutant for mutant in drawn if mutant.name not in known]
     done = len(drawn) - len(waiting)

@@ -13,8 +13,8 @@ from importlib.machinery import ModuleSpec
 from importlib.util import spec_from_loader
 from types import CodeType, ModuleType
 
-from tests.mutation.draw import Mutant, mutated
-from tests.mutation.targets import file_of
+from tools.mutation.draw import Mutant, mutated
+from tools.mutation.targets import file_of
 
 
 class MutantLoader(InspectLoader):

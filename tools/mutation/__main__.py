@@ -1,4 +1,4 @@
-"""The command line: examine, and write what came of it."""
+"""The command line: examine mutants, print scores and survivors."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pathlib import Path
 
 
 def main() -> None:
-    from tests.mutation.report import add, excuses, summary, write
-    from tests.mutation.schedule import examined
-    from tests.mutation.targets import ALL_KINDS, TARGETS
+    from tools.mutation.report import add, words
+    from tools.mutation.schedule import examined
+    from tools.mutation.targets import ALL_KINDS, TARGETS
 
-    parser = argparse.ArgumentParser(prog="python -m tests.mutation", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tools.mutation", description=__doc__)
     parser.add_argument("--target", "--solver", action="append", choices=sorted(TARGETS), help="all unless given")
     parser.add_argument("--seed", type=int, default=1, help="of the draw")
     parser.add_argument("--count", type=int, default=100, help="mutants of each target")
@@ -25,18 +25,16 @@ def main() -> None:
     parser.add_argument("--patience", type=float, default=math.inf, help="seconds of the longest exam of one mutant")
     parser.add_argument("--case", action="append", default=[], help="ask these alone, or SOLVER:CASE")
     parser.add_argument("--processes", type=int, default=2, help="beside each other, one thread each")
+    parser.add_argument("--unseen", action="store_true", help="put the scores into references/exam_score.json")
     parser.add_argument("--store", type=Path, default=Path("reports/mutation"), help="folder of what is kept")
     chosen = parser.parse_args()
     say = partial(print, file=sys.stderr, flush=True)
     limits = chosen.longest, chosen.patience, chosen.case, chosen.processes
-    runs = [
-        examined(TARGETS[name], chosen.seed, chosen.count, chosen.kind or ALL_KINDS, chosen.store, *limits, say)
-        for name in chosen.target or TARGETS
-    ]
-    said = excuses()
-    write(add(runs), said)
-    for name, s in summary(runs, said):
-        say(f"{name}: {s.red} of {s.drawn} red, {s.equivalent} equivalent, {s.holes} holes, {s.gone} gone")
+    for name in chosen.target or TARGETS:
+        run = examined(TARGETS[name], chosen.seed, chosen.count, chosen.kind or ALL_KINDS, chosen.store, *limits, say)
+        print(words(run))
+        if chosen.unseen:
+            add(run)
 
 
 if __name__ == "__main__":

@@ -9,8 +9,8 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from tests.mutation.operators import RULES
-from tests.mutation.targets import Part, file_of, kind_of, parts
+from tools.mutation.operators import RULES
+from tools.mutation.targets import Part, file_of, kind_of, parts
 
 SHOWN_DIGITS = 12  # of a mutant's name
 
@@ -59,7 +59,7 @@ class Mutant:
 
     @property
     def key(self) -> tuple[str, str, str, str]:
-        """What an excuse is about."""
+        """Module, rule, statement and what it becomes."""
         return self.module, self.rule, self.statement, self.becomes
 
 

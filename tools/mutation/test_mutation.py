@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ast
+import json
 import math
 import re
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,30 +15,12 @@ import pytest
 from shellbench.bench.reference import Tolerance
 from shellbench.bench.row import Finding
 from tests.bench.test_classes import figure
-from tests.mutation.draw import Mutant, all_mutants, draw, mutants_of, mutated
-from tests.mutation.exam import CONFIDENT, VALUE, finds_a_mistake, first_mistake
-from tests.mutation.operators import RULES
-from tests.mutation.report import (
-    PAGE,
-    SCORE,
-    UNJUDGED,
-    Excuse,
-    add,
-    excuses,
-    hole_groups,
-    interval,
-    of_kinds,
-    page,
-    read_runs,
-    score,
-    scores,
-    stale_excuses,
-    still_made,
-    summary,
-    unseen,
-)
-from tests.mutation.schedule import Question, Reach, _answers, _in_order, _within
-from tests.mutation.targets import CHECK, FEM, KINDS, LEFT_OUT, MECHANICS, STATEMENT, TARGETS, file_of, kind_of, parts
+from tools.mutation.draw import Mutant, all_mutants, draw, mutants_of, mutated
+from tools.mutation.exam import CONFIDENT, VALUE, finds_a_mistake, first_mistake
+from tools.mutation.operators import RULES
+from tools.mutation.report import add, interval, score, words
+from tools.mutation.schedule import Question, Reach, _answers, _in_order, _within
+from tools.mutation.targets import CHECK, FEM, KINDS, LEFT_OUT, MECHANICS, STATEMENT, TARGETS, file_of, kind_of, parts
 
 
 def made(rule: str, expression: str) -> set[str]:
@@ -251,37 +235,16 @@ def entry(name: str, red: str) -> dict[str, Any]:
 RUN = {
     "target": "fem",
     "seed": 1,
-    "patience": 60.0,
-    "cases": ["fem a"],
-    "mutants": 9,
-    "reached": 5,
-    "not_reached": {"toy": ["3-4"]},
-    "results": [entry("x", "value: w: its error is 1"), entry("y", ""), entry("z", ""), entry("w", "crash: KeyError")],
+    "results": [entry("x", "value: w: its error is 1"), entry("y", ""), {**entry("v", ""), "kind": STATEMENT}],
 }
-GROUPS = {"what no case asks": "none has it", UNJUDGED: "nobody has said", STATEMENT: "how sure"}
-SAID = {("toy", "sign", "y = a", "y = -a"): Excuse("equivalent", "its sign does not count")}
 
 
-def test_a_score_leaves_equivalent_mutants_out() -> None:
-    ((name, found),) = summary([RUN], SAID)
-    assert name == "fem, seed 1"
-    assert found == (4, 2, 1, 1, 0)
-    assert found.share == 2 / 3
-
-
-def test_a_score_by_kind_counts_these_alone() -> None:
-    stated = {**entry("v", ""), "kind": STATEMENT}
-    mixed = {**RUN, "results": [*RUN["results"], stated]}
-    assert score(of_kinds(mixed, (MECHANICS,))["results"], SAID) == (4, 2, 1, 1, 0)
-    assert score(of_kinds(mixed, (STATEMENT,))["results"], SAID) == (1, 0, 0, 1, 0)
-    assert "| fem, seed 1 | 1 | 0 | 60 | 5 |  |  | 50 % of 4 | 67 % of 3 |" in page([mixed], SAID, GROUPS)
-
-
-def test_what_was_closed_after_it_was_seen_counts_as_a_hole_of_an_unseen_draw() -> None:
-    closed = {**RUN, "unseen": True, "results": [{**RUN["results"][0], "closed": True}, *RUN["results"][1:]]}
-    assert unseen(closed, SAID) == (4, 1, 1, 2, 0)
-    assert "| **seed 1, mechanics** | 4 | 1 | 1 | 2 | 0 | 33 % |" in page([closed], SAID, GROUPS)
-    assert '"red": 1' in scores([closed], SAID)
+def test_a_score_counts_survivors_as_holes_and_mechanics_alone() -> None:
+    assert score(RUN["results"]) == (3, 1, 0, 2)
+    assert score(RUN["results"], (MECHANICS,)) == (2, 1, 0, 1)
+    said = words(RUN)
+    assert said.startswith("fem, seed 1: 1 of 3 red; of mechanics 1 of 2, 1 to 99 %")
+    assert said.count("toy:1, sign") == 2
 
 
 def test_the_bounds_of_a_share_are_those_of_the_binomial_distribution() -> None:
@@ -294,60 +257,9 @@ def test_the_bounds_of_a_share_are_those_of_the_binomial_distribution() -> None:
     assert interval(0, 5)[0] == 0.0
 
 
-def test_what_is_gone_counts_in_an_unseen_score_alone() -> None:
-    gone = {key: Excuse("gone", "deleted") for key in SAID}
-    now = score(RUN["results"], gone)
-    assert now == (4, 2, 0, 1, 1)
-    assert now.share == 2 / 3
-    assert unseen(RUN, gone) == (4, 2, 0, 2, 0)
-
-
-def test_the_page_names_holes_and_excuses() -> None:
-    text = page([RUN], SAID, GROUPS)
-    holes, equivalent = text.partition("## Holes")[2].split("## Equivalent mutants")
-    assert "no verdict yet" in holes
-    assert "its sign does not count" in equivalent
-    assert "toy 3-4" in text
-
-
-def test_a_draw_takes_the_place_of_the_same_draw(tmp_path) -> None:
-    path = tmp_path / "mutation.json"
-    add([RUN], path)
-    runs = add([{**RUN, "results": RUN["results"][:1]}, {**RUN, "seed": 2}], path)
-    assert [(run["seed"], len(run["results"])) for run in runs] == [(1, 1), (2, 4)]
-    assert read_runs(path) == runs
-
-
-def test_excuses_are_about_mutants_that_are_made() -> None:
-    assert not stale_excuses(excuses(), read_runs())
-
-
-def test_what_is_gone_is_made_no_more() -> None:
-    assert not still_made(excuses())
-    module = FEM.modules()[0]
-    made_still = mutants_of(module, file_of(module).read_text())[0].key
-    assert still_made({made_still: Excuse("gone", "it is not")}) == {made_still}
-
-
-def test_the_page_is_that_of_the_result() -> None:
-    assert PAGE.read_text(encoding="utf-8") == page(read_runs(), excuses(), hole_groups())
-
-
-def test_holes_in_mechanics_have_a_group_and_others_that_of_their_kind() -> None:
-    said = {**SAID, ("toy", "sign", "z = a", "z = -a"): Excuse("hole", "rare", "what no case asks")}
-    stated = {**RUN, "results": [*RUN["results"], {**entry("v", ""), "kind": STATEMENT}]}
-    text = page([stated], said, GROUPS)
-    assert "| [what no case asks](#what-no-case-asks) | 1 | none has it |" in text
-    assert f"| [{STATEMENT}](#{STATEMENT}) | 1 | how sure |" in text
-    assert UNJUDGED not in text
-
-
-def test_every_group_is_one_that_the_page_explains() -> None:
-    groups = hole_groups()
-    assert {*LEFT_OUT, STATEMENT, UNJUDGED} <= groups.keys()
-    for excuse in excuses().values():
-        assert not excuse.group or (excuse.verdict == "hole" and excuse.group in groups)
-
-
-def test_the_score_of_the_report_is_that_of_the_result() -> None:
-    assert SCORE.read_text(encoding="utf-8") == scores(read_runs(), excuses())
+def test_an_unseen_score_is_written_once(tmp_path: Path) -> None:
+    path = tmp_path / "score.json"
+    add(RUN, path)
+    add({**RUN, "results": []}, path)
+    (draw,) = json.loads(path.read_text())["draws"]
+    assert (draw["drawn"], draw["holes"], draw["mechanics"]["red"]) == (3, 2, 1)

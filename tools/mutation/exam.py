@@ -20,9 +20,9 @@ from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any
 
-from tests.mutation.draw import Mutant
-from tests.mutation.loader import plant
-from tests.mutation.targets import ROOT
+from tools.mutation.draw import Mutant
+from tools.mutation.loader import plant
+from tools.mutation.targets import ROOT
 
 MOST_MEMORY = 12 * 2**30  # bytes that an exam may ask for: a mutant can want any number
 VALUE, FAILED, DECLINED, CRASH, TIME = "value", "failed run", "declined", "crash", "time limit"  # why a row is red
