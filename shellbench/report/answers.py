@@ -33,7 +33,8 @@ class Answer:
         largest displacement: the run's own, and what rounding or interpolation add; None if it is not known.
     error
         Bound of the error of the headline quantity against its known value, relative (see `headline_size`): the run's
-        own, the known value's uncertainty, and what rounding adds; None if it is not known.
+        own, the known value's uncertainty, and what rounding adds; of a mesh, for a length, what interpolation adds
+        anywhere. None if it is not known.
     """
 
     run: Run
@@ -45,12 +46,11 @@ class Answer:
 
 
 def answers(case: CaseRuns, ladder: Ladder) -> list[Answer]:
-    """Return all ways in which a solver's answers to a case can be kept."""
+    """Return all ways in which a solver's answers to a case can be kept; meshes are made of its best answer."""
     found = [answer for run in ladder.runs for answer in _own_numbers(case, run)]
-    known = [(answer.difference, answer.run) for answer in found if answer.kept == "solved" and answer.difference]
+    known = [answer for answer in found if answer.kept == "solved" and answer.difference]
     if known:
-        smallest, best = min(known, key=lambda pair: pair[0])
-        found += _meshes(case, best, smallest)
+        found += _meshes(case, min(known, key=lambda answer: answer.difference or 0.0))
     return found
 
 
@@ -142,19 +142,26 @@ def _headline_error(case: CaseRuns, run: Run, change: float | None) -> float | N
     return (abs(value - reference) + (run.row.reference_uncertainty or 0.0) + abs(value * change)) / size
 
 
-def _meshes(case: CaseRuns, run: Run, own: float) -> Iterator[Answer]:
+def _meshes(case: CaseRuns, best: Answer) -> Iterator[Answer]:
     """Yield the meshes that were made of a run, but for the finest, at whose points the others were held against it."""
-    scale = case.scale or 1.0
+    run = best.run
     grids = sorted(run.record.resolution, key=lambda step: step.points)[:-1]
     if not case.moves:
         states = len(run.probes.marks) if run.probes is not None else 1
         for grid in grids:
-            size = BYTES_A_POINT * grid.points**2 * states
             words = f"mesh {grid.points}×{grid.points}" + (f", {states} states" if states > 1 else "")
-            yield Answer(run, "mesh", words, size, own + grid.interpolation_difference / scale, None)
+            yield _mesh(case, best, words, grid.points**2 * states, grid.interpolation_difference)
         return
     for rate in sorted(run.record.frame_rates, key=lambda step: step.frames)[:-1]:
         for grid in grids:
-            size = BYTES_A_POINT * grid.points**2 * rate.frames
-            added = (grid.interpolation_difference + rate.interpolation_difference) / scale
-            yield Answer(run, "mesh", f"{rate.frames} meshes {grid.points}×{grid.points}", size, own + added, None)
+            added = grid.interpolation_difference + rate.interpolation_difference
+            words = f"{rate.frames} meshes {grid.points}×{grid.points}"
+            yield _mesh(case, best, words, grid.points**2 * rate.frames, added)
+
+
+def _mesh(case: CaseRuns, best: Answer, words: str, points: int, added: float) -> Answer:
+    """Return a mesh of so many points, which differs from the answer by a length, m."""
+    size = headline_size(case, best.run) if best.run.row.unit == "m" else None
+    error = best.error + added / size if best.error is not None and size else None
+    difference = (best.difference or 0.0) + added / (case.scale or 1.0)
+    return Answer(best.run, "mesh", words, BYTES_A_POINT * points, difference, error)

@@ -32,70 +32,108 @@ PALEST = 0.25  # opacity of the coarsest run over time
 COMMON: dict[str, Any] = {"marker": "*", "markersize": 8}
 OTHER: dict[str, Any] = {"marker": "x", "markersize": 5, "markeredgewidth": 1.0}
 AROUND: dict[str, Any] = {"marker": "o", "markersize": 6, "markerfacecolor": "none", "markeredgewidth": 1.0}
-WORDS = (
-    "One solution was asked for its displacement through grids from coarse to fine and, of a motion, at many frame"
-    " rates. A continuous field gives the same answer at the same material point and instant, whoever asks. A mesh or a"
-    " sequence of frames of the same resolution does not: what it would add is shown beside it.",
-    "Each case was then solved at many resolutions, and at each resolution by discretisations that differ only"
-    f" marginally: unknowns within {100 * (ALIKE - 1):.0f} % of each other, other diagonals, or other seeds. All runs"
-    " of a case are compared at the same material points, which lie on no regular grid, and at all instants or loads"
-    " that both runs kept. Differences are lengths of vectors, the largest and the root mean square over points and"
-    " instants, relative to the largest displacement of the run that all are held against.",
+GRIDS = (
+    "One solution was asked through grids from coarse to fine. Every continuous field, of finite elements as of a"
+    " network, repeats its answer exactly at the same material point, whatever the grid: that is a property of"
+    " continuity, no merit of a solver. A mesh of the same resolution made from it does not: what it would add is"
+    " shown beside it."
+)
+RATES = "Motions were asked at many frame rates too, with the same outcome: only frames that are joined add anything."
+SOLVED_AGAIN = "Cases were solved at several resolutions."
+ALIKE_RUNS = (
+    f"Runs are alike whose unknowns are within {100 * (ALIKE - 1):.0f} % of each other: other meshes, other diagonals,"
+    " or other seeds."
+)
+COMPARED = (
+    "All runs of a case are compared at the same material points, which lie on no regular grid, and at all instants or"
+    " loads that both runs kept. Differences are lengths of vectors, the largest and the root mean square over points"
+    " and instants, relative to the largest displacement of the run that all are held against."
+)
+NO_ERROR = (
     "A small difference between two resolutions of one solver is no small error: a solver can be consistently wrong."
     " The difference from another solver's run stands beside it for that reason, and the known values stand in the"
-    " tables of displacements. Folding cloth amplifies small differences with time; there, differences late in the"
-    " motion say how far the problem itself can be foretold.",
+    " tables of displacements."
 )
+CLOTH = (
+    "Folding cloth amplifies small differences with time; there, differences late in the motion say how far the"
+    " problem itself can be foretold."
+)
+CAPTIONS = {
+    "step_largest": "Last step: difference between the finest run and one a resolution coarser; slope: fitted power of"
+    " the number of unknowns with which the difference from the finest run falls (of a mesh, −1 is second order in its"
+    " width); drift: headline quantity of the run a resolution coarser, less the finest, relative.",
+    "step_in_time_largest": "Last time step: difference of the two finest time steps of one mesh.",
+    "alike_largest": "Alike: the largest difference within the finest group of marginally different runs (other mesh of"
+    " the same size, other seed), and how many they are of how many unknowns.",
+    "yardstick_largest": "From the common run: the finest run of each solver is held against one common run.",
+    "": "Differences are relative to the largest displacement; largest, and root mean square.",
+}
 
 
 def section(evidence: Evidence) -> Section | None:
     """Return the section; None if no run was seen through grids and no two runs can be compared."""
     cases = evidence.once(case_runs)
-    queries = (make(evidence) for make in (resolution_table, frame_rate_table, mesh_table))
-    tables = given(consistency_table(cases), *queries)
+    compared = consistency_table(cases)
+    queries = [make(evidence) for make in (resolution_table, frame_rate_table, mesh_table)]
+    tables = given(compared, *queries)
     if not tables:
         return None
     return Section(
         name="consistency",
         title="Resolution consistency",
-        words=(*WORDS, *remarks_on(evidence.rows, "resolution")),
+        words=(*_words(cases, compared, *queries[:2]), *remarks_on(evidence.rows, "resolution")),
         tables=tables,
         exhibits=tuple(exhibit for case in cases if (exhibit := _exhibit(case, evidence.inks)) is not None),
         details=given(pair_table(cases), drift_table(cases)),
     )
 
 
+def _words(cases: Sequence[CaseRuns], compared: Table | None, grids: Table, rates: Table) -> Iterator[str]:
+    """Yield paragraphs on the runs that there are: no word on other resolutions if each case was solved at one."""
+    ladders = [ladder for case in cases for ladder in case.ladders]
+    again = any(len(ladder.levels) > 1 for ladder in ladders)
+    alike = any(len(level) > 1 for ladder in ladders for level in ladder.levels)
+    if len(grids.data):
+        yield f"{GRIDS} {RATES}" if len(rates.data) else GRIDS
+    if compared is not None:
+        yield " ".join([SOLVED_AGAIN] * again + [ALIKE_RUNS] * alike + [COMPARED])
+        if again:
+            yield f"{NO_ERROR} {CLOTH}" if any(case.moves for case in cases) else NO_ERROR
+
+
 def consistency_table(cases: Sequence[CaseRuns]) -> Table | None:
-    """Return a line for each case and solver; None if no two runs can be compared."""
+    """Return a line for each case and solver, with columns of what there is; None if no two runs can be compared."""
     lines = [line for case in cases for ladder in case.ladders if (line := _line(case, ladder)) is not None]
     if not lines:
         return None
     data = frame(lines).astype(dict.fromkeys(("alike_runs", "alike_unknowns"), "Int64"))
-    stepped = data["step_in_time_largest"].notna().any()
+    there = {name for name in CAPTIONS if not name or data[name].notna().any()}
+    columns: dict[str, tuple[Column, ...]] = {
+        "step_largest": (
+            column("step_largest", "Last step", of_largest),
+            column("step_rms", "rms", of_largest),
+            column("slope", "Slope", lambda slope, _, notation: notation.number(Digits(f"{slope:.1f}"))),
+            column("drift", "Drift", error),
+        ),
+        "step_in_time_largest": (column("step_in_time_largest", "Last time step", of_largest),),
+        "alike_largest": (
+            column("alike_largest", "Alike", of_largest),
+            column("alike_runs", "Runs alike", _alike),
+        ),
+        "yardstick_largest": (
+            column("yardstick_largest", "From the common run", of_largest),
+            column("yardstick_rms", "rms", of_largest),
+        ),
+    }
     return Table(
         name="consistency",
-        title="The same material points at many resolutions",
-        caption="Last step: difference between the finest run and one a resolution coarser (last time step: the same"
-        " for the two finest time steps of one mesh); slope: fitted power of the number of"
-        " unknowns with which the difference from the finest run falls (of a mesh, −1 is second order in its width);"
-        " alike: the largest difference within the"
-        " finest group of marginally different runs (other mesh of the same size, other seed), and how many they are of"
-        " how many unknowns; drift: headline quantity of the run a resolution coarser, less"
-        " the finest, relative. The finest run of each solver is held against one common run. Differences are relative"
-        " to the largest displacement; largest, and root mean square.",
+        title=f"The same material points{' at many resolutions' if 'step_largest' in there else ''}",
+        caption=" ".join(words for name, words in CAPTIONS.items() if name in there),
         data=data,
         columns=(
             "solver",
             Column("Unknowns", _unknowns),
-            column("step_largest", "Last step", of_largest),
-            column("step_rms", "rms", of_largest),
-            *([column("step_in_time_largest", "Last time step", of_largest)] if stepped else []),
-            column("slope", "Slope", lambda slope, _, notation: notation.number(Digits(f"{slope:.1f}"))),
-            column("alike_largest", "Alike", of_largest),
-            column("alike_runs", "Runs alike", _alike),
-            column("drift", "Drift", error),
-            column("yardstick_largest", "From the common run", of_largest),
-            column("yardstick_rms", "rms", of_largest),
+            *(one for name, group in columns.items() if name in there for one in group),
         ),
         notes=tuple(map(_note, cases)),
     )

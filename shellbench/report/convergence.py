@@ -119,11 +119,15 @@ def iteration_figure(courses: Sequence[Course], inks: Mapping[str, Ink], absciss
 def _figure(
     courses: Sequence[Course], inks: Mapping[str, Ink], strips: Sequence[Strip], *, slopes: bool = False
 ) -> Figure:
-    """Draw a column of panels for each case, one for each strip; after `MOST_IN_A_ROW` of them a new band begins."""
+    """Draw a column of panels for each case, one for each strip; after `MOST_IN_A_ROW` of them a new band begins.
+
+    Each panel has an ordinate of its own, for errors of two cases may be ten decades apart.
+    """
     cases = grouped(courses, lambda course: course.case)
     columns, bands = min(len(cases), MOST_IN_A_ROW), -(-len(cases) // MOST_IN_A_ROW)
     size = max(3.4, WIDTH * columns), HEIGHT * len(strips) * bands + MARGIN
-    figure, panels = panel.open_figure(size, len(strips) * bands, columns, sharey="row")
+    figure, panels = panel.open_figure(size, len(strips) * bands, columns)
+    shaded = False
     for band in range(bands):
         shown = list(cases.values())[band * columns : (band + 1) * columns]
         for i, (abscissa, label, measure) in enumerate(strips):
@@ -136,16 +140,17 @@ def _figure(
                     axes.sharex(panels[band * len(strips), column])
                 for course in of_case:
                     _draw(axes, course, *measure(course), abscissa, inks[course.solver])
-            floors = [100 * max(course.floor for course in of_case) * (label == panel.ERROR_LABEL) for of_case in shown]
-            log = "y" if abscissa == "iteration" else "xy"
-            panel.finish(
-                row,
-                AXIS_LABELS[abscissa],
-                label,
-                floor=floors,
-                log=log,
-                below=panel.FOR_SLOPES if slopes else panel.ROOM,
-            )
+            for axes, of_case in zip(row, shown, strict=True):
+                floor = 100 * max(course.floor for course in of_case) * (label == panel.ERROR_LABEL)
+                panel.finish(
+                    [axes],
+                    AXIS_LABELS[abscissa],
+                    label if axes is row[0] else "",
+                    floor=floor,
+                    log="y" if abscissa == "iteration" else "xy",
+                    below=panel.FOR_SLOPES if slopes else panel.ROOM,
+                )
+                shaded |= floor > axes.get_ylim()[0] > 0
             for axes, of_case in zip(row, shown, strict=True):
                 if i == 0:
                     axes.set_title(plain(of_case[0].title).replace(", ", ",\n", 1), loc="left")
@@ -159,8 +164,7 @@ def _figure(
         )
         for course in courses
     }
-    in_view = any(100 * course.floor > panels[0, 0].get_ylim()[0] for course in courses)
-    panel.add_legend(figure, entries | panel.shade_entry(in_view), 5)
+    panel.add_legend(figure, entries | panel.shade_entry(shaded), 5)
     return figure
 
 

@@ -11,11 +11,13 @@ from matplotlib.ticker import EngFormatter
 from shellbench.report.answers import (
     LEVELS,
     Answer,
+    Measure,
     answers,
     change_by_rounding,
     fewest,
     field_is_known,
     headline_is_known,
+    headline_size,
 )
 from shellbench.report.columns import Column, Line, Show, column, error, frame, present, words
 from shellbench.report.consistency import yardstick_words
@@ -38,6 +40,11 @@ OTHER_WAYS: Mapping[str, dict[str, Any]] = {
     "rounded": {"line": DASHES[1], "hollow": True, "linewidth": 0.9},
     "mesh": {"line": DASHES[2], "marker": ".", "markersize": 4, "linewidth": 1.2},
 }
+ORDINATES: Mapping[Measure, str] = {"error": "error of the headline (%)", "difference": "difference (% of the largest)"}
+DOUBTS: Mapping[Measure, str] = {
+    "error": "uncertainty of the known value",
+    "difference": "uncertainty of the best answer",
+}
 WAY_WORDS = {"rounded": "numbers rounded", "mesh": "mesh made from it"}
 WORDS = (
     "The bytes of a solution are those of the numbers that give its displacement: the weights of a field, the"
@@ -51,8 +58,9 @@ WORDS = (
     " from the best answer available, which each case names, relative to its largest displacement. What rounding to"
     " fewer digits or interpolation in a mesh add is measured by itself, and added; this bounds the difference"
     " at the probes from above. A run is credited with no smaller one than that answer itself is known to, and a level"
-    " below this is called not known. The error of the headline quantity is against its known value; that of a"
-    " position is relative to the largest displacement.",
+    " below this is called not known. The best answer is some solver's finest run: that solver's own line tells how"
+    " fast it converges, not how right it is. The error of the headline quantity is against its known value; that of a"
+    " position is relative to the largest displacement. The figures judge by it wherever there is one.",
     "The probes are few points: an error between them is not seen. A mesh is a regular grid with bilinear cells; one"
     " graded to the solution would need fewer vertices, and its vertices are in double precision, of which single"
     " precision is half. Compression is left out. The memory of a solve is that of its process, with the libraries"
@@ -80,26 +88,53 @@ def section(evidence: Evidence) -> Section | None:
 
 
 def _exhibit(case: CaseRuns, inks: Mapping[str, Ink]) -> Exhibit | None:
+    measure = measure_of(case)
     kept = {ladder.solver: answers(case, ladder) for ladder in case.ladders}
-    if not any(answer.difference for found in kept.values() for answer in found):
+    own = None if measure == "error" or case.yardstick is None else case.yardstick.row.solver
+    shown = {solver: found for solver, found in kept.items() if solver != own}
+    if not any(getattr(answer, measure) for found in shown.values() for answer in found):
         return None
     said = [
         f"{solver}: within {percents(level)} in {best.storage_bytes} bytes, {best.format}"
-        for solver, found in kept.items()
+        for solver, found in shown.items()
         for level in LEVELS
-        if (best := fewest(found, level)) is not None and field_is_known(case, level)
+        if (best := fewest(found, level, measure=measure)) is not None and _is_known(case, measure, level)
     ]
+    against = (
+        "error of the headline quantity against its known value"
+        if measure == "error"
+        else "difference from the best answer, for no value is known"
+        f" (it is of {own}, which has no curve: its own finest run would judge it),"
+    )
     return Exhibit(
         name=f"memory_{case.case}",
         title=f"{case.title}: memory at stated error",
-        caption="Left: difference from the best answer against the bytes that keep an answer: as solved (full marks);"
-        " its numbers rounded to fewer digits (open marks, dashed) and a mesh made from it (dotted), the least of each"
-        " error. Grey lines: levels of 1 %, 0.1 % and 0.01 %; shaded: how well the best answer is known itself."
-        f" Right: memory of the solve, less what its process held before. {yardstick_words(case)}",
+        caption=f"Left: {against} against the bytes that keep an answer: as solved (full marks); its numbers rounded to"
+        " fewer digits (open marks, dashed) and a mesh made from it (dotted), the least of each error. Grey lines:"
+        f" levels of 1 %, 0.1 % and 0.01 %; shaded: {DOUBTS[measure]}. Right: memory of the solve, less what its"
+        f" process held before.{'' if measure == 'error' else f' {yardstick_words(case)}'}",
         description="; ".join(said) or "no level is reached",
-        figure=memory_figure(case, kept, inks),
+        figure=memory_figure(case, shown, measure, inks),
         run_ids=tuple(run.record.run_id for ladder in case.ladders for run in ladder.runs),
     )
+
+
+def measure_of(case: CaseRuns) -> Measure:
+    """Return what the figure judges by: the known value; where there is none, the best answer, which is a solver's."""
+    known = any(headline_size(case, run) for ladder in case.ladders for run in ladder.runs)
+    return "error" if known else "difference"
+
+
+def _doubt(case: CaseRuns, measure: Measure) -> float:
+    """Return how well it is known what a measure is against, relative."""
+    if measure == "difference":
+        return case.doubt / case.scale if case.doubt and case.scale else 0.0
+    runs = [run for ladder in case.ladders for run in ladder.runs]
+    return max((run.row.reference_uncertainty or 0.0) / size for run in runs if (size := headline_size(case, run)))
+
+
+def _is_known(case: CaseRuns, measure: Measure, level: float) -> bool:
+    return field_is_known(case, level) if measure == "difference" else _doubt(case, measure) <= level
 
 
 def percents(level: float) -> str:
@@ -245,28 +280,30 @@ def solve_table(cases: Sequence[CaseRuns], *, finest_only: bool = True) -> Table
     )
 
 
-def memory_figure(case: CaseRuns, kept: Mapping[str, Sequence[Answer]], inks: Mapping[str, Ink]) -> Figure:
-    """Draw one case: error against the bytes that keep an answer, and the memory of the solve."""
+def memory_figure(
+    case: CaseRuns, kept: Mapping[str, Sequence[Answer]], measure: Measure, inks: Mapping[str, Ink]
+) -> Figure:
+    """Draw one case: error against the bytes that keep an answer, for solvers in `kept`, and memory of all solves."""
     figure, ((left, right),) = open_figure((2 * WIDTH, HEIGHT + MARGIN), 1, 2)
     for ladder in case.ladders:
         ink = inks[ladder.solver]
-        known = [one for one in kept[ladder.solver] if one.difference is not None and one.difference > SMALLEST]
+        known = [one for one in kept.get(ladder.solver, ()) if (getattr(one, measure) or 0.0) > SMALLEST]
         by_kept = {way: [one for one in known if one.kept == way] for way in ("solved", "rounded", "mesh")}
-        draw(left, *_points(one for one in by_kept["solved"] if one.run in ladder.line), ink)
+        draw(left, *_points((one for one in by_kept["solved"] if one.run in ladder.line), measure), ink)
         for way, look in OTHER_WAYS.items():
-            draw(left, *_points(_front(by_kept[way])), ink, **look)
+            draw(left, *_points(_front(by_kept[way], measure), measure), ink, **look)
         draw(right, *_peaks(ladder.line), ink)
     for level in LEVELS:
         left.axhline(100 * level, color="#444444", linewidth=0.5, linestyle=(0, (1, 3)), zorder=1)
-    doubt = 100 * case.doubt / case.scale if case.doubt and case.scale else 0.0
-    finish([left], "bytes that keep an answer", "difference (% of the largest)", "Error against bytes", floor=doubt)
+    doubt = 100 * _doubt(case, measure)
+    finish([left], "bytes that keep an answer", ORDINATES[measure], "Error against bytes", floor=doubt)
     left.xaxis.set_major_formatter(EngFormatter("B"))
     finish([right], "unknowns", "peak less idle (MB)", "Memory of the solve")
-    shown = {one.kept for found in kept.values() for one in found}
+    shown = {one.kept for found in kept.values() for one in found if getattr(one, measure)}
     entries = {ladder.solver: entry(inks[ladder.solver]) for ladder in case.ladders}
     entries |= {WAY_WORDS[way]: _way_entry(way) for way in OTHER_WAYS if way in shown}
     in_view = doubt > max(left.get_ylim()[0], 0.0)
-    add_legend(figure, entries | shade_entry(in_view, "uncertainty of the best answer"))
+    add_legend(figure, entries | shade_entry(in_view, DOUBTS[measure]))
     return figure
 
 
@@ -277,18 +314,18 @@ def _way_entry(way: str) -> Any:
     return entry(linestyle=look.pop("line"), **look, **hollow)
 
 
-def _front(candidates: Sequence[Answer]) -> list[Answer]:
+def _front(candidates: Sequence[Answer], measure: Measure) -> list[Answer]:
     """Return the answers that no smaller one outdoes, from small to large."""
     front: list[Answer] = []
-    for answer in sorted(candidates, key=lambda one: (one.storage_bytes, one.difference or 0.0)):
-        if not front or (answer.difference or 0.0) < (front[-1].difference or 0.0):
+    for answer in sorted(candidates, key=lambda one: (one.storage_bytes, getattr(one, measure))):
+        if not front or getattr(answer, measure) < getattr(front[-1], measure):
             front.append(answer)
     return front
 
 
-def _points(found: Iterable[Answer]) -> tuple[list[int], list[float]]:
+def _points(found: Iterable[Answer], measure: Measure) -> tuple[list[int], list[float]]:
     ordered = sorted(found, key=lambda answer: answer.storage_bytes)
-    return [answer.storage_bytes for answer in ordered], [100 * (answer.difference or 0.0) for answer in ordered]
+    return [answer.storage_bytes for answer in ordered], [100 * getattr(answer, measure) for answer in ordered]
 
 
 def _peaks(runs: Sequence[Run]) -> tuple[list[int], list[float]]:

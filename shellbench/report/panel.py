@@ -21,7 +21,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocato
 
 from shellbench.report.exhibit import DASHES, Dashes, Ink
 from shellbench.report.notation import SUPERSCRIPTS, plain
-from shellbench.report.rates import Rate
+from shellbench.report.rates import FEWEST, Rate
 
 ERROR_LABEL = "relative error (%)"
 UNCERTAIN = "uncertainty of the known value"
@@ -45,10 +45,15 @@ def open_figure(size: tuple[float, float], rows: int = 1, columns: int = 1, **sh
 
 
 def draw(axes: Axes, x: Any, y: Any, ink: Ink, line: Dashes = "-", *, hollow: bool = False, **look: Any) -> None:
-    """Draw a curve with its marks; without a line if that is "none", the marks open if `hollow`."""
+    """Draw a curve with its marks, the marks open if `hollow`.
+
+    It has no line if that is "none", or if there are fewer than `FEWEST` points: two points look like a trend.
+    """
     edge = {"markerfacecolor": "white", "markeredgecolor": ink.colour, "markeredgewidth": 0.9}
     rim = {"markeredgecolor": "white", "markeredgewidth": 0.4}
     style = {"color": ink.colour, "marker": ink.marker, "linestyle": line, **(edge if hollow else rim), **look}
+    if len(x) < FEWEST:
+        style |= {"linestyle": "none", "marker": style["marker"] or "."}
     if len(x):
         axes.plot(x, y, **style)
 
@@ -71,6 +76,8 @@ def finish(
     below: float = ROOM,
 ) -> None:
     """Label panels that share their ordinate, limit it to what is drawn, shade what is uncertain, and tick the axes.
+
+    The ordinate leaves out what lies far below the uncertainty, but never all that is drawn.
 
     Parameters
     ----------
@@ -100,7 +107,9 @@ def finish(
     heights = np.concatenate([np.empty(0), *drawn])
     heights = heights[np.isfinite(heights) & (heights > 0)]
     if "y" in log and len(heights):
-        panels[0].set_ylim(max(heights.min() / below, floors.max() / FLOOR_SHOWN), heights.max() * ROOM)
+        highest = heights.max() * ROOM
+        lowest = max(heights.min() / below, min(floors.max() / FLOOR_SHOWN, highest / FLOOR_SHOWN))
+        panels[0].set_ylim(lowest, highest)
     for axes, uncertain in zip(panels, floors, strict=True):
         low, high = axes.get_ylim()
         if uncertain > max(low, 0.0):

@@ -65,9 +65,9 @@ def resolution_table(evidence: Evidence) -> Table:
         name="resolution",
         title="Memory and resolution",
         caption="Bytes to keep each solution; the largest difference at the same material points between queries"
-        f" through grids of {said} points a side; and the largest difference between the solution and the bilinear"
-        f" mesh of n×n points made from it, at the points of the finest grid. Differences are relative to the largest"
-        " displacement.",
+        f" through grids of {said} points a side (zero, or rounding, of every continuous field); and the largest"
+        " difference between the solution and the bilinear mesh of n×n points made from it, at the points of the finest"
+        " grid. Differences are relative to the largest displacement.",
         data=frame(lines),
         columns=(
             *(SOLUTION, "parameters", "storage_bytes"),

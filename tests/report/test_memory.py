@@ -173,10 +173,31 @@ def test_a_position_is_judged_relative_to_the_largest_displacement(tmp_path):
     )
 
 
-def test_a_level_that_is_not_known_is_not_told(plate):
-    (exhibit,) = section(plate).exhibits
+def test_a_level_that_is_not_known_is_not_told(tmp_path):
+    made = [run(tmp_path, PLATE, "shells", n, n**-4.0, label=f"cells {n}") for n in (4, 8, 16)]
+    doubtful = [
+        (record, row.model_copy(update={"reference_uncertainty": 5e-4 * row.reference})) for record, row in made
+    ]
+    (exhibit,) = section(evidence(tmp_path, doubtful)).exhibits
     assert "within 0.1 %" in exhibit.description
     assert "0.01 %" not in exhibit.description
+
+
+def test_the_figure_judges_by_the_known_value_and_not_by_a_solvers_finest_run(tmp_path):
+    """A solver that converges to a wrong value, as finest of all, keeps its error."""
+    runs = [run(tmp_path, PLATE, "shells", n, 1e-2 + n**-4.0, label=f"cells {n}") for n in (4, 8, 16, 32)]
+    (exhibit,) = section(evidence(tmp_path, runs)).exhibits
+    (solved,) = [one for one in exhibit.figure.axes[0].get_lines() if len(one.get_xdata()) == 4]
+    assert solved.get_ydata() == pytest.approx([100 * (1e-2 + n**-4.0 + UNCERTAINTY) for n in (4, 8, 16, 32)])
+
+
+def test_without_a_known_value_the_best_answers_own_solver_has_no_curve(napkin):
+    (exhibit,) = section(napkin).exhibits
+    (case,) = case_runs(napkin)
+    assert case.yardstick.row.solver == "shells"
+    solved = [one for one in exhibit.figure.axes[0].get_lines() if len(one.get_xdata()) == 3]
+    assert len(solved) == 1  # the field's
+    assert "it is of shells, which has no curve" in exhibit.caption
 
 
 def test_a_format_whose_numbers_overflow_is_never_chosen(tmp_path):
@@ -206,7 +227,8 @@ def test_runs_without_probes_still_have_bytes_and_headline(tmp_path):
     found = line(level_table(case_runs(shown)), "shells")
     assert {found[f"status_field_{level:g}"] for level in LEVELS} == {NOT_KNOWN}
     assert found["bytes_headline_0.001"] == 4 * unknowns(8)
-    assert not section(shown).exhibits
+    (exhibit,) = section(shown).exhibits
+    assert "known value" in exhibit.caption
 
 
 def test_one_run_alone_is_not_known_to_any_level(tmp_path):
@@ -216,7 +238,8 @@ def test_one_run_alone_is_not_known_to_any_level(tmp_path):
 
 
 def test_nothing_that_moves_is_no_figure(tmp_path):
-    shown = evidence(tmp_path, [run(tmp_path, PLATE, "shells", n, 0.0, label=f"n {n}", length=0.0) for n in (4, 8)])
+    still = {"length": 0.0, "known": False}
+    shown = evidence(tmp_path, [run(tmp_path, PLATE, "shells", n, 0.0, label=f"n {n}", **still) for n in (4, 8)])
     made = section(shown)
     assert not made.exhibits
     assert all(table.write("text") for table in made.tables)
@@ -271,7 +294,7 @@ def test_figures_have_axes_with_units_and_fit_the_page(request, which):
     assert "bytes" in panels[0].get_xlabel()
     assert "MB" in panels[-1].get_ylabel()
     rounded = [line.get_ydata() for line in panels[0].get_lines() if line.get_markerfacecolor() == "white"]
-    assert len(rounded) == 2
+    assert len(rounded) == (2 if which == "plate" else 1)
     assert all(np.all(np.diff(errors) < 0) for errors in rounded)  # what a smaller one outdoes is not drawn
 
 
