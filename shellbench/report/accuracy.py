@@ -18,7 +18,7 @@ from shellbench.report.runs import headlines
 from shellbench.report.solutions import grouped, seed_words
 from shellbench.report.table import Note
 
-Measure = Literal["unknowns", "seconds", "memory"]
+Measure = Literal["unknowns", "seconds", "memory", "storage"]
 SMALLEST = 1e-16  # relative error of an answer that agrees to the last digit, for a logarithmic axis
 APART = 1.2  # ratio of unknowns from which sizes count one by one in a fit: meshes of 16x16 and 16x17 are one size
 SPAN = 2.0  # ratio of costs that a fit must cover: a time that hardly grows has no exponent
@@ -44,6 +44,10 @@ class Point:
         Of those that answered.
     rows
         Of all.
+    storage
+        Bytes that keep the solution.
+    label
+        The suite's word for the size; empty with default settings.
     """
 
     unknowns: int
@@ -53,6 +57,8 @@ class Point:
     sound: bool
     run_ids: tuple[str, ...]
     rows: tuple[Row, ...]
+    storage: float | None = None
+    label: str = ""
 
     @property
     def error(self) -> float:
@@ -274,7 +280,7 @@ def sizes(runs: pd.DataFrame, yardstick: Yardstick | None) -> list[Point]:
         answered = alike[np.isfinite(alike["value"]) & (alike["unknowns"] > 0)]
         if yardstick is None or (answered := answered[answered["run_id"] != yardstick.run_id]).empty:
             continue
-        memory = answered["solve_memory_bytes"].max()
+        memory, storage = answered["solve_memory_bytes"].max(), answered["storage_bytes"].max()
         found.append(
             Point(
                 unknowns=int(answered["unknowns"].max()),
@@ -284,6 +290,8 @@ def sizes(runs: pd.DataFrame, yardstick: Yardstick | None) -> list[Point]:
                 sound=bool(alike["sound"].all()),
                 run_ids=tuple(answered["run_id"]),
                 rows=tuple(alike["row"]),
+                storage=None if np.isnan(storage) else float(storage),
+                label=alike["row"].iloc[0].label,
             )
         )
     return found

@@ -15,7 +15,7 @@ from shellbench.report import panel
 from shellbench.report.evidence import Evidence
 from shellbench.report.exhibit import DASHES, Dashes, Exhibit, Ink
 from shellbench.report.notation import plain
-from shellbench.report.rates import SURFACE_DIMENSION, Abscissa, Course, courses, fitted_rate
+from shellbench.report.rates import FEWEST, SURFACE_DIMENSION, Abscissa, Course, courses, fitted_rate
 from shellbench.report.runs import rows_at_home, suite_title
 from shellbench.report.solutions import grouped
 
@@ -42,7 +42,7 @@ def convergence_exhibits(evidence: Evidence) -> Iterator[Exhibit]:
                 title=f"{suite_title(suite)}: convergence under refinement",
                 caption="Relative error of each case's headline figure against unknowns and wall time. Dashed: power"
                 " laws fitted to the finest steps whose error lies above the uncertainty of the known value; against"
-                " the unknowns the exponent is the order in the mesh width h.",
+                f" the unknowns the exponent is the order in the mesh width h. {panel.FLOOR_WORDS}",
                 description=f"Errors fall with refinement. {_rates(refining)}",
                 figure=refinement,
                 run_ids=tuple(course.run_id for course in refining),
@@ -58,7 +58,7 @@ def convergence_exhibits(evidence: Evidence) -> Iterator[Exhibit]:
                 title=f"{suite_title(suite)}: error and quadrature gap against {against}",
                 caption="Relative error of each case's headline figure, and the gap between the energy on the"
                 " solve's own quadrature and on a finer one. The gap tells a field that exploits its quadrature; it"
-                " does not bound the error. A line or a mark for each seed.",
+                f" does not bound the error. A line or a mark for each seed. {panel.FLOOR_WORDS}",
                 description=f"Error and gap of {solvers} against {against}, case by case",
                 figure=figure,
                 run_ids=tuple(course.run_id for course in shown),
@@ -105,6 +105,8 @@ def iteration_figure(courses: Sequence[Course], inks: Mapping[str, Ink], absciss
     """
     measured = [course for course in courses if course.errors(abscissa)[0]]
     fields = [course for course in measured if course.is_field and not (abscissa == "iteration" and course.refines)]
+    if abscissa == "iteration":
+        fields = [course for course in fields if len(course.errors(abscissa)[0]) >= FEWEST]
     if not fields:
         return None
     if abscissa != "iteration":
@@ -139,7 +141,8 @@ def _figure(
                 if i and not slopes:
                     axes.sharex(panels[band * len(strips), column])
                 for course in of_case:
-                    _draw(axes, course, *measure(course), abscissa, inks[course.solver])
+                    least = course.floor / panel.BELOW_FLOOR if label == panel.ERROR_LABEL else 0.0
+                    _draw(axes, course, *measure(course), abscissa, inks[course.solver], least)
             for axes, of_case in zip(row, shown, strict=True):
                 floor = 100 * max(course.floor for course in of_case) * (label == panel.ERROR_LABEL)
                 panel.finish(
@@ -168,9 +171,13 @@ def _figure(
     return figure
 
 
-def _draw(axes: Axes, course: Course, x: list[float], values: list[float], abscissa: Abscissa, ink: Ink) -> None:
+def _draw(
+    axes: Axes, course: Course, x: list[float], values: list[float], abscissa: Abscissa, ink: Ink, least: float
+) -> None:
+    """Draw a course; relative values below `least` at its height."""
     last_only = abscissa == "unknowns" and not course.refines
-    points = [(a, 100 * v) for a, v in zip(x, values, strict=True) if a > 0 and v > 0][-1 if last_only else 0 :]
+    points = [(a, 100 * max(v, least)) for a, v in zip(x, values, strict=True) if a > 0 and max(v, least) > 0]
+    points = points[-1 if last_only else 0 :]
     if points:
         look: dict[str, Any] = {"marker": None} if len(points) > CROWDED else {}
         panel.draw(axes, [a for a, _ in points], [v for _, v in points], ink, _dashes(course), alpha=0.85, **look)

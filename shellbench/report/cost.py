@@ -146,7 +146,7 @@ def _caption(one: CaseAccuracy) -> str:
     return (
         f"Error of the {one.quantity} against unknowns, wall time and peak memory of the solve (above what the process"
         f" held before). Errors are against {one.yardstick.words}. A mark is one size: with several seeds the"
-        f" geometric mean, with a bar from the least to the largest. {rates}{steps}"
+        f" geometric mean, with a bar from the least to the largest. {panel.FLOOR_WORDS} {rates}{steps}"
     )
 
 
@@ -155,18 +155,21 @@ def _description(one: CaseAccuracy) -> str:
     return f"{one.title}, relative error of the {one.quantity}: {'; '.join(best)}"
 
 
-def cost_figure(accuracy: CaseAccuracy, inks: Mapping[str, Ink]) -> Figure:
-    """Draw error against unknowns, seconds and memory, with the slopes of each solver's largest family."""
+def cost_figure(accuracy: CaseAccuracy, inks: Mapping[str, Ink], own: str = "default settings") -> Figure:
+    """Draw error against unknowns, seconds and memory, with the slopes of each solver's largest family.
+
+    Runs without a sweep have black rims, and are called `own` in the legend.
+    """
     figure, (panels,) = panel.open_figure((WIDTH, HEIGHT + MARGIN), 1, len(LABELS), sharey=True)
     floor = accuracy.yardstick.floor
     for axes, measure in zip(panels, LABELS, strict=True):
         for course in accuracy.refinements:
-            if measure != "memory":
+            if measure in ("unknowns", "seconds"):
                 x, errors = course.errors(measure)
                 share = 100 * abs(course.reference) / accuracy.yardstick.scale * np.array(errors)
                 axes.plot(x, share, color=inks[course.solver].colour, linewidth=0.6, alpha=0.6)
         for family in accuracy.families:
-            _draw(axes, family, measure, inks[family.solver])
+            _draw(axes, family, measure, inks[family.solver], floor / panel.BELOW_FLOOR)
         axes.set_xlabel(LABELS[measure])
     panel.finish(panels, y=panel.ERROR_LABEL, floor=100 * floor, below=panel.FOR_SLOPES)
     starting = panel.shade_start(panels[list(LABELS).index("seconds")])
@@ -174,29 +177,36 @@ def cost_figure(accuracy: CaseAccuracy, inks: Mapping[str, Ink]) -> Figure:
         rates = {solver: accuracy.of(solver)[0].rate(measure, floor) for solver in accuracy.solvers}
         fits = [(rate, f"{rate.slope:.1f}", inks[solver].colour) for solver, rate in rates.items() if rate is not None]
         panel.draw_slopes(axes, fits, UNITS[measure])
-    panel.add_legend(figure, _legend(accuracy, inks, in_view=100 * floor > panels[0].get_ylim()[0], starting=starting))
+    panel.add_legend(
+        figure, _legend(accuracy, inks, own, in_view=100 * floor > panels[0].get_ylim()[0], starting=starting)
+    )
     return figure
 
 
-def _draw(axes: Axes, family: Family, measure: Measure, ink: Ink) -> None:
-    """Draw a family: a line through the sizes that ended well, dotted if only its cost changes, and a mark for each."""
+def _draw(axes: Axes, family: Family, measure: Measure, ink: Ink, least: float) -> None:
+    """Draw a family: a line through the sizes that ended well, dotted if only its cost changes, and a mark for each.
+
+    Errors below `least` are drawn at its height.
+    """
     shown = [(cost / UNITS[measure], point) for point in family.points if (cost := point.cost(measure)) is not None]
     for x, point in shown:
         if max(point.errors) > min(point.errors):
-            ends = [100 * min(point.errors), 100 * max(point.errors)]
+            ends = [100 * max(end, least) for end in (min(point.errors), max(point.errors))]
             axes.plot([x, x], ends, color=ink.colour, linewidth=0.8, alpha=0.7)
     level = len({point.unknowns for _, point in shown}) == 1
     line = "none" if len(family.points) < FEWEST else DASHES[2] if level else DASHES[0]
     look = {"linewidth": 1.0, **({} if family.swept else ALONE)}
-    drawn = [(x, 100 * point.error, point.sound) for x, point in shown]
+    drawn = [(x, 100 * max(point.error, least), point.sound) for x, point in shown]
     panel.draw_runs(axes, drawn, ink, line, **look)
 
 
-def _legend(accuracy: CaseAccuracy, inks: Mapping[str, Ink], *, in_view: bool, starting: bool) -> dict[str, Any]:
+def _legend(
+    accuracy: CaseAccuracy, inks: Mapping[str, Ink], own: str, *, in_view: bool, starting: bool
+) -> dict[str, Any]:
     families = accuracy.families
     entries = {solver: panel.entry(inks[solver]) for solver in accuracy.solvers}
     if any(not family.swept for family in families):
-        entries["default settings"] = panel.mark_entry(**ALONE)
+        entries[own] = panel.mark_entry(**ALONE)
     if accuracy.refinements:
         entries["refinement within a run"] = panel.entry(linewidth=0.6)
     entries |= panel.failed_entry(any(not point.sound for family in families for point in family.points))

@@ -17,7 +17,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator, StrMethodFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from shellbench.report.exhibit import DASHES, Dashes, Ink
 from shellbench.report.notation import SUPERSCRIPTS, plain
@@ -33,6 +33,11 @@ FLOOR_SHOWN = 30.0  # factor by which that axis goes below what can't be told fr
 MOST_IN_A_ROW = 6  # entries of the legend
 LINE, ROWS = 0.17, 2  # inches of a row of it; rows that figures have room for
 NARROW, FEW_DECADES = 0.7, 2.0  # decades below which an axis has few plain steps, and 1, 3 or 1, 2, 5 of each decade
+BELOW_FLOOR = 10.0  # errors smaller than the known value's uncertainty by more than this factor are drawn there
+FLOOR_WORDS = (
+    f"Errors below 1/{BELOW_FLOOR:.0f} of the known value's uncertainty, no different from zero, are drawn there."
+)
+FITS = 0.95  # share of a figure's width that a legend may take: letters are wider in some formats than on the screen
 GREY, SHADE = "#666666", "#BBBBBB"
 START = 0.1  # seconds below which a time tells of the first calls in a fresh process as much as of the solve
 STARTING: dict[str, Any] = {"facecolor": "none", "edgecolor": "#DDDDDD", "hatch": "////", "linewidth": 0}
@@ -132,7 +137,7 @@ def tick(axis: Axis) -> None:
     else:
         axis.set_major_locator(LogLocator(numticks=8))
     plain_steps = decades < FEW_DECADES
-    axis.set_major_formatter(StrMethodFormatter("{x:g}") if plain_steps else FuncFormatter(power_words))
+    axis.set_major_formatter(FuncFormatter(step_words if plain_steps else power_words))
     axis.set_minor_locator(NullLocator())
 
 
@@ -140,6 +145,12 @@ def power_words(value: float, place: int | None = None) -> str:
     """Write a power of ten in plain characters, which are drawn far faster than formulas."""
     exponent = round(math.log10(value)) if value > 0 else 0
     return f"{value:g}" if 0 <= exponent <= 1 else f"10{str(exponent).translate(SUPERSCRIPTS)}"
+
+
+def step_words(value: float, place: int | None = None) -> str:
+    """Write a number that is no power of ten, as 3·10⁻⁹ where it would need an exponent."""
+    mantissa, _, exponent = f"{value:g}".partition("e")
+    return f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPTS)}" if exponent else mantissa
 
 
 def draw_slopes(axes: Axes, fits: Sequence[tuple[Rate, str, str]], unit: float = 1.0, line: Dashes = DASHES[1]) -> None:
@@ -223,7 +234,7 @@ def add_legend(figure: Figure | SubFigure, entries: Mapping[str, Any], most: int
     for columns in range(min(most, len(entries)), 0, -1):
         rows = -(-len(entries) // columns)
         legend = figure.legend(handles, words, loc="outside lower center", ncols=-(-len(entries) // rows))
-        if legend.get_window_extent().width <= figure.bbox.width or columns == 1:
+        if legend.get_window_extent().width <= FITS * figure.bbox.width or columns == 1:
             break
         legend.remove()
     if isinstance(figure, Figure):
