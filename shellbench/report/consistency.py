@@ -10,17 +10,28 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from shellbench.report.columns import Column, Line, code, column, error, frame, words
 from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.exhibit import DASHES, Exhibit, Ink
-from shellbench.report.ladder import ALIKE, FINER, CaseRuns, Difference, Ladder, Run, case_runs
+from shellbench.report.ladder import (
+    ALIKE,
+    FINER,
+    CaseRuns,
+    Difference,
+    Ladder,
+    Run,
+    between,
+    case_runs,
+    drift,
+    order_of,
+    spread_of,
+    to_finest,
+)
 from shellbench.report.notation import TEXT, Digits, Notation, percent
 from shellbench.report.panel import FOR_SLOPES, add_legend, draw, draw_slopes, entry, finish, mark_entry, open_figure
-from shellbench.report.rates import Rate, fitted_rate
 from shellbench.report.resolution import frame_rate_table, mesh_table, of_largest, resolution_table
 from shellbench.report.runs import remarks_on
 from shellbench.report.table import Note, Table
@@ -182,41 +193,8 @@ def _sizes(name: str, found: Difference | None) -> dict[str, float | None]:
     return {f"{name}_largest": found.largest if found else None, f"{name}_rms": found.rms if found else None}
 
 
-def between(step: tuple[Run, Run] | None) -> Difference | None:
-    """Return how far the runs of a step are from each other."""
-    return None if step is None else step[1].difference(step[0])
-
-
-def spread_of(level: Sequence[Run]) -> tuple[float, float] | None:
-    """Return the largest, and the root mean square, of the differences between any two runs of a level, m."""
-    found = [d for i, one in enumerate(level) for other in level[:i] if (d := one.difference(other)) is not None]
-    if not found:
-        return None
-    return max(d.largest for d in found), float(np.sqrt(np.mean([d.rms**2 for d in found])))
-
-
-def order_of(case: CaseRuns, ladder: Ladder) -> Rate | None:
-    """Return the fitted power law of the largest relative difference from the solver's finest run.
-
-    Runs no farther from it than twice its own last step are left out: they owe their small difference to their
-    nearness, not to their resolution.
-    """
-    last = between(ladder.last_step("unknowns"))
-    if last is None or not case.scale:
-        return None
-    pairs = _to_finest(ladder.line, ladder.finest)
-    errors = [found.largest / case.scale for _, found in pairs]
-    return fitted_rate([float(x) for x, _ in pairs], errors, last.largest / case.scale)
-
-
-def _to_finest(runs: Sequence[Run], finest: Run) -> list[tuple[int, Difference]]:
-    """Return unknowns of the runs, and how far they are from the finest."""
-    found = [(run.unknowns, run.difference(finest)) for run in runs if run is not finest]
-    return [(unknowns, one) for unknowns, one in found if one is not None]
-
-
 def _exhibit(case: CaseRuns, inks: Mapping[str, Ink]) -> Exhibit | None:
-    shown = [ladder for ladder in case.ladders if len(ladder.levels) > 1 and _to_finest(ladder.line, ladder.finest)]
+    shown = [ladder for ladder in case.ladders if len(ladder.levels) > 1 and to_finest(ladder.line, ladder.finest)]
     if not shown or not case.scale:
         return None
     finest = shown[0].finest.row
@@ -240,7 +218,7 @@ def _exhibit(case: CaseRuns, inks: Mapping[str, Ink]) -> Exhibit | None:
         description="; ".join(
             f"{ladder.solver}: from {max(sizes):.2g} m to {min(sizes):.2g} m"
             for ladder in shown
-            if (sizes := [found.largest for _, found in _to_finest(ladder.line, ladder.finest)])
+            if (sizes := [found.largest for _, found in to_finest(ladder.line, ladder.finest)])
         ),
         figure=consistency_figure(case, shown, inks),
         run_ids=tuple(run.record.run_id for ladder in shown for run in ladder.runs),
@@ -270,14 +248,6 @@ def yardstick_words(case: CaseRuns) -> str:
 def _note(case: CaseRuns) -> Note:
     lost = ", ".join(f"{count} of {solver}" for solver, count in case.failed.items())
     return Note(case.title, yardstick_words(case) + (f" Runs that failed and are left out: {lost}." if lost else ""))
-
-
-def drift(run: Run, finest: Run, quantity: str) -> float | None:
-    """Return a quantity less that of the finest run, relative to the latter; None if one is missing or that is zero."""
-    ours, theirs = run.record.values.get(quantity), finest.record.values.get(quantity)
-    if ours is None or theirs is None or not theirs.value:
-        return None
-    return (ours.value - theirs.value) / abs(theirs.value)
 
 
 def pair_table(cases: Sequence[CaseRuns]) -> Table:
@@ -365,11 +335,11 @@ def consistency_figure(case: CaseRuns, ladders: Sequence[Ladder], inks: Mapping[
     fits = []
     for ladder in ladders:
         ink = inks[ladder.solver]
-        found = [pair for pair in _to_finest(ladder.line, ladder.finest) if pair[1].largest > SMALLEST * scale]
+        found = [pair for pair in to_finest(ladder.line, ladder.finest) if pair[1].largest > SMALLEST * scale]
         x, rms = [x for x, _ in found], [100 * one.rms / scale for _, one in found]
         draw(panels[0], x, [100 * one.largest / scale for _, one in found], ink)
         draw(panels[0], x, rms, ink, DASHES[1], marker=None, linewidth=1.0)
-        for x_other, one in _to_finest(ladder.other_time_steps, ladder.finest):
+        for x_other, one in to_finest(ladder.other_time_steps, ladder.finest):
             if one.largest > SMALLEST * scale:
                 draw(panels[0], [x_other], [100 * one.largest / scale], ink, "none", **_other(ink))
         for level in ladder.levels:

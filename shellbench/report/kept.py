@@ -6,150 +6,44 @@ shows it beside the runs of its own store and marks both apart. Errors of both a
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
-from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-import numpy as np
 from matplotlib.figure import Figure
-from pydantic import BaseModel, ConfigDict, ValidationError
 
-from shellbench.bench import catalog
-from shellbench.bench.record import ANSWERED
 from shellbench.bench.row import Row
-from shellbench.errors import InputError
-from shellbench.model import one_sentence
 from shellbench.report import panel
 from shellbench.report.accuracy import SMALLEST, CaseAccuracy, Measure, Point, family, sizes
 from shellbench.report.columns import Line, column, frame, share, size, words
 from shellbench.report.cost import cost_figure
 from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.exhibit import Exhibit, Ink, inks
-from shellbench.report.ladder import ALIKE
+from shellbench.report.kept_data import (
+    Apart,
+    KeptCase,
+    KeptRun,
+    Made,
+    Sweeps,
+    largest_apart,
+    main_sweeps,
+    read_summary,
+    sweeps_of,
+)
 from shellbench.report.notation import Notation
 from shellbench.report.rates import known_yardstick
 from shellbench.report.resolution import of_largest
-from shellbench.report.runs import groups_alike, headlines
+from shellbench.report.runs import headlines
 from shellbench.report.solutions import grouped
 from shellbench.report.table import Table
 
-FORMAT = 1
 LEVELS = (1e-2, 1e-3, 1e-4)
 MEASURES: tuple[Measure, ...] = ("storage", "memory", "seconds")
 COMPARED = 3  # finest sizes of a sweep whose displacements stand beside each other
 WIDTH, HEIGHT, MARGIN = 3.5, 2.3, 0.45  # inches: a panel, its height, and the legend
 LEAST = 1e-10  # difference relative to the largest displacement below which rounding is all there is
 OWN, KEPT = "this report", "kept"
-Triple = tuple[float, float, float]
-
-
-class Part(BaseModel):
-    """Immutable data of the summary; fields that are not read here are allowed."""
-
-    model_config = ConfigDict(frozen=True, extra="ignore")
-
-
-class Made(Part):
-    """The commit and the machine that made the summary."""
-
-    commit: str
-    date: str
-    processor: str = ""
-    cores: int | None = None
-    threads: int | None = None
-
-
-class Apart(Part):
-    """How far two runs are from each other at all probes, m."""
-
-    largest: float
-    rms: float
-
-
-class Grid(Part):
-    """One solution asked through a grid of n x n points: its difference at the same points, and its mesh's, m."""
-
-    points: int
-    difference: float
-    mesh_difference: float
-
-
-class KeptCase(Part):
-    """All runs of a case: `scale` is the largest displacement, m, and `common_run` what all are held against."""
-
-    title: str
-    scale: float | None = None
-    common_run: str | None = None
-    marks: tuple[float, ...] = ()
-
-
-class KeptRun(Part):
-    """One run; `displacement` (marks, points, 3) in m at the common points, bytes for `memory` and `storage`."""
-
-    case: str
-    solver: str
-    label: str
-    swept: str
-    settings: dict[str, Any]
-    seed: int | None
-    status: str
-    run_id: str
-    unknowns: int | None
-    seconds: float | None
-    memory: float | None
-    storage: int | None
-    value: float | None
-    displacement: tuple[tuple[Triple, ...] | None, ...] | None = None
-    from_common: Apart | None = None
-    from_coarser: Apart | None = None
-    grids: tuple[Grid, ...] = ()
-
-    @property
-    def other_settings(self) -> str:
-        """The settings that it shares with its sweep."""
-        return repr(sorted((name, repr(value)) for name, value in self.settings.items() if name != self.swept))
-
-
-Sweeps = Mapping[tuple[str, str, str], Sequence[KeptRun]]  # by solver, setting and other settings, coarse to fine
-
-
-class Summary(Part):
-    """The kept summary."""
-
-    format: int
-    made: Made
-    cases: dict[str, KeptCase]
-    runs: tuple[KeptRun, ...]
-
-
-def shipped() -> Path:
-    """Return the file of the summary; it need not be there."""
-    return catalog.data_folder("reports") / "resolution.json"
-
-
-def read_summary() -> Summary | None:
-    """Return the summary that ships; None if there is none.
-
-    Raises
-    ------
-    InputError
-        In one sentence with the file and the field.
-    """
-    path = shipped()
-    if not path.is_file():
-        return None
-    try:
-        found = Summary.model_validate(data := json.loads(path.read_bytes()))
-    except ValidationError as error:
-        raise InputError(f"{path}: {one_sentence(error, data)}") from None
-    except ValueError as error:
-        raise InputError(f"{path}: is no JSON ({error})") from None
-    if found.format != FORMAT:
-        raise InputError(f"{path}: has format {found.format}; this version of shellbench reads {FORMAT}")
-    return found
 
 
 def section(evidence: Evidence) -> Section | None:
@@ -161,7 +55,7 @@ def section(evidence: Evidence) -> Section | None:
     studied = headlines(evidence.runs, "resolution")
     missing = set(shown["case"]) - set(studied.loc[~studied["default_settings"], "case"])
     cases = [case for case in summary.cases if case in missing]
-    lines = {case: _sweeps([run for run in summary.runs if run.case == case]) for case in cases}
+    lines = {case: sweeps_of([run for run in summary.runs if run.case == case]) for case in cases}
     found = [one for case in cases if (one := _accuracy(evidence, case, lines[case])) is not None]
     about = {case: summary.cases[case] for case in cases}
     solvers = {run.solver for run in summary.runs}
@@ -196,13 +90,6 @@ def _words(made: Made) -> Iterator[str]:
         " grid: that is a property of continuity, no merit of a solver. What tells solvers apart is how far"
         " discretisations are from each other, and from the common run."
     )
-
-
-def _sweeps(runs: Sequence[KeptRun]) -> dict[tuple[str, str, str], list[KeptRun]]:
-    """Return the runs of each sweep that answered, by solver, setting and other settings, from coarse to fine."""
-    ended = [run for run in runs if run.status in ANSWERED and run.value is not None and run.unknowns]
-    ordered = sorted(ended, key=lambda run: (run.solver, run.unknowns or 0, run.seed or 0))
-    return grouped(ordered, lambda run: (run.solver, run.swept, run.other_settings))
 
 
 def _accuracy(evidence: Evidence, case: str, sweeps: Sweeps) -> CaseAccuracy | None:
@@ -312,27 +199,13 @@ def level_table(found: Sequence[CaseAccuracy]) -> Table:
     )
 
 
-def _main_sweeps(
-    sweeps: Sweeps,
-) -> Iterator[tuple[str, list[KeptRun]]]:
-    """Yield of each solver the runs of its longest sweep, with the lowest seed, from coarse to fine.
-
-    Of sizes that differ only marginally it is the coarsest.
-    """
-    for solver, of_solver in grouped(sweeps.items(), lambda one: one[0][0]).items():
-        longest = max((runs for _, runs in of_solver), key=lambda runs: len({run.label for run in runs}))
-        seed = min((run.seed for run in longest if run.seed is not None), default=None)
-        groups = groups_alike([run for run in longest if run.seed == seed], lambda run: run.unknowns or 0, ALIKE)
-        yield solver, [group[0] for group in groups]
-
-
 def point_table(about: Mapping[str, KeptCase], lines: Mapping[str, Sweeps]) -> Table:
     """Return how far the finest discretisations of each solver are from each other and from the common run."""
     found = []
     for case, sweeps in lines.items():
-        for solver, runs in _main_sweeps(sweeps):
+        for solver, runs in main_sweeps(sweeps):
             finest = runs[-COMPARED:]
-            steps = [_largest_apart(one, other) for one, other in pairwise(finest)]
+            steps = [largest_apart(one, other) for one, other in pairwise(finest)]
             is_common = finest[-1].run_id == about[case].common_run
             found.append(
                 {
@@ -385,16 +258,6 @@ def _is_common(line: Line, notation: Notation) -> str:
     return notation.escape("itself") if line["is_common"] else notation.missing
 
 
-def _largest_apart(one: KeptRun, other: KeptRun) -> float | None:
-    """Return the largest difference of two runs over the common points and the marks that both reached, m."""
-    found = [
-        float(np.linalg.norm(np.array(a) - np.array(b), axis=-1).max())
-        for a, b in zip(one.displacement or (), other.displacement or (), strict=False)
-        if a and b and len(a) == len(b)
-    ]
-    return max(found, default=None)
-
-
 def grid_table(about: Mapping[str, KeptCase], lines: Mapping[str, Sweeps]) -> Table:
     """Return one solution of each solver as three grids see it."""
     found = [
@@ -410,7 +273,7 @@ def grid_table(about: Mapping[str, KeptCase], lines: Mapping[str, Sweeps]) -> Ta
             "run_ids": runs[-1].run_id,
         }
         for case, sweeps in lines.items()
-        for solver, runs in _main_sweeps(sweeps)
+        for solver, runs in main_sweeps(sweeps)
         if runs[-1].grids
     ]
     sides = sorted({grid.points for sweeps in lines.values() for runs in sweeps.values() for grid in runs[-1].grids})
@@ -446,19 +309,20 @@ def _exhibits(
             caption=f"Error of the {one.quantity} against unknowns, wall time and peak memory of the solve (above what"
             f" the process held before). Errors are against {one.yardstick.words}. Lines: sweeps of kept runs, a mark"
             " for each size, with several seeds their geometric mean and a bar from the least to the largest."
-            f" {panel.FLOOR_WORDS} Black rims: runs of this report with default settings. Dashed, with the exponent at the right: slopes fitted"
-            " to the finest sizes at which errors still fall.",
+            f" {panel.FLOOR_WORDS} Black rims: runs of this report with default settings. Dashed, with the exponent at"
+            " the right: slopes fitted to the finest sizes at which errors still fall.",
             description=f"{one.title}: error of {', '.join(one.solvers)} against unknowns, seconds and memory",
             figure=cost_figure(one, colours, "default settings, this report"),
             run_ids=own,
         )
-        figure = consistency_figure(about[one.case], dict(_main_sweeps(lines[one.case])), colours)
+        figure = consistency_figure(about[one.case], dict(main_sweeps(lines[one.case])), colours)
         if figure is not None:
             yield Exhibit(
                 name=f"kept_consistency_{one.case}",
                 title=f"{one.title}: resolution consistency",
-                caption="Kept runs: largest difference of the displacement from the common run and from the next coarser"
-                " run of the same sweep, over the same material points and marks, relative to the largest displacement."
+                caption="Kept runs: largest difference of the displacement from the common run and from the next"
+                " coarser run of the same sweep, over the same material points and marks, relative to the largest"
+                " displacement."
                 f" {_common_words(about[one.case], lines[one.case])}",
                 description=f"{one.title}: differences between resolutions",
                 figure=figure,

@@ -22,6 +22,7 @@ from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.evidence import Evidence
 from shellbench.report.fields import kept_arrays
+from shellbench.report.rates import Rate, fitted_rate
 from shellbench.report.runs import groups_alike, in_study
 from shellbench.report.solutions import seed_words, variant_name
 
@@ -266,6 +267,47 @@ class CaseRuns:
 def leader(level: Sequence[Run]) -> Run:
     """Return the run that stands for a level: fewest unknowns, time steps and changed settings, the lowest seed."""
     return min(level, key=lambda run: (run.unknowns, run.time_steps, len(run.row.overrides), run.row.seed or 0))
+
+
+def between(step: tuple[Run, Run] | None) -> Difference | None:
+    """Return how far the runs of a step are from each other."""
+    return None if step is None else step[1].difference(step[0])
+
+
+def spread_of(level: Sequence[Run]) -> tuple[float, float] | None:
+    """Return the largest, and the root mean square, of the differences between any two runs of a level, m."""
+    found = [d for i, one in enumerate(level) for other in level[:i] if (d := one.difference(other)) is not None]
+    if not found:
+        return None
+    return max(d.largest for d in found), float(np.sqrt(np.mean([d.rms**2 for d in found])))
+
+
+def order_of(case: CaseRuns, ladder: Ladder) -> Rate | None:
+    """Return the fitted power law of the largest relative difference from the solver's finest run.
+
+    Runs no farther from it than twice its own last step are left out: they owe their small difference to their
+    nearness, not to their resolution.
+    """
+    last = between(ladder.last_step("unknowns"))
+    if last is None or not case.scale:
+        return None
+    pairs = to_finest(ladder.line, ladder.finest)
+    errors = [found.largest / case.scale for _, found in pairs]
+    return fitted_rate([float(x) for x, _ in pairs], errors, last.largest / case.scale)
+
+
+def to_finest(runs: Sequence[Run], finest: Run) -> list[tuple[int, Difference]]:
+    """Return unknowns of the runs, and how far they are from the finest."""
+    found = [(run.unknowns, run.difference(finest)) for run in runs if run is not finest]
+    return [(unknowns, one) for unknowns, one in found if one is not None]
+
+
+def drift(run: Run, finest: Run, quantity: str) -> float | None:
+    """Return a quantity less that of the finest run, relative to the latter; None if one is missing or that is zero."""
+    ours, theirs = run.record.values.get(quantity), finest.record.values.get(quantity)
+    if ours is None or theirs is None or not theirs.value:
+        return None
+    return (ours.value - theirs.value) / abs(theirs.value)
 
 
 def case_runs(evidence: Evidence) -> list[CaseRuns]:
