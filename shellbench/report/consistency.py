@@ -51,10 +51,7 @@ GRIDS = (
 )
 RATES = "Motions were asked at many frame rates too, with the same outcome: only frames that are joined add anything."
 SOLVED_AGAIN = "Cases were solved at several resolutions."
-ALIKE_RUNS = (
-    f"Runs are alike whose unknowns are within {100 * (ALIKE - 1):.0f} % of each other: other meshes, other diagonals,"
-    " or other seeds."
-)
+ALIKE_RUNS = f"Alike are runs whose unknowns are within {100 * (ALIKE - 1):.0f} %: other meshes, diagonals or seeds."
 COMPARED = (
     "All runs of a case are compared at the same material points, which lie on no regular grid, and at all instants or"
     " loads that both runs kept. Differences are lengths of vectors, the largest and the root mean square over points"
@@ -65,9 +62,10 @@ NO_ERROR = (
     " The difference from another solver's run stands beside it for that reason, and the known values stand in the"
     " tables of displacements."
 )
-CLOTH = (
-    "Folding cloth amplifies small differences with time; there, differences late in the motion say how far the"
-    " problem itself can be foretold."
+CLOTH = "Folding cloth amplifies small differences; late ones say how far the problem itself can be foretold."
+OVER_TIME = (
+    "the same difference over time, the largest over the points, a line for each run, the finer the darker; dotted:"
+    " each solver's finest run from the common one."
 )
 CAPTIONS = {
     "step_largest": "Last step: difference between the finest run and one a resolution coarser; slope: fitted power of"
@@ -198,13 +196,7 @@ def _exhibit(case: CaseRuns, inks: Mapping[str, Ink]) -> Exhibit | None:
     if not shown or not case.scale:
         return None
     finest = shown[0].finest.row
-    second = "Middle" if case.moves else "Right"
-    over_time = (
-        " Right: the same difference over time, the largest over the points, a line for each run, the finer the"
-        " darker; dotted: each solver's finest run from the common one."
-        if case.moves
-        else ""
-    )
+    second, over_time = ("Middle", f" Right: {OVER_TIME}") if case.moves else ("Right", "")
     small = any(value < SMALLEST_DRIFT for one in case.ladders for value in _drifts(one.runs, one.finest)[1])
     return Exhibit(
         name=f"consistency_{case.case}",

@@ -35,7 +35,7 @@ from shellbench.report.notation import Notation
 from shellbench.report.rates import known_yardstick
 from shellbench.report.resolution import of_largest
 from shellbench.report.runs import headlines
-from shellbench.report.solutions import grouped
+from shellbench.report.solutions import grouped, seed_words
 from shellbench.report.table import Table
 
 LEVELS = (1e-2, 1e-3, 1e-4)
@@ -43,6 +43,7 @@ MEASURES: tuple[Measure, ...] = ("storage", "memory", "seconds")
 COMPARED = 3  # finest sizes of a sweep whose displacements stand beside each other
 WIDTH, HEIGHT, MARGIN = 3.5, 2.3, 0.45  # inches: a panel, its height, and the legend
 LEAST = 1e-10  # difference relative to the largest displacement below which rounding is all there is
+FAILED = ("failed", "timeout")
 OWN, KEPT = "this report", "kept"
 
 
@@ -56,7 +57,8 @@ def section(evidence: Evidence) -> Section | None:
     missing = set(shown["case"]) - set(studied.loc[~studied["default_settings"], "case"])
     cases = [case for case in summary.cases if case in missing]
     lines = {case: sweeps_of([run for run in summary.runs if run.case == case]) for case in cases}
-    found = [one for case in cases if (one := _accuracy(evidence, case, lines[case])) is not None]
+    failed = grouped([run for run in summary.runs if run.status in FAILED], lambda run: run.case)
+    found = [one for case in cases if (one := _accuracy(evidence, case, lines[case], failed.get(case, ()))) is not None]
     about = {case: summary.cases[case] for case in cases}
     solvers = {run.solver for run in summary.runs}
     tables = given(
@@ -92,7 +94,7 @@ def _words(made: Made) -> Iterator[str]:
     )
 
 
-def _accuracy(evidence: Evidence, case: str, sweeps: Sweeps) -> CaseAccuracy | None:
+def _accuracy(evidence: Evidence, case: str, sweeps: Sweeps, failed: Sequence[KeptRun]) -> CaseAccuracy | None:
     """Return errors and cost of a case: a family for each kept sweep, and one without a sweep for each own solver."""
     runs = headlines(evidence.runs)
     runs = runs[(runs["case"] == case) & runs["default_settings"]]
@@ -108,7 +110,11 @@ def _accuracy(evidence: Evidence, case: str, sweeps: Sweeps) -> CaseAccuracy | N
             for alike in grouped(of_sweep, lambda run: run.label).values()
         ]
         families.append(family(solver, swept or "default settings", points))
-    return CaseAccuracy(rows[0], yardstick, tuple(families), {}, ())
+    lost = {
+        solver: [f"{run.label}{seed_words(run.seed)}: {run.reason or run.status}" for run in runs]
+        for solver, runs in grouped(failed, lambda run: run.solver).items()
+    }
+    return CaseAccuracy(rows[0], yardstick, tuple(families), lost, ())
 
 
 def _point(alike: Sequence[KeptRun], errors: tuple[float, ...]) -> Point:
@@ -119,7 +125,7 @@ def _point(alike: Sequence[KeptRun], errors: tuple[float, ...]) -> Point:
         seconds=fmean(run.seconds or 0.0 for run in alike),
         memory=max(memory, default=None),
         errors=errors,
-        sound=True,
+        sound=all(run.status == "ok" for run in alike),
         run_ids=tuple(run.run_id for run in alike),
         rows=(),
         storage=max((run.storage or 0 for run in alike), default=0) or None,
@@ -167,6 +173,7 @@ def size_table(found: Sequence[CaseAccuracy], *, finest_only: bool) -> Table:
             column("worst", "Error", share),
             "seeds",
         ),
+        notes=tuple(note for one in found for note in one.failures(" among the kept runs and are left out")),
     )
 
 

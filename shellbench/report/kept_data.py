@@ -75,12 +75,14 @@ class KeptRun(Part):
     settings: dict[str, Any]
     seed: int | None
     status: str
+    reason: str | None = None
     run_id: str
     unknowns: int | None
     seconds: float | None
     memory: float | None
     storage: int | None
     value: float | None
+    error: float | None = None
     displacement: tuple[tuple[Triple, ...] | None, ...] | None = None
     from_common: Apart | None = None
     from_coarser: Apart | None = None

@@ -19,7 +19,7 @@ from shellbench.bench.row import Row
 from shellbench.bench.store import Store as Records
 from shellbench.problem import Problem
 from shellbench.problems.shell.case import Case
-from shellbench.report import exhibit, paper, shells, trace_exhibits
+from shellbench.report import exhibit, kept_data, paper, shells, trace_exhibits
 from shellbench.report.page import write_report
 
 COURSE = ("square_plate", "scordelis_lo", "pinched_cylinder_diaphragm", "pinched_cylinder_free")
@@ -42,6 +42,14 @@ ENVIRONMENT = Environment(
     git_sha="0" * 40,
     git_dirty=False,
 )
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_kept_runs() -> Iterator[None]:
+    """Synthetic records stand beside no runs that were really made."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kept_data, "shipped", lambda: Path(__file__).parent / "no_summary.json")
+        yield
 
 
 @dataclass(frozen=True)
