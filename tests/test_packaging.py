@@ -32,6 +32,11 @@ def test_data_that_the_code_asks_for_is_shipped() -> None:
     assert all(target == f"shellbench/data/{source}" for source, target in SHIPPED.items())
 
 
+def test_the_kept_summary_is_shipped_where_there_is_one() -> None:
+    source = "reports/resolution.json"
+    assert (source in SHIPPED) == (ROOT / source).is_file()
+
+
 def test_the_version_stands_in_one_way() -> None:
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert re.search(r"^version: (.*)$", citation, re.MULTILINE)[1] == PROJECT["project"]["version"]

@@ -211,7 +211,7 @@ def point_table(about: Mapping[str, KeptCase], lines: Mapping[str, Sweeps]) -> T
     found = []
     for case, sweeps in lines.items():
         for solver, runs in main_sweeps(sweeps):
-            finest = runs[-COMPARED:]
+            finest = ([run for run in runs if run.displacement] or list(runs))[-COMPARED:]
             steps = [largest_apart(one, other) for one, other in pairwise(finest)]
             is_common = finest[-1].run_id == about[case].common_run
             found.append(

@@ -200,7 +200,7 @@ def mark_entry(**look: Any) -> Line2D:
 
 def failed_entry(shown: bool) -> dict[str, Line2D]:
     """Return the legend's entry of open marks, if there are any."""
-    return {"failed run": mark_entry(markerfacecolor="white")} if shown else {}
+    return {"failed or not settled": mark_entry(markerfacecolor="white")} if shown else {}
 
 
 def shade_entry(shown: bool, words: str = UNCERTAIN) -> dict[str, Line2D]:

@@ -258,6 +258,35 @@ def test_one_resolution_alone_is_compared_with_other_solvers(tmp_path):
     assert not section(evidence(tmp_path, runs)).exhibits
 
 
+def test_text_tells_of_runs_that_are_there(tmp_path, plate, napkin):
+    def words(shown):
+        return " ".join(section(shown).words)
+
+    suites = {"suites": ("obstacle_course",)}
+    alone = [
+        run(tmp_path, PLATE, "shells", 8, 1e-3, **suites),
+        run(tmp_path, PLATE, "field", 8, 2e-3, seed=0, **suites),
+    ]
+    seeds = [*alone, run(tmp_path, PLATE, "field", 8, 3e-3, seed=1, **suites)]
+    for runs, several, alike in ((alone, False, False), (seeds, False, True)):
+        shown = evidence(tmp_path, runs)
+        assert ("solved at several resolutions" in words(shown)) == several
+        assert ("Alike are runs" in words(shown)) == alike
+        text = consistency_table(case_runs(shown)).write("text")
+        assert "Last step" not in text
+        assert ("Runs alike" in text) == alike
+    assert "solved at several resolutions" in words(plate)
+    assert "Alike are runs" in words(plate)
+    assert "cloth" not in words(plate)
+    assert "frame rates" not in words(plate)
+    assert "Folding cloth" in words(napkin)
+    assert "frame rates" in words(napkin)
+
+
+def test_repetition_is_stated_as_a_property_of_every_continuous_field(plate):
+    assert "a property of continuity, no merit of a solver" in section(plate).words[0]
+
+
 def test_nothing_that_moves_has_no_relative_difference(tmp_path):
     runs = [run(tmp_path, PLATE, "shells", n, 0.0, label=f"cells {n}", length=0.0) for n in (4, 8)]
     shown = evidence(tmp_path, runs)

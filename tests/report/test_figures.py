@@ -98,6 +98,30 @@ def test_the_fitted_order_stands_beside_the_curve(all_courses, colours):
     assert all("2.0" in text for text in words[4:])  # and their seconds grow with the unknowns
 
 
+def test_errors_ten_decades_apart_stand_on_axes_of_their_own(all_courses, colours):
+    """One uncertainty over all panels left the panel of the most exact case empty."""
+    fem = [course for course in all_courses if course.solver == "fem"]
+    exact = replace(
+        fem[0],
+        uncertainty=1e-12 * fem[0].reference,
+        steps=tuple(
+            step.model_copy(update={"quantities": {fem[0].quantity: fem[0].reference * (1 + 1e-11 / 10**i)}})
+            for i, step in enumerate(fem[0].steps)
+        ),
+    )
+    with style():
+        figure = refinement_figure([exact, *fem[1:]], colours)
+        figure.draw_without_rendering()
+    for axes in panels(figure):
+        low, high = axes.get_ylim()
+        curves = [line for line in axes.get_lines() if line.get_marker() not in ("None", None, "")]
+        heights = np.concatenate([line.get_ydata() for line in curves])
+        assert len(heights) >= 3
+        assert np.all((low < heights) & (heights < high))
+    first = panels(figure)[0].get_lines()[0].get_ydata()
+    assert min(first) == pytest.approx(100 * 1e-12 / 10)  # what can't be told from zero is drawn at its lower end
+
+
 def test_fields_that_iterate_are_no_refinement(all_courses, colours):
     fields = [course for course in all_courses if course.solver == "ndf"]
     assert refinement_figure(fields, colours) is None
@@ -280,6 +304,11 @@ def test_a_single_step_is_neither_a_refinement_nor_a_training(all_courses, colou
     assert refinement_figure(alone, colours) is None
     for abscissa in ("unknowns", "seconds", "iteration"):
         assert iteration_figure(alone, colours, abscissa) is None
+
+
+def test_two_iterations_are_no_figure(all_courses, colours):
+    short = [replace(course, steps=course.steps[:2]) for course in all_courses if course.solver == "ndf"]
+    assert iteration_figure(short, colours, "iteration") is None
 
 
 def test_states_of_a_path_and_solves_of_nothing_are_no_convergence(by_id, course_rows):

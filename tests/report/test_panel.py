@@ -18,6 +18,7 @@ from shellbench.report.panel import (
     open_figure,
     shade_entry,
     shade_start,
+    step_words,
 )
 from shellbench.report.rates import Rate
 
@@ -92,11 +93,49 @@ def test_open_marks_have_a_white_face_in_the_solvers_colour(axes):
     assert full.get_markerfacecolor() == full.get_color() == INK.colour
 
 
+@pytest.mark.parametrize("points", [1, 2])
+@pytest.mark.parametrize("look", [{}, {"marker": None}, {"line": "--", "hollow": True}])
+def test_one_or_two_points_are_marks_without_a_line(axes, points, look):
+    draw(axes, [1.0, 2.0][:points], [1.0, 2.0][:points], INK, **look)
+    (drawn,) = axes.get_lines()
+    assert drawn.get_linestyle() == "None"
+    assert drawn.get_marker() not in (None, "None", "")
+
+
+def test_three_points_have_a_line(axes):
+    draw(axes, [1.0, 2.0, 3.0], [1.0, 2.0, 3.0], INK)
+    assert axes.get_lines()[0].get_linestyle() == "-"
+
+
+@pytest.mark.parametrize("floor", [1e-3, 1.0, 1e6])
+def test_what_lies_far_below_the_uncertainty_is_still_in_view(axes, floor):
+    draw(axes, [1.0, 2.0, 3.0], [1e-5, 2e-5, 4e-5], INK)
+    finish([axes], floor=floor)
+    low, high = axes.get_ylim()
+    assert low < 4e-5 < high
+
+
+@pytest.mark.parametrize("words", [["fem"], ["a solver with a long name"] * 2, ["uncertainty of the known value"] * 6])
+def test_a_legend_lies_within_its_figure(words):
+    figure, ((one,),) = open_figure((7.0, 2.5))
+    draw(one, [1.0, 2.0, 3.0], [1.0, 2.0, 3.0], INK)
+    add_legend(figure, {f"{text} {i}": entry(INK) for i, text in enumerate(words)})
+    figure.draw_without_rendering()
+    box = figure.legends[0].get_window_extent()
+    assert box.x0 >= 0
+    assert box.x1 <= figure.bbox.width
+
+
+@pytest.mark.parametrize(("value", "words"), [(3e-9, "3·10⁻⁹"), (0.3, "0.3"), (2e12, "2·10¹²"), (500.0, "500")])
+def test_ticks_are_written_as_people_write_them(value, words):
+    assert step_words(value) == words
+
+
 def test_one_legend_names_what_is_there():
     figure, _ = open_figure((4.0, 2.0))
     add_legend(figure, {"costs $": entry(INK)} | failed_entry(True) | failed_entry(False) | shade_entry(False))
     (legend,) = figure.legends
-    assert [text.get_text() for text in legend.get_texts()] == [r"costs \$", "failed run"]
+    assert [text.get_text() for text in legend.get_texts()] == [r"costs \$", "failed or not settled"]
 
 
 def lie_apart(boxes):
