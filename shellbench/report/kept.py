@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from shellbench.bench.row import Row
 from shellbench.report import panel
-from shellbench.report.accuracy import SMALLEST, CaseAccuracy, Measure, Point, family, sizes
+from shellbench.report.accuracy import SMALLEST, CaseAccuracy, Family, Measure, Point, family, sizes
 from shellbench.report.columns import Line, column, frame, share, size, words
 from shellbench.report.cost import cost_figure
 from shellbench.report.evidence import Evidence, Section, given
@@ -152,6 +152,7 @@ def size_table(found: Sequence[CaseAccuracy], *, finest_only: bool) -> Table:
         }
         for one in found
         for each in sorted(one.families, key=lambda each: (each.solver, bool(each.swept)))
+        if not (finest_only and each.swept) or each is _longest(one, each.solver)
         for point in (each.points[-1:] if finest_only else each.points)
     ]
     return Table(
@@ -160,7 +161,7 @@ def size_table(found: Sequence[CaseAccuracy], *, finest_only: bool) -> Table:
         caption="Error of the headline quantity against its known value, the worst of the seeds, with unknowns, wall"
         " time, bytes that keep the solution and peak memory of the solve above what its process held before."
         f" {OWN.capitalize()}: from its own store, with default settings; {KEPT}: from the summary"
-        + (", the finest size of each sweep." if finest_only else ", all sizes."),
+        + (", the finest size of each solver's longest sweep." if finest_only else ", all sizes."),
         data=frame(lines),
         columns=(
             "solver",
@@ -175,6 +176,11 @@ def size_table(found: Sequence[CaseAccuracy], *, finest_only: bool) -> Table:
         ),
         notes=tuple(note for one in found for note in one.failures(" among the kept runs and are left out")),
     )
+
+
+def _longest(one: CaseAccuracy, solver: str) -> Family:
+    """Return the kept sweep of a solver that has most sizes."""
+    return next(each for each in one.of(solver) if each.swept)
 
 
 def level_table(found: Sequence[CaseAccuracy]) -> Table:
@@ -350,7 +356,10 @@ def consistency_figure(
         panel.draw(right, *_drawn(((run.unknowns, run.from_coarser) for run in of_solver), case.scale), ink)
     for axes, title in ((left, "From the common run"), (right, "From the next coarser run")):
         panel.finish([axes], "unknowns", "difference (% of the largest)", title)
-    panel.add_legend(figure, {solver: panel.entry(colours[solver]) for solver in runs})
+    shown = {
+        solver for solver, of_solver in runs.items() if any(run.from_common or run.from_coarser for run in of_solver)
+    }
+    panel.add_legend(figure, {solver: panel.entry(colours[solver]) for solver in runs if solver in shown})
     return figure
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
 from shellbench.bench import catalog
 from shellbench.bench.record import ANSWERED
@@ -76,7 +76,7 @@ class KeptRun(Part):
     seed: int | None
     status: str
     reason: str | None = None
-    run_id: str
+    run_id: str = ""
     unknowns: int | None
     seconds: float | None
     memory: float | None
@@ -87,6 +87,12 @@ class KeptRun(Part):
     from_common: Apart | None = None
     from_coarser: Apart | None = None
     grids: tuple[Grid, ...] = ()
+
+    @field_validator("run_id", mode="before")
+    @classmethod
+    def _made(cls, value: Any) -> Any:
+        """Return an empty name for a run that was not made."""
+        return value or ""
 
     @property
     def other_settings(self) -> str:

@@ -33,6 +33,7 @@ def summary():
     runs = [kept_run("fem", n, n**-4.0) for n in SIZES]
     runs += [kept_run("field", n, 3e-3 * (1 + seed), seed=seed) for n in SIZES for seed in (0, 1)]
     runs += [kept_run("field", 128, 0.0, status="failed", value=None, reason="it did not converge")]
+    runs += [kept_run("field", 256, 0.0, status="missing", value=None, run_id=None)]
     made = {"commit": "c0ffee" + "0" * 34, "date": "2000-01-01", "processor": "a processor", "cores": 2, "threads": 1}
     case = {"title": "Square plate", "scale": SCALE, "common_run": "fem-64-None", "marks": [1.0]}
     return {"format": 1, "made": made, "cases": {CASE: case}, "runs": runs}
