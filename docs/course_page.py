@@ -14,8 +14,9 @@ from typing import Any
 
 from docs.studies_page import table
 from shellbench.bench import catalog
-from shellbench.report.kept_data import Summary, read_summary, sweeps_of
+from shellbench.report.kept_data import KeptRun, Summary, read_summary, sweeps_of
 from shellbench.report.notation import byte_size, duration
+from shellbench.report.solutions import grouped
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/findings/course.md"
@@ -78,16 +79,16 @@ def at_equal_error() -> list[str]:
 
 
 def cheapest(summary: Summary, case: str, solver: str, level: float) -> str:
-    """Return bytes and seconds of the smallest run from which on all finer ones of its sweep are within a level."""
+    """Return bytes and seconds of the coarsest size from which on all runs of its sweep are within a level."""
     found = []
     runs = [run for run in summary.runs if (run.case, run.solver) == (case, solver)]
     for sweep in sweeps_of(runs).values():
-        lasting = []
-        for run in reversed(sweep):
-            if run.error is None or run.error > level:
+        lasting: list[KeptRun] = []
+        for alike in reversed(grouped(sweep, lambda run: run.label).values()):
+            if any(run.error is None or run.error > level for run in alike):
                 break
-            lasting.append(run)
-        found += [run for run in lasting[-1:] if run.storage is not None]
+            lasting = alike
+        found += [run for run in lasting if run.storage is not None]
     if not found:
         return "not reached" if runs else "not run"
     best = min(found, key=lambda run: run.storage or 0)

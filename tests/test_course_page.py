@@ -3,6 +3,8 @@
 import re
 
 from docs import course_page
+from shellbench.report.kept_data import Summary
+from tests.report.test_kept import CASE, summary
 
 
 def test_the_tables_of_the_page_are_those_of_the_kept_rows():
@@ -25,3 +27,15 @@ def test_an_absolute_error_has_its_unit():
     row = {"case": "c", "solver": "s", "value": 1.0, "relative_error": None, "absolute_error": -3e-5, "unit": "m",
            "seconds": 1.0, "peak_memory_bytes": 1e6}  # fmt: skip
     assert course_page.cell([row], "c", "s").startswith("3e-05 m, ")
+
+
+def test_the_cheapest_run_is_the_coarsest_from_which_on_all_finer_ones_hold_the_level(monkeypatch):
+    found = Summary.model_validate(summary())
+    # fem's errors: 4: 0.39 %, 8: 0.024 %; the field's: 0.3 and 0.6 % at all sizes
+    assert course_page.cheapest(found, CASE, "fem", 1e-3) == "6.1 kB, 0.064 s"
+    assert course_page.cheapest(found, CASE, "field", 1e-3) == "not reached"
+    assert course_page.cheapest(found, CASE, "other", 1e-3) == "not run"
+    monkeypatch.setattr(course_page, "read_summary", lambda: found)
+    lines = course_page.at_equal_error()
+    assert "commit c0ffee000000, 2000-01-01" in lines[0]
+    assert len(lines) == 2 + 2 + len(course_page.LEVELS)

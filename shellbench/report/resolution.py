@@ -13,13 +13,13 @@ from typing import Any
 import pandas as pd
 
 from shellbench.account import FrameRateStep, ResolutionStep
+from shellbench.report.answers import BYTES_A_POINT
 from shellbench.report.columns import Line, code, column, frame, present, share, words
 from shellbench.report.evidence import Evidence
 from shellbench.report.notation import Notation, byte_size, rounded
 from shellbench.report.runs import groups_alike, in_order_of_cases
 from shellbench.report.table import Note, Table
 
-MESH_BYTES_A_POINT = 3 * 8  # displacement of a vertex in double precision; connectivity not counted
 MESH_DIFFERENCES = "mesh_differences"
 SAME_RATE = 1.2  # ratio up to which frame rates stand in one column
 ADDED = ("interpolation_difference", "interpolation_rms")  # what a mesh, or a sequence of frames, would add
@@ -60,7 +60,7 @@ def resolution_table(evidence: Evidence) -> Table:
         for common, record in seen
     ]
     said = ", ".join(map(str, grids))
-    memory = "; ".join(f"{n}×{n} points: {byte_size(MESH_BYTES_A_POINT * n * n)}" for n in grids)
+    memory = "; ".join(f"{n}×{n} points: {byte_size(BYTES_A_POINT * n * n)}" for n in grids)
     return Table(
         name="resolution",
         title="Memory and resolution",

@@ -22,7 +22,7 @@ def kept_run(solver, n, error, *, seed=None, **changes):
     made = {
         "case": CASE, "solver": solver, "label": f"cells {n}×{n}", "settings": {"cells": [n, n]}, "swept": "cells",
         "seed": seed, "status": "ok", "run_id": run_id, "unknowns": 12 * n * n, "seconds": 1e-3 * n * n,
-        "memory": 1e6 * n, "storage": 96 * n * n, "value": TRUTH[CASE] * (1 + error), "displacement": [at],
+        "memory": 1e6 * n, "storage": 96 * n * n, "value": TRUTH[CASE] * (1 + error), "error": error, "displacement": [at],
         "from_common": {"largest": SCALE * error, "rms": 0.5 * SCALE * error}, "from_coarser": None,
         "grids": [{"points": p, "difference": 0.0, "mesh_difference": SCALE / p**2} for p in (10, 50, 200)],
     }  # fmt: skip
