@@ -285,9 +285,10 @@ def memory_figure(
 ) -> Figure:
     """Draw one case: error against the bytes that keep an answer, for solvers in `kept`, and memory of all solves."""
     figure, ((left, right),) = open_figure((2 * WIDTH, HEIGHT + MARGIN), 1, 2)
+    least = SMALLEST if measure == "difference" else 0.0  # an error has the known value's uncertainty in it
     for ladder in case.ladders:
         ink = inks[ladder.solver]
-        known = [one for one in kept.get(ladder.solver, ()) if (getattr(one, measure) or 0.0) > SMALLEST]
+        known = [one for one in kept.get(ladder.solver, ()) if (getattr(one, measure) or 0.0) > least]
         by_kept = {way: [one for one in known if one.kept == way] for way in ("solved", "rounded", "mesh")}
         draw(left, *_points((one for one in by_kept["solved"] if one.run in ladder.line), measure), ink)
         for way, look in OTHER_WAYS.items():

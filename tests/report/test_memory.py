@@ -191,6 +191,15 @@ def test_the_figure_judges_by_the_known_value_and_not_by_a_solvers_finest_run(tm
     assert solved.get_ydata() == pytest.approx([100 * (1e-2 + n**-4.0 + UNCERTAINTY) for n in (4, 8, 16, 32)])
 
 
+def test_an_error_below_rounding_is_drawn_too(tmp_path):
+    runs = [run(tmp_path, PLATE, "shells", n, 0.0, label=f"cells {n}") for n in (4, 8, 16)]
+    exact = [(record, row.model_copy(update={"reference_uncertainty": 1e-12 * HEADLINE})) for record, row in runs]
+    (exhibit,) = section(evidence(tmp_path, exact)).exhibits
+    (solved,) = [one for one in exhibit.figure.axes[0].get_lines() if len(one.get_xdata()) == 3]
+    low, high = exhibit.figure.axes[0].get_ylim()
+    assert np.all((low < solved.get_ydata()) & (solved.get_ydata() < high))
+
+
 def test_without_a_known_value_the_best_answers_own_solver_has_no_curve(napkin):
     (exhibit,) = section(napkin).exhibits
     (case,) = case_runs(napkin)
