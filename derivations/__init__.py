@@ -16,7 +16,7 @@ from .large_displacements import cylinder_pull_out, scordelis_lo_nonlinear, slit
 from .large_hemisphere import hemisphere_hole_nonlinear
 from .levy_roof import scordelis_lo
 from .manufactured import MANUFACTURED
-from .motion import napkin_plane, napkin_soft_pin
+from .motion import napkin_course, napkin_plane, napkin_soft_pin
 from .navier_plate import square_plate
 from .paper_napkins import napkin_corner, napkin_fixed_edges, napkin_moving_corners
 from .pinched_diaphragm import pinched_cylinder_diaphragm
@@ -45,6 +45,7 @@ __all__ = [
     "hinged_roof_thick",
     "hinged_roof_thin",
     "napkin_corner",
+    "napkin_course",
     "napkin_fixed_edges",
     "napkin_moving_corners",
     "napkin_plane",

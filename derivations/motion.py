@@ -2,7 +2,7 @@ r"""Known values of napkins in motion: `spline_motion` on meshes graded toward t
 
 Both hang from an elastic pin at the corner (0, 1), which unlike a point support lets every quantity converge fast.
 
-- napkin_plane: u_z = 0, gravity along -y.
+- napkin_plane: u_z = 0, gravity along -y. napkin_course is the same up to .4 s, its free corner told by the displacement.
 - napkin_soft_pin: gravity tilted by 5 degrees, bending a hundred times stiffer. It buckles where it is compressed;
   from .5 s on the free corner's whip is the part that converges last.
 
@@ -13,7 +13,7 @@ point, or among the energies, at that time: they trade with one another.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -109,6 +109,22 @@ def soft_pin_values(resolution: Resolution) -> dict[str, float]:
 def napkin_plane() -> dict[str, Estimate]:
     """Known values of the plane napkin."""
     return between(plane_values(Resolution(48, 4)), plane_values(Resolution(32, 4)), ROUNDING)
+
+
+def course_values(plane: dict[str, Estimate]) -> dict[str, Estimate]:
+    """Return the known values of napkin_course from those of napkin_plane: positions of the corner as displacements."""
+    moved = {}
+    for name, estimate in plane.items():
+        if name.startswith("corner_x"):
+            moved[name.replace("corner_x", "corner_right")] = replace(estimate, value=estimate.value - FREE_CORNER[0])
+        elif name.startswith("corner_y"):
+            moved[name.replace("corner_y", "corner_drop")] = replace(estimate, value=FREE_CORNER[1] - estimate.value)
+    return plane | moved
+
+
+def napkin_course() -> dict[str, Estimate]:
+    """Known values of the plane napkin of the obstacle course."""
+    return course_values(napkin_plane())
 
 
 def napkin_soft_pin() -> dict[str, Estimate]:

@@ -19,6 +19,7 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve, eigh
 from .estimate import Estimate
 from .sleeve import Rims, Sleeve, State
 from .sleeve_buckling import THICK, axisymmetric, critical, softness, stiffness_at_rest, twist_estimates, twisting
+from .sleeve_functions import Around, along
 from .surface_strains import Array
 
 NEWTON_STEPS = 200
@@ -128,6 +129,18 @@ class Level:
     functions: int
 
 
+def narrowing(state: State) -> float:
+    """Inward displacement, m, half way along at theta = 0.
+
+    The rotation by pi about the radial axis there keeps that point on the axis. Before buckling it stands for the whole
+    circle; beyond, the deepest of the `fold` dents is there, and no point of the sleeve moves farther.
+    """
+    sleeve = state.sleeve
+    around = Around.real(np.zeros(1), sleeve.fold, sleeve.harmonics).values[0, 0]
+    functions = along(sleeve.functions, True, np.zeros(1))[0, 0]
+    return -float(around @ state.coefficients.reshape(sleeve.shape)[0] @ functions)
+
+
 def states(level: Level) -> list[State]:
     """Return the states at the twists of `BEFORE` and `BEYOND`."""
     plain = Sleeve(THICK, functions=level.functions)
@@ -138,7 +151,9 @@ def states(level: Level) -> list[State]:
 
 def _values(state: State) -> dict[str, tuple[float, str]]:
     membrane, bending = state.energies
+    shape = "narrowing" if state.rims.twist in BEFORE else "largest_displacement"
     return {
+        shape: (narrowing(state), "m"),
         "torque": (state.torque, "N m"),
         "strain_energy": (membrane + bending, "J"),
         "membrane_energy": (membrane, "J"),
@@ -147,7 +162,7 @@ def _values(state: State) -> dict[str, tuple[float, str]]:
 
 
 def sleeve_twist() -> dict[str, Estimate]:
-    """Known values of the twisted sleeve, h = 0.012 m, before and beyond buckling."""
+    """Known values of the twisted sleeve, h = 0.012 m, before and beyond buckling: sleeve_twist and sleeve_course."""
     fine, coarse = Level(8, 36), Level(6, 28)
     loads = (0.04, 0.07, 0.09)
     buckling = (critical(THICK, twisting, range(13), loads, level.functions) for level in (fine, coarse))
