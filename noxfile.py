@@ -66,8 +66,9 @@ def pinned(frozen: str) -> str:
 
 @nox.session
 def obstacle_course(session: nox.Session) -> None:
-    """Solve the four classical shells, print the table, write the report, judge. `-- --quick` for a first look.
+    """Solve four shells at rest, a sleeve that buckles and a napkin in motion; print, report, judge. `-- --quick`.
 
+    With `--quick` all six are asked, of `fem` and of `ndf-ritz`. The suites behind it stay separate sessions.
     Judged is accuracy; that figures repeat those of the baseline is judged with `-- --regression`.
     """
     run_and_judge(session, "obstacle_course")
@@ -265,11 +266,15 @@ def strain_ablation(session: nox.Session) -> None:
 
 @nox.session
 def evidence(session: nox.Session) -> None:
-    """Study resolution, memory, cost, training, sampling and thinness, and show it all beside the obstacle course."""
-    install(session)
+    """Study resolution, memory, cost, training, sampling and thinness, and show it all beside the obstacle course.
+
+    The summary of the resolution of the course's shells, reports/resolution.json, is made again, to be committed.
+    """
+    install(session, "mujoco")
     suites = [option for name in ("obstacle_course", *STUDIES) for option in ("--suite", name)]
     # some runs of the studies fail on purpose: a field on too few points is refused, and that is a finding
     session.run("shellbench", "run", *suites, *session.posargs, success_codes=[0, 1])
+    session.run("python", "docs/evidence.py", "resolution")
     session.run("shellbench", "report", *suites, "--out", REPORT)
 
 

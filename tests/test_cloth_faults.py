@@ -32,9 +32,9 @@ class Level(NamedTuple):
 
 FALL = Level("free_fall", FemSettings(cells=(1, 1), time_step=0.02))
 STRIP = Level("pendulum_strip", FemSettings(cells=(5, 1), time_step=1 / 150), until=0.5)
-NAPKIN = Level("napkin_plane", FemSettings(cells=(6, 6), time_step=1 / 150), until=0.2)
+NAPKIN = Level("napkin_course", FemSettings(cells=(6, 6), time_step=1 / 150), until=0.2)
 SOFT = Level("napkin_soft_pin", FemSettings(cells=(5, 5), time_step=1 / 150), until=0.4)
-TWIST = Level("sleeve_twist", FemSettings(cells=(8, 4), grading=1), until=0.1)
+TWIST = Level("sleeve_course", FemSettings(cells=(8, 4), grading=1), until=0.1)
 TWIST_FAR = Level("sleeve_twist", FemSettings(cells=(8, 4), grading=1), until=0.5)
 COMPRESSION = Level("sleeve_compression", FemSettings(cells=(8, 4), grading=1), until=0.0265)
 SKIRT = Level("skirt", FemSettings(cells=(5, 2), time_step=1 / 150), until=0.1)

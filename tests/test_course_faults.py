@@ -1,0 +1,164 @@
+"""The gate of the course is tested on the answers of its napkin and its sleeve: each fault in them must turn it red.
+
+Faults in the mechanics behind these answers are injected by tests/test_cloth_faults.py and tests/test_cloth_ndf_faults.py.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from shellbench.bench import catalog
+from shellbench.bench.compare import gated_quantities
+from shellbench.bench.expected import Scope
+from shellbench.bench.gate import Verdict
+from shellbench.bench.plan import Request, first_look, make_plan
+from shellbench.bench.record import Measured, Record
+from shellbench.bench.store import Contents, Store
+from shellbench.bench.task import Task
+from tests.test_faults import accuracy_gate
+
+SUITE = "obstacle_course"
+AT_REST = ("square_plate", "scordelis_lo", "pinched_cylinder_diaphragm", "pinched_cylinder_free")
+MOVED = ("sleeve_course", "napkin_course")
+SOLVERS = ("fem", "ndf", "ndf-ritz")
+SCOPE = Scope(suites=(SUITE,), cases=MOVED)
+
+
+@cache
+def tasks() -> list[Task]:
+    """Return the runs that the course asks of the napkin and the sleeve, found once: solvers are asked for them."""
+    return list(make_plan(Request(MOVED, (SUITE,)), Contents(())).tasks)
+
+
+def right_values(case: str) -> dict[str, Measured]:
+    """Return the known values of a case, each as an answer that states a hundredth of what `fem` is allowed."""
+    known, theory = catalog.known_values(case), catalog.named_case(case).theory
+    judges = {q.name: known.judge(q.name, theory) for q in catalog.named_case(case).quantities}
+    return {
+        name: Measured(value=judge.value, uncertainty=allowed(case, name, "fem") / 100)
+        for name, judge in judges.items()
+    }
+
+
+def allowed(case: str, quantity: str, solver: str) -> float:
+    """Return by how much an answer may be off, in its unit."""
+    tolerance = catalog.tolerance(case, quantity, solver)
+    judge = catalog.known_values(case).judge(quantity, catalog.named_case(case).theory)
+    assert tolerance is not None
+    assert judge is not None
+    return tolerance.largest * (1.0 if tolerance.is_absolute else abs(judge.value))
+
+
+def keep(store: Store, task: Task, **change: object) -> None:
+    """Keep a record of a run whose values are the known ones, but for what changes."""
+    record = Record(
+        run_id=task.run_id,
+        created=task.created,
+        identity=task.identity,
+        case_name=task.case_name,
+        case=task.case,
+        defaults=task.defaults,
+        solver_label=task.solver_label,
+        status="ok",
+        seconds=1.0,
+        values=right_values(task.case_name),
+        environment=task.environment,
+    )
+    store.commit(store.begin(task.run_id), record.model_copy(update=change))
+
+
+def verdict_with(folder: Path, case: str, solver: str, **change: object) -> Verdict:
+    """Return the verdict on right answers, but for those of a solver to a case."""
+    store = Store(folder)
+    for task in tasks():
+        this = (task.case_name, task.identity.solver) == (case, solver)
+        keep(store, task, **(change if this else {}))
+    return accuracy_gate(store, SCOPE)
+
+
+def red(verdict: Verdict) -> set[tuple[str, str, str]]:
+    return {(f.row.case, f.row.solver, f.row.quantity) for f in verdict.accuracy if f.colour == "red"}
+
+
+def test_the_course_asks_six_shells_and_draws_variants_of_those_at_rest() -> None:
+    assert [case.name for case in catalog.members(SUITE)] == [*AT_REST, *MOVED]
+    suite = catalog.find_suite(SUITE)
+    for case in MOVED:
+        assert {(run.solver, run.seeds) for run in suite.runs_for(case)} == {(solver, (0,)) for solver in SOLVERS}
+    asked = {
+        case.name.partition("@")[0]
+        for case in catalog.cases_of(SUITE)
+        if "@" in case.name and suite.runs_for(case.name)
+    }
+    assert asked == set(AT_REST)
+    assert first_look() == AT_REST
+
+
+def test_every_figure_of_napkin_and_sleeve_is_gated_for_each_solver() -> None:
+    for case in MOVED:
+        every = {quantity.name for quantity in catalog.named_case(case).quantities}
+        for solver in SOLVERS:
+            assert {quantity.name for quantity in gated_quantities(catalog.named_case(case), solver)} == every
+
+
+def test_right_answers_are_green(tmp_path: Path) -> None:
+    verdict = verdict_with(tmp_path, "", "")
+    assert len(verdict.accuracy) == len(SOLVERS) * sum(len(catalog.named_case(case).quantities) for case in MOVED)
+    assert {finding.colour for finding in verdict.accuracy} == {"green"}
+    assert verdict.good()
+
+
+@pytest.mark.parametrize("case", MOVED)
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("sign", [1.1, -1.1])
+def test_each_figure_beyond_its_tolerance_is_red(tmp_path: Path, case: str, solver: str, sign: float) -> None:
+    right = right_values(case)
+    moved = {
+        name: one.model_copy(update={"value": one.value + sign * allowed(case, name, solver)})
+        for name, one in right.items()
+    }
+    verdict = verdict_with(tmp_path, case, solver, values=moved)
+    assert red(verdict) == {(case, solver, name) for name in right}
+    assert not verdict.good()
+
+
+@pytest.mark.parametrize("case", MOVED)
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_one_figure_alone_is_red(tmp_path: Path, case: str, solver: str) -> None:
+    right, name = right_values(case), catalog.named_case(case).primary.name
+    one = right[name].model_copy(update={"value": right[name].value + 1.1 * allowed(case, name, solver)})
+    assert red(verdict_with(tmp_path, case, solver, values=right | {name: one})) == {(case, solver, name)}
+
+
+@pytest.mark.parametrize("case", MOVED)
+def test_an_answer_that_is_less_sure_than_allowed_is_red(tmp_path: Path, case: str) -> None:
+    right, name = right_values(case), catalog.named_case(case).primary.name
+    unsure = right[name].model_copy(update={"uncertainty": 1.1 * allowed(case, name, "ndf-ritz")})
+    assert red(verdict_with(tmp_path, case, "ndf-ritz", values=right | {name: unsure})) == {(case, "ndf-ritz", name)}
+
+
+@pytest.mark.parametrize("case", MOVED)
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"status": "failed", "reason": "the path ends early"},
+        {"status": "not settled", "reason": "it still moves"},
+        {"status": "failed", "reason": "nothing was found", "values": {}},
+    ],
+    ids=lambda change: change["reason"],
+)
+def test_a_run_that_did_not_end_well_is_red(tmp_path: Path, case: str, change: dict[str, object]) -> None:
+    verdict = verdict_with(tmp_path, case, "ndf", **change)
+    assert red(verdict) == {(case, "ndf", q.name) for q in catalog.named_case(case).quantities}
+
+
+def test_a_run_that_is_missing_is_red(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    for task in tasks():
+        if (task.case_name, task.identity.solver) != ("sleeve_course", "fem"):
+            keep(store, task)
+    verdict = accuracy_gate(store, SCOPE)
+    assert red(verdict) == {("sleeve_course", "fem", q.name) for q in catalog.named_case("sleeve_course").quantities}
