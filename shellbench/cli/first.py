@@ -35,7 +35,7 @@ def quick(store: StoreOption = DEFAULT_STORE, wide: WideOption = False) -> None:
     It takes half a minute. Its four shells at rest are asked as they are declared, with seed 0; `run --suite
     obstacle_course` asks all of the suite. What has a record already is not solved again.
     """
-    from shellbench.bench import catalog, compare, environment, verdicts
+    from shellbench.bench import compare, environment, verdicts
     from shellbench.bench.expected import Scope
     from shellbench.bench.gate import gate
     from shellbench.bench.local import LocalProcesses
