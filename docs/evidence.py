@@ -7,7 +7,7 @@ takes the two pages of some 60 MB that `nox -s example` has built under reports/
 - the CSV files whose figures are quoted;
 - the pictures that are shown.
 
-`python docs/evidence.py resolution [STORE]` makes reports/resolution.json from the runs of the suite `resolution` on
+`python docs/evidence.py resolution [STORE [REMARK]]` makes reports/resolution.json from the runs of the suite `resolution` on
 the shells of the obstacle course (see `shellbench.report.kept_resolution`); `nox -s evidence` does both.
 
 `tests/test_readme.py` holds README and docs against these files.
@@ -72,14 +72,15 @@ def reduce_table(source: Path, target: Path) -> None:
     target.write_text("[\n" + ",\n".join(rows) + "\n]\n", encoding="utf-8")
 
 
-def keep_resolution(store: str = "reports/runs") -> None:
-    """Replace the summary of the suite `resolution` by that of a store's runs."""
+def keep_resolution(store: str = "reports/runs", remark: str = "") -> None:
+    """Replace the summary of the suite `resolution` by that of a store's runs; a remark is for its readers."""
     from shellbench.bench import catalog
     from shellbench.bench.store import Store
     from shellbench.report.kept_resolution import as_text, of_store
 
-    cases = catalog.find_suite("obstacle_course").order
-    (ROOT / "reports/resolution.json").write_text(as_text(of_store(Store(ROOT / store), cases)), encoding="utf-8")
+    kept = of_store(Store(ROOT / store), catalog.find_suite("obstacle_course").order)
+    kept["made"]["remark"] = remark
+    (ROOT / "reports/resolution.json").write_text(as_text(kept), encoding="utf-8")
 
 
 def main(names: list[str]) -> None:

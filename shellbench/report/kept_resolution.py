@@ -103,7 +103,7 @@ def _kept(runs: CaseRuns, evidence: Evidence) -> _Kept:
     probes = {
         run.row.run_id or "": found
         for run in of_case
-        if (found := _turned_states(run, evidence.folder) if turned else run.probes) is not None
+        if (found := _turned_probes(run, evidence.folder) if turned else run.probes) is not None
     }
     return _Kept(runs, known_yardstick(evidence.records, rows), probes, _common_marks(runs, probes))
 
@@ -114,25 +114,29 @@ def _is_turned(record: Record) -> bool:
     return bool(surface.get("closed")) and path.get("after_buckling") == "follow"
 
 
-def _turned_states(run: Run, folder: Path) -> Probes | None:
-    """Return the states on the record's grid, each turned until a dent is at xi1 = 0, in cylindrical components.
-
-    The first and the last column of the grid are one. Around the axis its values are interpolated by trigonometric
-    polynomials, so that the angle is found from the phase of the largest wave half way along.
-    """
+def _turned_probes(run: Run, folder: Path) -> Probes | None:
+    """Return the turned states of a run on its record's grid; None if it kept none."""
     kept = kept_arrays(run.record, folder, "xi", "position", "marks", "displacements")
     if kept is None or not len(kept[2]):
         return None
-    xi, position, marks, states = kept[0][:-1], kept[1][:-1], kept[2], kept[3][:, :-1]
-    spectrum = np.fft.rfft(_cylindrical(position, states), axis=1)
+    xi, position, marks, states = kept
+    return Probes(xi[:-1].reshape(-1, 2), marks, turned_states(position, states).reshape(len(marks), -1, 3))
+
+
+def turned_states(position: Array, states: Array) -> Array:
+    """Return states (j, n - 1, m, 3) in cylindrical components, each turned until a dent is at xi1 = 0.
+
+    `position` (n, m, 3) and `states` (j, n, m, 3) are on a grid whose first and last column are one. Around the axis
+    the values are interpolated by trigonometric polynomials; the angle is that of the largest wave half way along.
+    """
+    spectrum = np.fft.rfft(_cylindrical(position[:-1], states[:, :-1]), axis=1)
     waves = np.arange(spectrum.shape[1])
-    middle = spectrum[:, 1:, xi.shape[1] // 2, 0]
+    middle = spectrum[:, 1:, spectrum.shape[2] // 2, 0]
     largest = np.abs(middle).argmax(axis=1)
-    phase = np.angle(middle[np.arange(len(marks)), largest])
+    phase = np.angle(middle[np.arange(len(states)), largest])
     dent = (np.pi - phase) / waves[1:][largest]
-    spectrum = spectrum * np.exp(1j * np.outer(dent, waves))[:, :, None, None]
-    turned = np.fft.irfft(spectrum, n=len(xi), axis=1)
-    return Probes(xi.reshape(-1, 2), marks, turned.reshape(len(marks), -1, 3))
+    turned = spectrum * np.exp(1j * np.outer(dent, waves))[:, :, None, None]
+    return np.asarray(np.fft.irfft(turned, n=len(position) - 1, axis=1))
 
 
 def _cylindrical(position: Array, states: Array) -> Array:
@@ -188,7 +192,7 @@ def _chosen(probes: Probes) -> NDArray[np.int64]:
     """Return the numbers of the common points: the first of the probes, or spread over the points of a grid."""
     grid = len(np.unique(probes.points[:, 0])) < len(probes.points)
     spread = np.linspace(0, len(probes.points), POINTS + 2)[1:-1]
-    return (spread if grid else np.arange(POINTS)).astype(np.int64)
+    return (spread if grid else np.arange(min(POINTS, len(probes.points)))).astype(np.int64)
 
 
 def _run_line(row: Row, kept: _Kept, evidence: Evidence) -> dict[str, Any]:
