@@ -91,15 +91,15 @@ class Plan:
     seen: int = 0
 
 
-def first_look(suite: str = DEFAULT_SUITE) -> tuple[str, ...]:
-    """Return the names of the cases of a suite that a first look asks: those whose variants it asks, or all.
+def first_look() -> tuple[str, ...]:
+    """Return the names of the cases of `DEFAULT_SUITE` that a first look asks: those whose variants it asks, or all.
 
     What takes so long that it is asked in one way alone takes too long for a first look, too.
     """
-    runs, names = catalog.find_suite(suite).runs, [case.name for case in catalog.members(suite)]
+    runs, names = catalog.find_suite(DEFAULT_SUITE).runs, [case.name for case in catalog.members(DEFAULT_SUITE)]
     asked = {
         variant.partition(VARIANT)[0]
-        for variant in catalog.variants_asked(suite)
+        for variant in catalog.variants_asked(DEFAULT_SUITE)
         if any(r.is_for(variant) for r in runs)
     }
     return tuple(name for name in names if name in asked) or tuple(names)
