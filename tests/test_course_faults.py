@@ -5,6 +5,7 @@ Faults in the mechanics behind these answers are injected by tests/test_cloth_fa
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
@@ -25,6 +26,8 @@ AT_REST = ("square_plate", "scordelis_lo", "pinched_cylinder_diaphragm", "pinche
 MOVED = ("sleeve_course", "napkin_course")
 SOLVERS = ("fem", "ndf", "ndf-ritz")
 SCOPE = Scope(suites=(SUITE,), cases=MOVED)
+PAIRS = [(case, solver) for case in MOVED for solver in SOLVERS]
+EVERY = {(case, solver, q.name) for case, solver in PAIRS for q in catalog.named_case(case).quantities}
 
 
 @cache
@@ -52,6 +55,18 @@ def allowed(case: str, quantity: str, solver: str) -> float:
     return tolerance.largest * (1.0 if tolerance.is_absolute else abs(judge.value))
 
 
+def headline(case: str) -> str:
+    return catalog.named_case(case).primary.name
+
+
+def moved(case: str, solver: str, values: Mapping[str, Measured], share: float) -> dict[str, Measured]:
+    """Return values that are off by a share of what a solver is allowed."""
+    return {
+        name: one.model_copy(update={"value": one.value + share * allowed(case, name, solver)})
+        for name, one in values.items()
+    }
+
+
 def keep(store: Store, task: Task, **change: object) -> None:
     """Keep a record of a run whose values are the known ones, but for what changes."""
     record = Record(
@@ -70,12 +85,14 @@ def keep(store: Store, task: Task, **change: object) -> None:
     store.commit(store.begin(task.run_id), record.model_copy(update=change))
 
 
-def verdict_with(folder: Path, case: str, solver: str, **change: object) -> Verdict:
-    """Return the verdict on right answers, but for those of a solver to a case."""
+Change = dict[str, object]
+
+
+def verdict_with(folder: Path, changes: Mapping[tuple[str, str], Change]) -> Verdict:
+    """Return the verdict on right answers, but for what changes in those of a solver to a case."""
     store = Store(folder)
     for task in tasks():
-        this = (task.case_name, task.identity.solver) == (case, solver)
-        keep(store, task, **(change if this else {}))
+        keep(store, task, **changes.get((task.case_name, task.identity.solver), {}))
     return accuracy_gate(store, SCOPE)
 
 
@@ -105,54 +122,43 @@ def test_every_figure_of_napkin_and_sleeve_is_gated_for_each_solver() -> None:
 
 
 def test_right_answers_are_green(tmp_path: Path) -> None:
-    verdict = verdict_with(tmp_path, "", "")
-    assert len(verdict.accuracy) == len(SOLVERS) * sum(len(catalog.named_case(case).quantities) for case in MOVED)
+    verdict = verdict_with(tmp_path, {})
+    assert {(f.row.case, f.row.solver, f.row.quantity) for f in verdict.accuracy} == EVERY
     assert {finding.colour for finding in verdict.accuracy} == {"green"}
     assert verdict.good()
 
 
-@pytest.mark.parametrize("case", MOVED)
-@pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("sign", [1.1, -1.1])
-def test_each_figure_beyond_its_tolerance_is_red(tmp_path: Path, case: str, solver: str, sign: float) -> None:
-    right = right_values(case)
-    moved = {
-        name: one.model_copy(update={"value": one.value + sign * allowed(case, name, solver)})
-        for name, one in right.items()
-    }
-    verdict = verdict_with(tmp_path, case, solver, values=moved)
-    assert red(verdict) == {(case, solver, name) for name in right}
-    assert not verdict.good()
+@pytest.mark.parametrize("share", [1.1, -1.1])
+def test_each_figure_beyond_its_tolerance_is_red(tmp_path: Path, share: float) -> None:
+    changes = {pair: {"values": moved(*pair, right_values(pair[0]), share)} for pair in PAIRS}
+    assert red(verdict_with(tmp_path, changes)) == EVERY
 
 
-@pytest.mark.parametrize("case", MOVED)
-@pytest.mark.parametrize("solver", SOLVERS)
-def test_one_figure_alone_is_red(tmp_path: Path, case: str, solver: str) -> None:
-    right, name = right_values(case), catalog.named_case(case).primary.name
-    one = right[name].model_copy(update={"value": right[name].value + 1.1 * allowed(case, name, solver)})
-    assert red(verdict_with(tmp_path, case, solver, values=right | {name: one})) == {(case, solver, name)}
+def test_one_figure_alone_is_red(tmp_path: Path) -> None:
+    changes: dict[tuple[str, str], Change] = {}
+    for case, solver in PAIRS:
+        values, name = right_values(case), headline(case)
+        changes[case, solver] = {"values": values | moved(case, solver, {name: values[name]}, 1.1)}
+    assert red(verdict_with(tmp_path, changes)) == {(case, solver, headline(case)) for case, solver in PAIRS}
 
 
-@pytest.mark.parametrize("case", MOVED)
-def test_an_answer_that_is_less_sure_than_allowed_is_red(tmp_path: Path, case: str) -> None:
-    right, name = right_values(case), catalog.named_case(case).primary.name
-    unsure = right[name].model_copy(update={"uncertainty": 1.1 * allowed(case, name, "ndf-ritz")})
-    assert red(verdict_with(tmp_path, case, "ndf-ritz", values=right | {name: unsure})) == {(case, "ndf-ritz", name)}
+def test_an_answer_that_is_less_sure_than_allowed_is_red(tmp_path: Path) -> None:
+    changes: dict[tuple[str, str], Change] = {}
+    for case, solver in PAIRS:
+        values, name = right_values(case), headline(case)
+        unsure = values[name].model_copy(update={"uncertainty": 1.1 * allowed(case, name, solver)})
+        changes[case, solver] = {"values": values | {name: unsure}}
+    assert red(verdict_with(tmp_path, changes)) == {(case, solver, headline(case)) for case, solver in PAIRS}
 
 
-@pytest.mark.parametrize("case", MOVED)
-@pytest.mark.parametrize(
-    "change",
-    [
+def test_a_run_that_did_not_end_well_is_red(tmp_path: Path) -> None:
+    ends: list[Change] = [
         {"status": "failed", "reason": "the path ends early"},
         {"status": "not settled", "reason": "it still moves"},
         {"status": "failed", "reason": "nothing was found", "values": {}},
-    ],
-    ids=lambda change: change["reason"],
-)
-def test_a_run_that_did_not_end_well_is_red(tmp_path: Path, case: str, change: dict[str, object]) -> None:
-    verdict = verdict_with(tmp_path, case, "ndf", **change)
-    assert red(verdict) == {(case, "ndf", q.name) for q in catalog.named_case(case).quantities}
+    ]
+    changes = {pair: ends[number % len(ends)] for number, pair in enumerate(PAIRS)}
+    assert red(verdict_with(tmp_path, changes)) == EVERY
 
 
 def test_a_run_that_is_missing_is_red(tmp_path: Path) -> None:
@@ -160,5 +166,4 @@ def test_a_run_that_is_missing_is_red(tmp_path: Path) -> None:
     for task in tasks():
         if (task.case_name, task.identity.solver) != ("sleeve_course", "fem"):
             keep(store, task)
-    verdict = accuracy_gate(store, SCOPE)
-    assert red(verdict) == {("sleeve_course", "fem", q.name) for q in catalog.named_case("sleeve_course").quantities}
+    assert red(accuracy_gate(store, SCOPE)) == {key for key in EVERY if key[:2] == ("sleeve_course", "fem")}
