@@ -284,8 +284,7 @@ def quick(**asked: Any) -> list[tuple[str, str, tuple[int, ...]]]:
 
 def test_quick_is_two_solvers_with_one_seed_of_whatever_is_asked() -> None:
     found = quick(suites=("obstacle_course",))
-    course = catalog.find_suite("obstacle_course")
-    cases = [case.name for case in catalog.cases_of("obstacle_course") if course.runs_for(case.name)]
+    cases = [case.name for case in catalog.cases_of("obstacle_course")]
     assert found == [(case, solver, (0,)) for case in cases for solver in ("fem", "ndf-ritz")]
     assert quick(cases=("scordelis_lo",)) == [("scordelis_lo", "fem", (0,)), ("scordelis_lo", "ndf-ritz", (0,))]
     assert quick(suites=("nonlinear",), cases=("rolled_plate",), solvers=("ndf",)) == [("rolled_plate", "ndf", (0,))]
