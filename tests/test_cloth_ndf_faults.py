@@ -57,7 +57,7 @@ FALL = Small("free_fall", 1.0, 2)
 PLANE = Small("napkin_course", 0.2, 13)
 SOFT = Small("napkin_soft_pin", 0.2, 13)
 STRIP = Small("pendulum_strip", 0.25, 10)
-TWIST = Small("sleeve_course", 0.05, None, 120)
+TWIST = Small("sleeve_twist", 0.05, None, 120)
 BUCKLING = Small("sleeve_course", 0.0875, None, 210, critical=True)
 SMALL = {"fall": FALL, "plane": PLANE, "soft pin": SOFT, "strip": STRIP, "twist": TWIST, "buckling": BUCKLING}
 GATED = "ndf"
