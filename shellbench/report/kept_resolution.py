@@ -39,6 +39,7 @@ SUITE = "resolution"
 POINTS = 5  # common material points whose displacements are kept
 MOST_MARKS = 3  # times, or load factors, at which they are kept
 GRIDS = (10, 50, 200)  # points a side of the grids that one solution is asked through
+GOLDEN = 0.618  # of the length, modulo one: how far along the next point of a turned grid is
 DIGITS = 6  # of displacements; of other numbers all are kept
 
 
@@ -189,10 +190,14 @@ def _case_line(kept: _Kept, rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def _chosen(probes: Probes) -> NDArray[np.int64]:
-    """Return the numbers of the common points: the first of the probes, or spread over the points of a grid."""
-    grid = len(np.unique(probes.points[:, 0])) < len(probes.points)
-    spread = np.linspace(0, len(probes.points), POINTS + 2)[1:-1]
-    return (spread if grid else np.arange(min(POINTS, len(probes.points)))).astype(np.int64)
+    """Return the numbers of the common points: the first of the probes; on a turned grid, from the dent on around."""
+    number = np.arange(min(POINTS, len(probes.points)))
+    around = len(np.unique(probes.points[:, 0]))
+    if around == len(probes.points):
+        return number.astype(np.int64)
+    along = len(probes.points) // around
+    places = along * ((0.5 + number * GOLDEN) % 1)
+    return (number * around // POINTS * along + places.astype(int)).astype(np.int64)
 
 
 def _run_line(row: Row, kept: _Kept, evidence: Evidence) -> dict[str, Any]:
