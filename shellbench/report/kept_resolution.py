@@ -197,7 +197,7 @@ def _chosen(probes: Probes) -> NDArray[np.int64]:
         return number.astype(np.int64)
     along = len(probes.points) // around
     places = along * ((0.5 + number * GOLDEN) % 1)
-    return (number * around // POINTS * along + places.astype(int)).astype(np.int64)
+    return np.asarray(number * around // POINTS * along + places.astype(int), dtype=np.int64)
 
 
 def _run_line(row: Row, kept: _Kept, evidence: Evidence) -> dict[str, Any]:
