@@ -108,6 +108,35 @@ def _cylinder_pull_out(mesh: Mesh) -> dict[str, float]:
     }
 
 
+# --- semi-cylinder ---------------------------------------------------------------------------------
+
+SEMI_RADIUS, SEMI_LENGTH, SEMI_SPREAD = 1.016, 3.048, 0.015
+SEMI_LOADS = (0.1, 0.2, 0.4, 0.8, 1.0)
+SUNK = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2)
+"""Values of W_A over the flat part of the path, m."""
+WIDTHS, LINE_POINTS = 9.0, 60
+"""Standard deviations over which the line force is integrated, and points of Gauss's rule for it."""
+
+
+def semi_cylinder_shell(mesh: Mesh, spread: float = SEMI_SPREAD) -> Shell:
+    """A half of the semi-cylinder, clamped at xi2 = 0, the load at (90 degrees, free end)."""
+    one = breaks(0.0, np.pi / 2, mesh.spans[0], (False, True), mesh.halvings)
+    two = breaks(0.0, SEMI_LENGTH, mesh.spans[1], (True, True), mesh.halvings)
+    ends: list[tuple[Ends, Ends]] = [
+        (("even", "zero"), ("clamped", "free")),
+        (("even", "even"), ("clamped", "free")),
+        (("zero", "even"), ("clamped", "free")),
+    ]
+
+    x, w = np.polynomial.legendre.leggauss(LINE_POINTS)
+    distance, weight = WIDTHS * spread * (1 + x) / 2, WIDTHS * spread * w / 2
+    density = 2000.0 / (np.sqrt(2 * np.pi) * spread) * np.exp(-(distance**2) / (2 * spread**2))
+    places = np.pi / 2 - distance / SEMI_RADIUS
+    forces = tuple((a, SEMI_LENGTH, (0.0, 0.0, -q)) for a, q in zip(places, density * weight, strict=True))
+    surface = cylinder(SEMI_RADIUS, axis=1)
+    return Shell(surface, mesh.splines(one, two), ends, 2.0685e7, 0.3, 0.03, forces=forces)
+
+
 # --- annulus -------------------------------------------------------------------------------------
 
 LIFTS = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)

@@ -161,6 +161,8 @@ RESULTANT_LEEWAY = 50  # resultants may be so much less certain than displacemen
 SIZE_SAMPLES = 9  # points a side of the grid that gives the size of a shell
 WITHIN_CELL = 0.005  # of a cell: what two meshes agree on of an edge that lies anywhere in a cell may be chance
 WITHIN_CUBIC_CELL = 0.05  # the same at finite strain, in cubics
+MOVED = 0.01  # relative: two meshes whose paths end closer to each other have found a limit point of the shell
+MOVING = 3  # meshes whose paths may end elsewhere, on to twice the unknowns each
 PROBES = 41  # points a side at which the fields of two meshes are compared
 
 
@@ -250,12 +252,16 @@ def levels(
 ) -> Iterator[Level]:
     """Yield the answers on ever finer meshes, until one is lost in rounding.
 
-    As many of the first ones as are `forgiven` may fail. The energy converges no faster than at the rate `slowest`.
+    As many of the first ones as are `forgiven` may fail, and `MOVING` more whose paths end elsewhere than on the mesh
+    before. The energy converges no faster than at the rate `slowest`.
     """
+    # A limit point of the shell is where it is on every mesh. One that a mesh makes, as where it does not resolve a
+    # fold that travels, moves as it is refined.
     values: dict[str, list[float]] = {}
     resolutions: list[float] = []
     energies: list[float] = []
     before: FemSolution | None = None
+    last, moving = math.nan, MOVING
     for cells in meshes:
         try:
             equilibrium = solve(cells)
@@ -265,9 +271,11 @@ def levels(
             if before is not None and isinstance(failure, RoundingError):
                 return  # what coarser meshes found stands, as sure as they are
             # The coarsest meshes may have no equilibrium where finer ones do. A later failure is the case's own.
-            if before is not None or forgiven == 0:
+            end = _path_end(failure)
+            moving = moving - 1 if forgiven <= 0 else moving
+            if before is not None or (forgiven <= 0 and (moving < 0 or _alike(end, last))):
                 raise
-            forgiven -= 1
+            forgiven, last = forgiven - 1, end
             continue
         # Cells a side of the square mesh with as many cells. Between kinks there is a least number of them, so that
         # coarse levels may share a mesh, which is one answer and not two.
@@ -303,6 +311,17 @@ def levels(
                 estimates[q.name] = replace(estimates[q.name], uncertainty=max(estimates[q.name].uncertainty, left))
         yield Level(equilibrium, quantities, estimates, errors, difference)
         before = solution
+
+
+def _path_end(failure: SolveFailure) -> float:
+    """Return the load factor at which a path ended, NaN if there is none."""
+    history = failure.partial.history if isinstance(failure.partial, FemSolution) else ()
+    return history[-1].at if history else math.nan
+
+
+def _alike(end: float, other: float) -> bool:
+    """Return whether two paths end at the same load factor; what is not known counts as the same."""
+    return not abs(end - other) > MOVED * abs(end)
 
 
 def cell_along(solution: FemSolution, quantity: ContactPoint) -> float:

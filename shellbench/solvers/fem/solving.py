@@ -56,7 +56,7 @@ HIGHER_SINGULAR_TOLERANCE = 5e-6  # the same in degree 4 and 5, which need fewer
 PRESCRIBED_TOLERANCE = 1e-9  # where nothing is solved for: a finer mesh costs little, and no strain at all may be asked
 MOTION_TOLERANCE = 1e-4  # of a motion: its steps in time are of second order
 CONTACT_TOLERANCE = 5e-4  # of what touches obstacles: the edge of contact lies anywhere in a cell, and errors jump
-LARGE_SMOOTH_TOLERANCE, LARGE_SINGULAR_TOLERANCE = 4e-6, 5e-4  # the same in the non-linear theory
+LARGE_SMOOTH_TOLERANCE, LARGE_SINGULAR_TOLERANCE = 4e-6, 5e-4  # in the non-linear theory, where narrow loads are forces
 MOST_UNKNOWNS, MOST_LARGE_UNKNOWNS = 165_000, 40_000  # of the finest mesh, in the linear and the non-linear theory
 USUAL_DEGREE: Degree = 5  # where it is taken: reaches 1e-6 soonest (tests/benchmarks/test_time_to_error.py)
 GRADING: dict[Degree, float] = {3: 2.0, 4: 2.0, 5: 2.5}  # toward points, usually: higher degrees gain from more
@@ -176,7 +176,8 @@ def usual_tolerance(case: Case, degree: Degree) -> float:
     if case.linear:
         singular = SINGULAR_TOLERANCE if degree == CUBIC else HIGHER_SINGULAR_TOLERANCE
         return singular if singular_points(case) else SMOOTH_TOLERANCE
-    return LARGE_SINGULAR_TOLERANCE if singular_points(case) else LARGE_SMOOTH_TOLERANCE
+    narrow = any(f.role == "load" and f.division.narrow.any() for f in case.features)
+    return LARGE_SINGULAR_TOLERANCE if narrow or singular_points(case) else LARGE_SMOOTH_TOLERANCE
 
 
 def case_degree(case: Case, settings: FemSettings) -> Degree:
