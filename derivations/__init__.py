@@ -12,7 +12,13 @@ from .hemisphere import hemisphere_hole
 from .hinged_roof import hinged_roof_thick, hinged_roof_thin
 from .hypar import HYPARS
 from .hyperboloid import HYPERBOLOIDS
-from .large_displacements import cylinder_pull_out, scordelis_lo_nonlinear, slit_annular_plate, square_plate_nonlinear
+from .large_displacements import (
+    cylinder_pull_out,
+    scordelis_lo_nonlinear,
+    semi_cylinder,
+    slit_annular_plate,
+    square_plate_nonlinear,
+)
 from .large_hemisphere import hemisphere_hole_nonlinear
 from .levy_roof import scordelis_lo
 from .manufactured import MANUFACTURED
@@ -57,6 +63,7 @@ __all__ = [
     "rolled_plate",
     "scordelis_lo",
     "scordelis_lo_nonlinear",
+    "semi_cylinder",
     "sleeve_compression",
     "sleeve_compression_thin",
     "sleeve_torque",
