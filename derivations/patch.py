@@ -15,8 +15,6 @@ SYMMETRIC: Ends = ("zero", "even")
 """A component from a support to a plane of symmetry."""
 ROUNDING = 1e-9
 """Relative uncertainty that Newton's last correction and the rounding of a thin shell's forces leave."""
-FORCES = "load", "20"
-"""Last words of the names of quantities that are forces."""
 
 
 @dataclass(frozen=True)
@@ -96,5 +94,5 @@ def converged(
         if kind == "energy":
             values[name] = Estimate(value, energies + least, "J")
         else:
-            values[name] = Estimate.between(value, far[name], "N" if kind in FORCES else length, least)
+            values[name] = Estimate.between(value, far[name], "N" if "load" in name.split("_") else length, least)
     return values

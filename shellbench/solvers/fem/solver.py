@@ -26,8 +26,8 @@ class FemSettings(Settings):
     ----------
     tolerance
         Relative uncertainty at which every quantity of the case counts as converged. None: 6e-7, or 5e-6 where a
-        force acts at a point (2.5e-5 in degree 3); in the non-linear theory 4e-6, and 5e-4 where a force acts at a point
-        or a load is narrow; 1e-4 of a motion.
+        force acts at a point (2.5e-5 in degree 3); in the non-linear theory 4e-6, and 5e-4 where a force acts at a
+        point or a load is narrow; 1e-4 of a motion.
         Strain energies may be ten times less sure, forces and moments in the shell fifty times. What is less sure than
         that is named by the diagnostic `not_converged` of a shell at rest. What an edge of contact in the last cell of
         its line is away from the end is stated, and does not count.
