@@ -14,6 +14,7 @@ from .hypar import HYPARS
 from .hyperboloid import HYPERBOLOIDS
 from .large_displacements import (
     cylinder_pull_out,
+    pinched_cylinder_nonlinear,
     scordelis_lo_nonlinear,
     semi_cylinder,
     slit_annular_plate,
@@ -59,6 +60,7 @@ __all__ = [
     "pendulum_strip",
     "pinched_cylinder_diaphragm",
     "pinched_cylinder_free",
+    "pinched_cylinder_nonlinear",
     "rigid_rotation",
     "rolled_plate",
     "scordelis_lo",

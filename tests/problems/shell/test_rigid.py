@@ -84,7 +84,7 @@ def test_what_is_prescribed_everywhere_leaves_nothing_free():
     [
         ("square_plate_nonlinear", 0), ("scordelis_lo_nonlinear", 1), ("cantilever_shear", 0), ("cantilever_moment", 0),
         ("slit_annular_plate", 0), ("cylinder_pull_out", 0), ("hinged_roof_thick", 0), ("hinged_roof_thin", 0),
-        ("semi_cylinder", 0),
+        ("semi_cylinder", 0), ("pinched_cylinder_nonlinear", 0),
     ],
 )  # fmt: skip
 def test_of_the_non_linear_suite_the_roof_on_diaphragms_alone_can_slide(name, expected):
