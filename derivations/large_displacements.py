@@ -24,7 +24,7 @@ import numpy as np
 
 from .estimate import Estimate
 from .patch import SYMMETRIC, Mesh, breaks, converged, cylinder, plane, ring, uniform
-from .spline_path import Condition, displacement_control, equilibrium, load_control
+from .spline_path import Condition, State, displacement_control, equilibrium, load_control
 from .spline_shell import Ends, Shell
 from .surface_strains import Array
 
@@ -118,7 +118,8 @@ def _cylinder_pull_out(mesh: Mesh) -> dict[str, float]:
 
 PINCHED_RADIUS, PINCHED_LENGTH = 1.016, 3.048
 LOADS = (0.1, 0.2, 0.4, 0.8, 1.0)
-SUNK = tuple(float(value) for value in np.arange(1, 18) / 10)
+SUNK = tuple(float(value) for value in np.arange(1, 19) / 10)
+LOAD_REACHED = 1e-7  # relative
 """Values of the deflection on the way, m."""
 WIDTHS, LINE_POINTS = 9.0, 60
 """Standard deviations over which the line force is integrated, and points of Gauss's rule for it."""
@@ -142,16 +143,34 @@ def pinched_semi_cylinder(mesh: Mesh, spread: float = 0.015) -> Shell:
     return Shell(surface, mesh.splines(one, two), ends, 2.0685e7, 0.3, 0.03, forces=forces)
 
 
+def _at_load(shell: Shell, row: Array, near: State, beyond: State, load: float) -> State:
+    """Return the state between two others at which the load has a value.
+
+    Where the load hardly rises, Newton's method under load control diverges: the displacement is controlled, and its
+    value is found by the secant method.
+    """
+    (a, below), (b, above) = ((float(row @ state.free), state.factor - load) for state in (near, beyond))
+    state = beyond
+    while abs(above) > LOAD_REACHED * load:
+        at = b - above * (b - a) / (above - below)
+        state, _ = equilibrium(shell, state, Condition(row, 0.0, at))
+        (a, below), (b, above) = (b, above), (at, state.factor - load)
+    return state
+
+
 def _semi_cylinder(mesh: Mesh) -> dict[str, float]:
     shell = pinched_semi_cylinder(mesh)
     down = shell.row(np.pi / 2, PINCHED_LENGTH, (0.0, 0.0, -1.0))
     found: dict[str, float] = {}
     waiting = list(LOADS)
-    # Under load control no step would lead over the flat part of the path: each load is reached from beyond.
+    near = state = State(np.zeros_like(down), 0.0)
     for beyond in displacement_control(shell, down, SUNK):
-        while waiting and (beyond.factor >= waiting[0] or down @ beyond.free > SUNK[-2]):
-            state, _ = equilibrium(shell, beyond, Condition(np.zeros_like(down), 1.0, waiting[0]))
-            found[f"W_{round(100 * waiting.pop(0))}"] = float(down @ state.free)
+        while waiting and beyond.factor >= waiting[0]:
+            state = _at_load(shell, down, near, beyond, waiting.pop(0))
+            found[f"W_{round(100 * state.factor)}"] = float(down @ state.free)
+        if not waiting:
+            break
+        near = beyond
     membrane, bending = shell.energies(state.free)
     energies = {"strain_energy": membrane + bending, "membrane_energy": membrane, "bending_energy": bending}
     return found | energies
