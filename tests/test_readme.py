@@ -16,6 +16,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from scipy.stats import beta
 
 from shellbench.bench.row import Row
 from shellbench.problem import VARIANT
@@ -31,6 +32,7 @@ TABLES = {  # pages that show the whole table of a suite
     "cloth": FINDINGS / "cloth.md",
 }
 LINEAR = ("square_plate", "scordelis_lo", "pinched_cylinder_diaphragm", "pinched_cylinder_free")
+MADE = re.compile(r"<!-- table \w+ -->.*?<!-- end -->", re.DOTALL)  # tests/test_course_page.py holds them
 FENCED = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 DEFINED = (  # no figures of a run: what things are called, what was asked for, what others have published
@@ -509,8 +511,24 @@ def engines():
     yield "`cst-hinge` ({} mm off on 20 x 20)", figures(1000 * abs(hinges.absolute_error), 2)
 
 
+def mutants():
+    """The scores of unseen draws."""
+    draws = [d for d in json.loads((ROOT / "references/exam_score.json").read_text())["draws"] if d["unseen"]]
+    newest = max(d["seed"] for d in draws)
+    last = [d for d in draws if d["seed"] == newest]
+    for label, seeds, chosen in (
+        ("seed {}, the newest", [newest], last),
+        ("all, seeds {} to {}", [min(d["seed"] for d in draws), newest], draws),
+    ):
+        names = ("drawn", "red", "equivalent", "holes")
+        drawn, red, same, holes = (sum(d["mechanics"][name] for d in chosen) for name in names)
+        shares = red / (red + holes), beta.ppf(0.025, red, holes + 1), beta.ppf(0.975, red + 1, holes)
+        row = f"| {label} | {{}} | {{}} | {{}} | {{}} | {{}} % | {{}} to {{}} % |"
+        yield row, *seeds, drawn, red, same, holes, *(f"{100 * share:.0f}" for share in shares)
+
+
 SOURCES = (
-    the_course, what_fell_short, quoted_figures, circulating_figures, collapse, published_training, repaired_training, seeds_of_training, strain_measures, motions, costs, findings, engines,
+    mutants, the_course, what_fell_short, quoted_figures, circulating_figures, collapse, published_training, repaired_training, seeds_of_training, strain_measures, motions, costs, findings, engines,
 )  # fmt: skip
 
 
@@ -571,7 +589,7 @@ def test_figures_are_those_of_their_file(source):
 
 def unheld(page):
     """What stands around numbers that neither a file nor `DEFINED` accounts for."""
-    text = prose(page)
+    text = prose(MADE.sub("", page))
     for source in SOURCES:
         for template, values in sentences(source):
             text = text.replace(template.format(*values), template.replace("{}", "#"))
