@@ -150,8 +150,8 @@ def _at_load(shell: Shell, row: Array, near: State, beyond: State, load: float) 
     value is found by the secant method.
     """
     (a, below), (b, above) = ((float(row @ state.free), state.factor - load) for state in (near, beyond))
-    state = beyond
-    while abs(above) > LOAD_REACHED * load:
+    state = near if abs(below) < abs(above) else beyond
+    while abs(state.factor - load) > LOAD_REACHED * load:
         at = b - above * (b - a) / (above - below)
         state, _ = equilibrium(shell, state, Condition(row, 0.0, at))
         (a, below), (b, above) = (b, above), (at, state.factor - load)

@@ -33,7 +33,7 @@ def course_rows() -> list[Row]:
 
 
 def title(case: str) -> str:
-    """Return what a reader calls a case."""
+    """Return the name of a case in a table: its title."""
     return catalog.named_case(case).title
 
 

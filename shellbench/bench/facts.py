@@ -11,7 +11,7 @@ from shellbench.problem import SeededSettings, Settings, Solver
 
 
 def facts_of(solver: Solver) -> dict[str, Any]:
-    """Return what is listed of a solver that is loaded; TypeError if it has a setting without a default."""
+    """Return the facts that a list shows of a loaded solver; TypeError if it has a setting without a default."""
     for name, field in solver.settings_type.model_fields.items():
         if field.is_required():
             raise TypeError(f"its setting '{name}' has no default")

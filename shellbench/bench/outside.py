@@ -189,9 +189,9 @@ class Outsider:
 
 
 def looks(places: Iterable[str]) -> dict[str, Any]:
-    """Return what changes as soon as a file does, or the names in a folder do, by its path.
+    """Return a mark of each place, by its path; it changes when the file, or the names in the folder, change.
 
-    Of a folder neither its time counts nor hidden names: tools keep caches there, and Python its own.
+    A folder's time and hidden names do not count: tools and Python keep caches there.
     """
     return {place: _look(Path(place)) for place in places}
 

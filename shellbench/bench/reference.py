@@ -210,7 +210,7 @@ def claimed(entry: SolverEntry) -> Tolerances:
 
 
 def allowed_by_file(case: Problem, quantity: Quantity) -> Tolerance | None:
-    """Return what a user's own case file allows every solver; None if it gates nothing of a quantity."""
+    """Return the tolerance that a user's case file sets on a quantity for every solver; None if it sets none."""
     for one in case.known:
         if one.quantity == quantity.name and one.tolerance is not None:
             return Tolerance.model_validate({"absolute" if one.absolute else "relative": one.tolerance})

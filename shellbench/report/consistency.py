@@ -55,7 +55,7 @@ ALIKE_RUNS = f"Alike are runs whose unknowns are within {100 * (ALIKE - 1):.0f} 
 COMPARED = (
     "All runs of a case are compared at the same material points, which lie on no regular grid, and at all instants or"
     " loads that both runs kept. Differences are lengths of vectors, the largest and the root mean square over points"
-    " and instants, relative to the largest displacement of the run that all are held against."
+    " and instants, relative to the largest displacement of the common run."
 )
 NO_ERROR = (
     "A small difference between two resolutions of one solver is no small error: a solver can be consistently wrong."
@@ -74,7 +74,7 @@ CAPTIONS = {
     "step_in_time_largest": "Last time step: difference of the two finest time steps of one mesh.",
     "alike_largest": "Alike: the largest difference within the finest group of marginally different runs (other mesh of"
     " the same size, other seed), and how many they are of how many unknowns.",
-    "yardstick_largest": "From the common run: the finest run of each solver is held against one common run.",
+    "yardstick_largest": "From the common run: the difference of the finest run of each solver from one common run.",
     "": "Differences are relative to the largest displacement; largest, and root mean square.",
 }
 

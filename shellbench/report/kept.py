@@ -213,7 +213,7 @@ def level_table(found: Sequence[CaseAccuracy]) -> Table:
 
 
 def point_table(about: Mapping[str, KeptCase], lines: Mapping[str, Sweeps]) -> Table:
-    """Return how far the finest discretisations of each solver are from each other and from the common run."""
+    """Return the distances of the finest discretisations of each solver from each other and from the common run."""
     found = []
     for case, sweeps in lines.items():
         for solver, runs in main_sweeps(sweeps):
@@ -256,7 +256,7 @@ def point_table(about: Mapping[str, KeptCase], lines: Mapping[str, Sweeps]) -> T
 
 
 def _common_words(case: KeptCase, sweeps: Sweeps) -> str:
-    """Say which run is the common one, and that its solver is held against itself."""
+    """Return a note: the common run, and the solver that is compared with its own run."""
     for of_sweep in sweeps.values():
         for run in of_sweep:
             if run.run_id == case.common_run:

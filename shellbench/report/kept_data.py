@@ -42,7 +42,7 @@ class Made(Part):
 
 
 class Apart(Part):
-    """How far two runs are from each other at all probes, m."""
+    """Largest and root mean square distance of two runs over all probes, m."""
 
     largest: float
     rms: float
@@ -57,7 +57,7 @@ class Grid(Part):
 
 
 class KeptCase(Part):
-    """All runs of a case: `scale` is the largest displacement, m, and `common_run` what all are held against."""
+    """All runs of a case: `scale` is the largest displacement, m; all others are compared with `common_run`."""
 
     title: str
     scale: float | None = None

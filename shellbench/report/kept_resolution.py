@@ -28,13 +28,13 @@ from shellbench.bench.store import Store, silent
 from shellbench.report.accuracy import swept_setting
 from shellbench.report.evidence import Evidence
 from shellbench.report.fields import kept_arrays
+from shellbench.report.kept_data import FORMAT
 from shellbench.report.ladder import SAME, CaseRuns, Difference, Probes, Run, case_runs, difference
 from shellbench.report.rates import Yardstick, known_yardstick
 from shellbench.report.runs import headlines
 
 Array = NDArray[np.float64]
 
-FORMAT = 1
 SUITE = "resolution"
 POINTS = 5  # common material points whose displacements are kept
 MOST_MARKS = 3  # times, or load factors, at which they are kept
@@ -45,7 +45,7 @@ DIGITS = 6  # of displacements; of other numbers all are kept
 
 @dataclass(frozen=True)
 class _Kept:
-    """What all lines of one case have in common."""
+    """Data that all lines of one case share."""
 
     runs: CaseRuns
     yardstick: Yardstick | None
@@ -53,7 +53,7 @@ class _Kept:
     marks: tuple[float, ...]
 
     def difference(self, one: str, other: str | None) -> dict[str, float] | None:
-        """Return how far two runs are from each other at all probes; None if they have nothing in common."""
+        """Return the distance of two runs over all probes, m; None if they share none."""
         found = _apart(self.probes.get(one), self.probes.get(other or ""), self.marks)
         return None if found is None or one == other else {"largest": found.largest, "rms": found.rms}
 
