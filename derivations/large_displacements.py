@@ -269,7 +269,7 @@ def cylinder_pull_out() -> dict[str, Estimate]:
 
 def semi_cylinder() -> dict[str, Estimate]:
     """Known values of the pinched semi-cylinder."""
-    return converged(_semi_cylinder, Mesh((20, 24), 4, 2), Mesh((16, 20), 4, 2))
+    return converged(_semi_cylinder, Mesh((32, 40), 4, 2), Mesh((24, 30), 4, 2))
 
 
 def pinched_cylinder_nonlinear() -> dict[str, Estimate]:
