@@ -107,8 +107,8 @@ def first_order(points: np.ndarray, cells: int, degree: int, orders: Any = (0, 0
     return numbers, np.eye(values.shape[1])[values.argmax(axis=1)]
 
 
-def short(self: mesh.Mesh, case: Any, columns: int) -> None:
-    MESHED(self, case, columns)
+def short(self: mesh.Mesh, *given: Any, **named: Any) -> None:
+    MESHED(self, *given, **named)
     self.lengths = 0.99 * self.lengths
 
 
