@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -34,12 +36,31 @@ SHORT = 0.1  # s: of a motion, long enough that a napkin under gravity has moved
 CARRIED = 0.01  # of the shell's size: distance of the centre of the supports' rotation from the middle
 TURNED, TURNED_FAR = 0.5, 20.0  # degrees that supports turn the shell by, in the linear and the non-linear theory
 FALL = "free_fall"
+ASKS_WHERE = re.compile(r"\bxi[12]\b|\b[xyz]\b *[-+*/^]")  # in data: a formula of the place
 
 
 def placed(case: Case, rotation: Rotation, shift: Sequence[float]) -> Case:
     """Return the case turned about the origin and then shifted; its displacement is the turned displacement."""
     named = {"name": f"{case.name[:53]}_turned", "suites": []}
     return Case.model_validate(placed_data(case, rotation, shift) | named)
+
+
+def slid(case: Case, by: Sequence[float]) -> Case | None:
+    """Return a plane case moved along its plane, m; None if it is none, or if formulas ask where it is.
+
+    Its displacement at a point that has moved along is what it was.
+    """
+    data = case.model_dump(mode="json", exclude_unset=True)
+    surface, points = data.pop("surface"), data.pop("points", {})
+    edges = {edge for axis in ("xi1", "xi2") for edge in (f"{axis}_min", f"{axis}_max")}
+    anywhere = [place for one in (*data.get("supports", []), *data.get("loads", [])) for place in one.get("on", [])]
+    if surface["kind"] != "plane" or set(anywhere) - edges - set(points) or ASKS_WHERE.search(json.dumps(data)):
+        return None
+    for axis, far in zip(("xi1", "xi2"), by, strict=True):
+        surface[axis] = [float(end) + far for end in surface[axis]]
+    moved = {name: [float(x) + far for x, far in zip(at, by, strict=True)] for name, at in points.items()}
+    named = {"name": f"{case.name[:53]}_slid", "suites": [], "surface": surface, "points": moved}
+    return Case.model_validate(data | named)
 
 
 def converted(case: Case, units: Units) -> Case:

@@ -37,7 +37,7 @@ from shellbench.testing.examination import (
     not_applicable,
     scattered,
 )
-from shellbench.testing.made_cases import FALL, SHORT, carried, converted, louder, placed, short_motion
+from shellbench.testing.made_cases import FALL, SHORT, carried, converted, louder, placed, short_motion, slid
 from shellbench.testing.subject import Answer
 
 TOGETHER = 1e-6  # of how far it falls, by which points of what falls may differ
@@ -84,11 +84,18 @@ def linearity(exam: Examination, case: Case) -> Verdict:
 
 
 def placement(exam: Examination, case: Case) -> Verdict:
-    """Check that the case turned and shifted in space has the turned displacement."""
-    rotation = turning(case)
-    other = placed(case, rotation, [part * size(case) for part in SHIFT])
+    """Check that the case turned and shifted in space has the turned displacement.
+
+    A solver of plane shells alone, which declines that, is asked for the case moved along its plane.
+    """
+    rotation, shift = turning(case), [part * size(case) for part in SHIFT]
+    other = placed(case, rotation, shift)
     if reason := exam.declined(other):
-        return not_applicable(f"it declines the turned case: {reason}")
+        along = slid(case, shift[:2])
+        if along is None or exam.declined(along):
+            return not_applicable(f"it declines the turned case: {reason}")
+        u = exam.solve(along).displacement(grid(along))
+        return _same(exam, case, u, admissible(exam, case), "moved along its plane")
     limit = admissible(exam, case)
     return _same(
         exam, case, exam.solve(other).displacement(grid(case)) @ np.array(rotation), limit, "turned and shifted"

@@ -10,7 +10,7 @@ from shellbench.problems.shell.placing import ABOUT, CYCLE, turning
 from shellbench.problems.shell.units import MILLIMETRES_KILONEWTONS, converted_points
 from shellbench.problems.shell.variants import size
 from shellbench.testing.examination import scattered
-from shellbench.testing.made_cases import MOVING, SHORT, carried, converted, louder, placed, short_motion
+from shellbench.testing.made_cases import MOVING, SHORT, carried, converted, louder, placed, short_motion, slid
 from tests.alike import alike
 from tests.families import with_something_new
 
@@ -114,3 +114,16 @@ def test_made_cases_of_a_manufactured_solution_prescribe_its_displacement():
     np.testing.assert_allclose(exact(louder(case, 2.0), points), 2 * expected, atol=1e-15)
     moved = exact(converted(case, MILLIMETRES_KILONEWTONS), converted_points(case, MILLIMETRES_KILONEWTONS, points))
     np.testing.assert_allclose(moved / MILLIMETRES_KILONEWTONS.length, expected, atol=1e-15)
+
+
+def test_a_plane_case_moves_along_its_plane_with_its_points():
+    case = named_case("square_plate")
+    other = slid(case, (30.0, -70.0))
+    assert other.surface.domain.lower == (30.0, -70.0)
+    assert other.surface.domain.size == case.surface.domain.size
+    np.testing.assert_allclose(other.points["centre"], (80.0, -20.0))
+
+
+@pytest.mark.parametrize("name", ["scordelis_lo", "sharp_peak"])
+def test_what_is_not_plane_or_asks_where_it_is_does_not_move(name):
+    assert slid(named_case(name), (30.0, -70.0)) is None
