@@ -165,8 +165,11 @@ SECANTS = 40  # trials of a critical load; bisections alone need some ten
 ABOUT_TO_BUCKLE = 0.1  # eigenvalue, of 1 at rest, above which it is Newton's method that fails and not the shell
 
 
-def follow_steps(problem: PathProblem, marks: Sequence[float]) -> Iterator[PathState]:
+def follow_steps(problem: PathProblem, marks: Sequence[float], coarse: Sequence[PathState] = ()) -> Iterator[PathState]:
     """Yield stable states from rest to the last of increasing load factors, and the first critical one.
+
+    Newton's method starts from the states of a `coarse` path, fitted to this problem, where there are any. Buckled ones
+    serve only if the coarse shell buckles at nearly the same load; else its waves may be others.
 
     Raises
     ------
@@ -174,18 +177,22 @@ def follow_steps(problem: PathProblem, marks: Sequence[float]) -> Iterator[PathS
         If no stable state is found, however short the step, or a mark lies beyond buckling where the path ends.
     """
     state, case = PathState.rest(problem), problem.ansatz.case
-    for state in _to_buckling(problem, marks):
+    critical = next((near.t for near in coarse if near.critical), math.inf)
+    before = {near.t: near for near in coarse if near.t <= critical}
+    for state in _to_buckling(problem, sorted({*marks, *before}), before):
         yield state
     if not state.critical:
         return
     if not case.ends_critical:
-        yield from _beyond_buckling(problem, state, marks)
+        alike = abs(state.t - critical) <= LEFT * critical
+        buckled = {near.t: near for near in coarse if alike and near.t > max(critical, state.t)}
+        yield from _beyond_buckling(problem, state, marks, buckled)
     elif any(mark > state.t for mark in case.states):
         raise PathEndsError(f"the shell buckles at load factor {state.t:.6g}")
 
 
-def _to_buckling(problem: PathProblem, marks: Sequence[float]) -> Iterator[PathState]:
-    """Yield the states up to the last mark, or to the first critical one."""
+def _to_buckling(problem: PathProblem, marks: Sequence[float], coarse: dict[float, PathState]) -> Iterator[PathState]:
+    """Yield the states up to the last mark, or to the first critical one; `coarse` ones lead to their load factors."""
     # Load steps to the first state that is no minimum:
     # 1. Foretell where the lowest eigenvalue vanishes, by a secant through the last two states.
     # 2. Step, but not far beyond that: from too far Newton's method may find a buckled state.
@@ -195,13 +202,17 @@ def _to_buckling(problem: PathProblem, marks: Sequence[float]) -> Iterator[PathS
     step, foretold = FIRST_STEP * end, end
     for mark in marks:
         while state.t < mark:
-            target = min(landing(state.t, mark, step), (1 + OVERSHOT) * max(foretold, state.t))
-            found = _stepped(problem, state, target)
+            near = coarse.pop(mark, None)
+            target = mark if near else min(landing(state.t, mark, step), (1 + OVERSHOT) * max(foretold, state.t))
+            found = _stepped(problem, state, target, near)
             if found is not None and found.stable:
                 if found.iterations <= EASY:
                     step = max(step, (target - state.t) * GROWTH)
                 foretold = _zero(state, found) or end
                 state = found
+                if abs(_lowest(state)) <= NEUTRAL:
+                    yield replace(state, critical=True)
+                    return
             elif found is None and target - state.t > SHORT * end:
                 step = (target - state.t) * CUT
                 continue
@@ -215,27 +226,29 @@ def _to_buckling(problem: PathProblem, marks: Sequence[float]) -> Iterator[PathS
             yield state
 
 
-def _beyond_buckling(problem: PathProblem, state: PathState, marks: Sequence[float]) -> Iterator[PathState]:
-    """Yield stable states from a critical one to the last mark."""
+def _beyond_buckling(
+    problem: PathProblem, state: PathState, marks: Sequence[float], coarse: dict[float, PathState]
+) -> Iterator[PathState]:
+    """Yield stable states from a critical one to the last mark; `coarse` ones lead to their load factors."""
     # Beyond the critical state a step need not be straight: the shell may jump to another pattern. Newton's method goes
     # first, since it is quick. Where it fails or finds a saddle, the trust region goes downhill.
     end, step = marks[-1], LEFT * state.t
     for mark in marks:
         while state.t < mark:
-            target = landing(state.t, mark, step)
-            found = _stepped(problem, state, target, straight=False)
-            if found is None and target - state.t > SHORT_BUCKLED * end:
+            near = coarse.pop(mark, None)
+            target = mark if near else landing(state.t, mark, step)
+            found = _stepped(problem, state, target, near, straight=False)
+            if found is None and not near and target - state.t > SHORT_BUCKLED * end:
                 step = (target - state.t) * CUT
                 continue
             if found is None or not found.stable:
                 try:
-                    found = relaxed(problem, state, target)
+                    found = relaxed(problem, near or state, target)
                 except NotConvergedError:
                     step = (target - state.t) * CUT
                     if step < SMALLEST_STEP * end:
                         raise PathEndsError(f"no stable state was found at load factor {target:.6g}") from None
                     continue
-                step = max(step, FIRST_STEP * end)
             elif found.iterations <= EASY:
                 step = max(step, (target - state.t) * GROWTH)
             state = found
@@ -281,14 +294,16 @@ def _lowest(state: PathState) -> float:
     return 1.0 if state.tangent is None else state.tangent.lowest
 
 
-def _stepped(problem: PathProblem, state: PathState, t: float, straight: bool = True) -> PathState | None:
-    """Return the state at a load factor by Newton's method, None if it does not converge.
+def _stepped(
+    problem: PathProblem, state: PathState, t: float, near: PathState | None = None, straight: bool = True
+) -> PathState | None:
+    """Return the state at a load factor by Newton's method, from `near` if it is given; None if it does not converge.
 
     Nor if it must be `straight` and leads elsewhere than it set out to, as a step over a bifurcation to the buckled
     shell does.
     """
     try:
-        found = equilibrium(problem, state, t, NEUTRAL)
+        found = equilibrium(problem, near or state, t, NEUTRAL)
     except NotConvergedError:
         return None
     if not straight or state.tangent is None:

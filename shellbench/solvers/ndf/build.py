@@ -248,6 +248,11 @@ def rung_count(case: Case) -> int:
     return usual + (is_flat(case) and _slenderness(case) ** LENGTHWAYS > LENGTHENED[usual - 1])
 
 
+def first_rung(case: Case) -> int:
+    """Return the first rung that is of use: half of the usual width holds no waves of a buckled shell."""
+    return int(case.path.after_buckling == "follow")
+
+
 def _slenderness(case: Case) -> float:
     lengths = side_lengths(case)
     return max(lengths) / min(lengths)

@@ -139,9 +139,10 @@ class PathProblem:
 
     def independent(self) -> PathProblem:
         """Return the problem with independent combinations of its features, the same for all components."""
-        blocks = self._stiffness.view(3, self.features.count, 3, self.features.count)
         # The sum over components has all that any of them needs, and stays positive semidefinite.
-        alike = blocks[0, :, 0] + blocks[1, :, 1] + blocks[2, :, 2]
+        rest = self.deform(self.weights.new_zeros(3 * self.features.count), 0.0)
+        anchors = self.anchor.view(-1, self.features.count)
+        alike = self.sampled_at(0.0).summed(self._form(rest)) + anchors.T @ anchors
         return replace(self, features=Combined(self.features, independent(alike), alike))
 
     @cached_property
@@ -168,6 +169,11 @@ class PathProblem:
         if not turns(self.ansatz.case):
             return lambda t: self.sampled
         return lru_cache(maxsize=2)(lambda t: self.sampled.carried(self.ansatz_at(t)))
+
+    @cached_property
+    def lift_at(self) -> Callable[[float], Tensor | None]:
+        """Gradients (N, 5, 3) of the lift there at a load factor, None where it is zero."""
+        return lru_cache(maxsize=2)(lambda t: self.sampled.lift_gradients(self.ansatz_at(t)))
 
     @cached_property
     def weights(self) -> Tensor:
@@ -318,6 +324,18 @@ class PathProblem:
         product = float(stiff @ first) * float(second @ (self._stiffness @ second))
         return float(stiff @ second) / math.sqrt(product) if product > 0 else 1.0
 
+    def fitted(self, other: PathProblem, weights: Tensor) -> Tensor:
+        """Return the weights (3 M,) of the field that is closest, in stiffness at rest, to one of another problem.
+
+        The other problem has the same supports and quadrature.
+        """
+        # The stiffness of the basis is the identity: the projection is Z Z^T f, with f the forces that hold the field.
+        variation = self.deform(self.weights.new_zeros(3 * self.features.count), 0.0).strained.variation
+        gradients = other.sampled.gradients(weights.view(3, -1)).reshape(-1, 15, 1)
+        conjugate = stresses(self.elasticity, (variation @ gradients)[..., 0])
+        force = self.sampled.pulled_back((conjugate[:, None] @ variation)[:, 0])
+        return self.basis.spread(self.basis.gather(force))
+
     def deform(self, weights: Tensor, t: float, near: tuple[Tensor, ...] | None = None) -> Deformed:
         """Deform the shell by output weights (3 M,); angles are followed from `near`."""
         # 1. Gradients of u at the points, from output weights and lift; strains, and stresses times area share.
@@ -326,7 +344,7 @@ class PathProblem:
         # 4. Pressures that follow, whose work is taken as if they had come dead: they have no potential.
         output, ansatz = weights.view(3, -1), self.ansatz_at(t)
         sampled = self.sampled_at(t)
-        gradients = sampled.gradients(output, sampled.lift_gradients(ansatz))
+        gradients = sampled.gradients(output, self.lift_at(t))
         strained = sampled.undeformed.strained(self.spec.strain, gradients)
         strains = strained.strains
         conjugate = stresses(self.elasticity, strains)
@@ -361,9 +379,7 @@ class PathProblem:
 
         `geometric` (N, 6) replace its stresses; `weights` are needed where moments act.
         """
-        # K = eps'^T C eps' + stress . eps'', the first from the displacement, the second with the stresses given.
-        form = elastic_form(self.elasticity, deformed.strained.variation)
-        form = form + deformed.strained.second_variation(deformed.stresses if geometric is None else geometric)
+        form = self._form(deformed, geometric)
         count = 3 * self.features.count
         total = form.new_zeros((count, count))
         self.sampled_at(t).add_form(total, form)
@@ -373,12 +389,18 @@ class PathProblem:
                 moment.add_tangent(total, moment.sampled.gradients(weights.view(3, -1), lift), t)
         return mirrored(total) + self.anchor.T @ self.anchor
 
+    def _form(self, deformed: Deformed, geometric: Tensor | None = None) -> Tensor:
+        """Return the second variation (N, 15, 15) of the energy in the displacement gradients."""
+        # K = eps'^T C eps' + stress . eps'', the first from the displacement, the second with the stresses given.
+        form = elastic_form(self.elasticity, deformed.strained.variation)
+        return form + deformed.strained.second_variation(deformed.stresses if geometric is None else geometric)
+
     def load_stiffness(self, weights: Tensor, t: float) -> Tensor | None:
         """Return the derivative (3 M, 3 M) of the forces of pressures that follow, if there are any."""
         if self.pressure is None:
             return None
         sampled = self.sampled_at(t)
-        gradients = sampled.gradients(weights.view(3, -1), sampled.lift_gradients(self.ansatz_at(t)))
+        gradients = sampled.gradients(weights.view(3, -1), self.lift_at(t))
         return self.pressure.tangent(sampled, gradients, t)
 
     def predicted(self, deformed: Deformed, change: Tensor, t: float = 0.0) -> Tensor:

@@ -129,15 +129,17 @@ def solve(
     change: float | None = None
     solution: PathSolution | None = None
     stood = start is not None and bool(start.diagnostics.get("settled"))
+    coarse: _Run | None = None
     for number, build in enumerate(rungs):
         run = _Run(case, spec, solver, build(), began, largest_gap, progress, None if number else start)
         try:
-            solution = run.solve()
+            solution = run.solve(coarse)
         except SolveFailure as failure:
             if number == len(rungs) - 1:  # what a coarser field found is kept, but not taken for the answer
                 raise SolveFailure(str(failure), solution or failure.partial) from None
-            before = None
+            before = coarse = None
             continue
+        coarse = run
         energy = solution.diagnostics["certified_energy"]
         if before is not None:
             magnitude = sum(solution.energies()) + abs(sum(solution.energies()) - energy)
@@ -187,12 +189,12 @@ class _Run:
         self.rows = self._rows(0.0)
         self.controlled = self.rows.get(case.path.quantity or "")
 
-    def solve(self) -> PathSolution:
+    def solve(self, coarse: _Run | None = None) -> PathSolution:
         states: list[PathState] = []
         seconds: list[float] = []
         reason: str | None = None
         try:
-            for state in self._states():
+            for state in self._states(coarse):
                 states.append(replace(state, tangent=None))
                 seconds.append(time.perf_counter() - self.began)
                 self.progress(Progress(len(states), None, f"{self.problem.features.count} features, t = {state.t:.4g}"))
@@ -223,7 +225,7 @@ class _Run:
         gap = solution.diagnostics["energy_gap"]
         return replace(solution.history[-1], iteration=iteration, gap=gap, phase="solve", iterations=self.iterations)
 
-    def _states(self) -> Iterator[PathState]:
+    def _states(self, coarse: _Run | None) -> Iterator[PathState]:
         case, problem = self.case, self.problem
         if self.prescribed:
             rest = PathState.rest(problem)
@@ -239,7 +241,7 @@ class _Run:
             return
         match case.path.control:
             case "load" if case.buckles:
-                yield from follow_steps(problem, case.path_marks)
+                yield from follow_steps(problem, case.path_marks, coarse.fitted(problem) if coarse else ())
             case "load":
                 yield from load_steps(problem, case.states)
             case "displacement":
@@ -301,18 +303,30 @@ class _Run:
             },
         )
 
+    def fitted(self, problem: PathProblem) -> list[PathState]:
+        """Return the states at marks and the critical one, fitted to a finer problem."""
+        other = replace(self.problem, rule_spec=problem.rule_spec, focal=problem.focal)
+        found = []
+        for state in self.states:
+            if state.critical or state.t in self.case.states:
+                weights = problem.fitted(other, state.weights)
+                deformed = problem.deform(weights, state.t, self._angles(problem, state))
+                found.append(replace(state, weights=weights, deformed=deformed))
+        return found
+
     @property
     def iterations(self) -> int:
         """Newton iterations of all states."""
         return sum(state.iterations for state in self.states)
 
     def _certified(self, fine: PathProblem, state: PathState) -> Deformed:
-        """Return what a state does on the finer rule, its normals having turned as on the other one."""
-        near = [
-            known.spread(angles, other)
-            for known, other, angles in zip(self.problem.moments, fine.moments, state.deformed.angles, strict=True)
-        ]
-        return fine.deform(state.weights, state.t, tuple(near))
+        """Return what a state does on the finer rule."""
+        return fine.deform(state.weights, state.t, self._angles(fine, state))
+
+    def _angles(self, problem: PathProblem, state: PathState) -> tuple[Tensor, ...]:
+        """Return the angles that a state's normals have turned by, on another problem's rule."""
+        each = zip(self.problem.moments, problem.moments, state.deformed.angles, strict=True)
+        return tuple(known.spread(angles, other) for known, other, angles in each)
 
     def _step(self, number: int, state: PathState, seconds: float, gap: float | None) -> Step:
         return Step(

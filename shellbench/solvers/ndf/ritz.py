@@ -22,6 +22,7 @@ from shellbench.solvers.ndf.build import (
     Resolution,
     build_features,
     build_inputs,
+    first_rung,
     graded_points,
     rung,
     rung_count,
@@ -121,7 +122,7 @@ def _follow(
         return Rung(features, chosen.rule, chosen.fine, focal, chosen)
 
     last = rung_count(case) - 1
-    numbers = range(last + 1) if settings.neurons is None else [last]
+    numbers = range(first_rung(case), last + 1) if settings.neurons is None else [last]
     tried = [with_settings(rung(case, number), settings) for number in numbers]
     builds = [partial(build, chosen) for chosen in tried]
     path = None

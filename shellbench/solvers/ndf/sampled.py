@@ -111,6 +111,7 @@ def independent(stiffness: Tensor) -> Tensor:
 COMPONENTS = 3
 COLUMNS = 6 * COMPONENTS  # components of F by planes of its jet
 PORTION = 1024  # points whose jets are held at once where they are not kept
+CACHED = 256  # points whose products are summed at once: a processor's cache holds them
 
 
 @dataclass(frozen=True)
@@ -155,14 +156,16 @@ class Sampled:
         """(N, 6, M) jets of the features."""
         return torch.cat([jets for _, jets in self._portions()]) if self.kept is None else self.kept
 
-    def _portions(self) -> Iterator[tuple[slice, Tensor]]:
-        """Yield jets (n, 6, M), and which points they belong to."""
-        if self.kept is not None:
+    def _portions(self, small: bool = False) -> Iterator[tuple[slice, Tensor]]:
+        """Yield jets (n, 6, M), and which points they belong to; in `small` portions if they are kept, or at once."""
+        if self.kept is not None and not small:
             yield slice(None), self.kept
             return
-        for start in range(0, len(self.points), PORTION):
-            some = slice(start, start + PORTION)
-            yield some, self.features.jets(self.points[some]).permute(1, 0, 2).contiguous()
+        size = CACHED if small else PORTION
+        for start in range(0, len(self.points), size):
+            some = slice(start, start + size)
+            kept = None if self.kept is None else self.kept[some]
+            yield some, self.features.jets(self.points[some]).permute(1, 0, 2).contiguous() if kept is None else kept
 
     def carried(self, ansatz: Ansatz) -> Sampled:
         """Return the same points and features with other boundary factors."""
@@ -244,12 +247,21 @@ class Sampled:
         Only its blocks of components on and above the diagonal; `mirrored` completes them.
         """
         on_jets = (self.through.mT @ form @ self.through).view(-1, COMPONENTS, 6, COMPONENTS, 6)
-        for some, jets in self._portions():
+        for some, jets in self._portions(small=True):
             flat = jets.flatten(0, 1)
             for d in range(COMPONENTS):
                 for c in range(d + 1):
                     half = (on_jets[some, c, :, d] @ jets).flatten(0, 1)
                     self._block(total, c, d).addmm_(flat.T, half)
+
+    def summed(self, form: Tensor) -> Tensor:
+        """Return the sum (M, M) of the diagonal blocks of a symmetric form's matrix (see `add_form`)."""
+        on_jets = (self.through.mT @ form @ self.through).view(-1, COMPONENTS, 6, COMPONENTS, 6)
+        alike = on_jets.diagonal(dim1=1, dim2=3).sum(-1)
+        total = form.new_zeros((self.features.count,) * 2)
+        for some, jets in self._portions(small=True):
+            total.addmm_(jets.flatten(0, 1).T, (alike[some] @ jets).flatten(0, 1))
+        return total
 
 
 def elastic_form(elasticity: Tensor, variation: Tensor) -> Tensor:

@@ -31,6 +31,7 @@ from shellbench.solvers.ndf.build import (
     FieldSpec,
     build_features,
     build_inputs,
+    first_rung,
     focal_points,
     graded_points,
     is_flat,
@@ -119,7 +120,7 @@ def follow(
         return Rung(problem.with_network(network), chosen.rule, chosen.fine, graded_points(case, spec), chosen, trained)
 
     count = rung_count(case)
-    widths = plan.widths or tuple(rung(case, number).neurons for number in range(count))
+    widths = plan.widths or tuple(rung(case, number).neurons for number in range(first_rung(case), count))
     numbers = [max(0, count - len(widths) + k) for k in range(len(widths))]
     builds = [partial(build, number, width) for number, width in zip(numbers, widths, strict=True)]
     path = None
