@@ -162,8 +162,7 @@ class Sampled:
             yield slice(None), self.kept
             return
         size = CACHED if small else PORTION
-        for start in range(0, len(self.points), size):
-            some = slice(start, start + size)
+        for some in (slice(start, start + size) for start in range(0, len(self.points), size)):
             kept = None if self.kept is None else self.kept[some]
             yield some, self.features.jets(self.points[some]).permute(1, 0, 2).contiguous() if kept is None else kept
 

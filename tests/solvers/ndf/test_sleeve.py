@@ -284,6 +284,27 @@ def test_the_axial_force_is_what_the_energy_says(problem, states):
     assert (frozen[1] - frozen[0]) / 2e-3 == pytest.approx(along, rel=1e-4)
 
 
+def test_a_finer_path_starts_from_the_states_of_a_coarser_one(problem, states):
+    """It meets the same states as from rest, in fewer iterations; waves that buckle at another load do not serve."""
+    marks = strut().states
+    finer = problem_of(strut(), 60, 2.5, RuleSpec((5, 2), 6))
+    near = []
+    for state in states:
+        if state.critical or state.t in marks:
+            weights = finer.fitted(problem, state.weights)
+            near.append(replace(state, weights=weights, deformed=finer.deform(weights, state.t), tangent=None))
+            assert near[-1].deformed.potential == pytest.approx(state.deformed.potential, rel=1e-2)
+    alone, led = list(follow_steps(finer, marks)), list(follow_steps(finer, marks, near))
+    assert sum(state.iterations for state in led) < sum(state.iterations for state in alone)
+    critical = [next(state.t for state in path if state.critical) for path in (alone, led)]
+    assert critical[1] == pytest.approx(critical[0], rel=1e-3)
+    for mark in marks:
+        energies = [next(s.deformed.potential for s in path if s.t == mark) for path in (alone, led)]
+        assert energies[1] == pytest.approx(energies[0], rel=1e-5)
+    earlier = [replace(state, t=0.9 * state.t) if state.critical else state for state in near]
+    assert len(list(follow_steps(finer, marks, earlier))) > len(led)
+
+
 def test_without_following_the_path_ends_where_the_strut_buckles(problem):
     with pytest.raises(PathEndsError, match="not stable"):
         list(load_steps(problem, strut().states))
