@@ -30,7 +30,7 @@ from shellbench.solvers.fem.assembly import COMPONENTS, BlockMatrix, weighted_pr
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.continuation import CUT, EASY, GROWTH, PathEndsError
 from shellbench.solvers.fem.dissection import Factor, NotPositiveDefiniteError, factorise
-from shellbench.solvers.fem.finite_state import FiniteState
+from shellbench.solvers.fem.finite_state import FiniteState, Hold, on_free
 from shellbench.solvers.fem.following import TangentFactor
 from shellbench.solvers.fem.mesh import KINDS
 from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
@@ -40,7 +40,8 @@ Array = NDArray[np.float64]
 NEUTRAL = 1e-3  # least mu, relative to the stiffness of the softest mode at rest
 BRACKET = 1e-6  # of the load factor: how closely the critical state is bracketed
 BEYOND = 0.01  # of the critical load factor: how far beyond it the shell is left to itself
-INVERSE_STEPS = 12  # of inverse iteration for the softest mode
+INVERSE_STEPS = 12  # of inverse iteration for the softest mode, at most
+SETTLED = 1e-6  # relative change of its stiffness that ends them: its square root is the error of the mode
 PUSH = 0.05  # of the thickness: how far a state is pushed along its softest mode
 SADDLES = 5  # that are left again before a relaxation gives up
 EASIER, HARDER = 0.2, 8.0  # of mu after a step that lowers the energy as it should, and after one that does not
@@ -83,10 +84,7 @@ def following_steps(
             parts = np.ceil(remaining / step * (1 - 1e-9))
             target = mark if parts <= 1 else state.t + remaining / parts
             try:
-                if buckled:
-                    found = buckling.holding.equilibrium(state, target)
-                else:
-                    found = buckling.with_own_tangent(problem.equilibrium(state, target))
+                found = buckling.equilibrium(state, target, holding=buckled)
                 stable = found.stable
             except NotConvergedError:
                 found, stable = state, False
@@ -141,37 +139,44 @@ class Buckling:
         rest = self.problem.rest()
         if rest.factor is None:
             raise NotConvergedError
-        mode = self.softest_mode(self.problem.ties(0.0), rest.factor)
-        stiffness = self.problem.tangent(rest.q, 0.0, rest.strained, rest.strained.stresses)
-        return float(np.sum(mode * _times(stiffness, mode)) / np.sum(mode * _times(self.area, mode)))
+        return self.softest_mode(self.problem.ties(0.0), rest.factor)[1]
 
     @cached_property
     def holding(self) -> FiniteProblem:
         """The problem with travelling waves held."""
         return replace(self.problem, holding=True)
 
-    def softest_mode(self, ties: Ties, factor: TangentFactor) -> Array:
-        """Return the mode (nodes, 12) of the least stiffness in magnitude, of unit largest displacement."""
-        # Inverse iteration, M-weighted, for the eigenvalue nearest zero. A fixed number of steps will do. In a cluster
-        # any mixture of its modes is soft, and only the direction of a push is wanted. The seed is fixed, so that
-        # answers repeat.
-        mode = np.random.default_rng(0).normal(size=(self.problem.mesh.node_count, 12))
+    def softest_mode(self, ties: Ties, factor: TangentFactor) -> tuple[Array, float]:
+        """Return the mode (nodes, 12) of the stiffness nearest zero, of unit largest displacement, and that, N/m^3."""
+        # Inverse iteration, M-weighted, for the eigenvalue nearest zero, until Rayleigh's quotient of the mode settles:
+        # x . K x = x . M m where K x = M m. In a cluster any mixture of its modes is soft, and only the direction of a
+        # push is wanted. The seed is fixed, so that answers repeat.
+        mode, stiffness = np.random.default_rng(0).normal(size=(self.problem.mesh.node_count, 12)), math.inf
+        weighted = _times(self.area, mode)
         for _ in range(INVERSE_STEPS):
-            mode = _on_free(ties, factor, _times(self.area, mode))
-            mode = mode / np.abs(mode[:, :: len(KINDS)]).max()
-        return mode
+            mode, before = on_free(ties, factor, weighted), stiffness
+            work, weighted = float(np.sum(mode * weighted)), _times(self.area, mode)
+            stiffness = work / float(np.sum(mode * weighted))
+            size = np.abs(mode[:, :: len(KINDS)]).max()
+            mode, weighted = mode / size, weighted / size
+            if abs(stiffness - before) <= SETTLED * abs(stiffness):
+                break
+        return mode, stiffness
 
-    def stiffness(self, state: FiniteState, mu: float) -> Factor:
-        """Return the factorised K + mu M at a state.
+    def tangent(self, state: FiniteState) -> BlockMatrix:
+        """Return the tangent stiffness K at a state, supports not applied."""
+        return self.problem.tangent(state.q, state.t, state.strained, state.strained.stresses)
+
+    def stiffness(self, tangent: BlockMatrix, t: float, mu: float = 0.0) -> Factor:
+        """Return the factorised K + mu M on what the supports leave free at a load factor.
 
         Raises
         ------
         NotConvergedError
             If it is singular.
         """
-        matrix = self.problem.tangent(state.q, state.t, state.strained, state.strained.stresses)
-        matrix.blocks[...] += mu * self.area.blocks
-        reduced = self.problem.ties(state.t).reduce(matrix)
+        matrix = replace(tangent, blocks=tangent.blocks + mu * self.area.blocks) if mu else tangent
+        reduced = self.problem.ties(t).reduce(matrix)
         if not np.all(np.isfinite(reduced.blocks)):
             raise NotConvergedError
         try:
@@ -199,7 +204,7 @@ class Buckling:
             share = at_low / (at_low - at_high) if high == unstable else 0.5
             trial = low.t + share * (high - low.t) + math.copysign(BRACKET / 4 * high, 0.5 - share)
             try:
-                middle = self.with_own_tangent(self.problem.equilibrium(low, trial))
+                middle = self.equilibrium(low, trial)
                 value = self._least_stiffness(middle)
             except NotConvergedError:
                 high = trial  # too long a step, or beyond buckling: a shorter one tells
@@ -213,20 +218,28 @@ class Buckling:
             raise PathEndsError(f"no equilibrium was found between {low.t:.6g} and {unstable:.6g}")
         return low
 
-    def with_own_tangent(self, state: FiniteState) -> FiniteState:
-        """Return a state with the factorised tangent of its own; NotConvergedError if it is singular.
+    def equilibrium(self, start: FiniteState, t: float, holding: bool = False) -> FiniteState:
+        """Return the state at a load factor with its own factorised tangent; waves may be held.
 
-        Newton's method leaves the tangent of where its last step began. Beside a critical state that is too early.
+        Raises
+        ------
+        NotConvergedError
+            If Newton's method does not get there, or the tangent is singular.
         """
-        return replace(state, factor=self.stiffness(state, 0.0))
+        # Newton's method leaves a tangent of some earlier iteration. Beside a critical state that is too early. The own
+        # one is also that by which the next step begins.
+        problem = self.holding if holding else self.problem
+        found = problem.equilibrium(start, t, frugal=True)
+        tangent = self.tangent(found)
+        factor = self.stiffness(tangent, t)
+        forgiven = int(Hold.from_ties(problem.ties(t), factor, problem.travelling(found.q)).negative)
+        return replace(found, tangent=tangent, factor=factor, forgiven=forgiven)
 
     def _least_stiffness(self, state: FiniteState) -> float:
         """Return the stiffness nearest to zero of any mode of a state, N/m^3, negative if the state is unstable."""
         if state.factor is None:
             raise NotConvergedError
-        mode = self.softest_mode(self.problem.ties(state.t), state.factor)
-        stiffness = self.problem.tangent(state.q, state.t, state.strained, state.strained.stresses)
-        least = abs(float(np.sum(mode * _times(stiffness, mode)) / np.sum(mode * _times(self.area, mode))))
+        least = abs(self.softest_mode(self.problem.ties(state.t), state.factor)[1])
         return least if state.stable else -least
 
     def relaxed(self, start: FiniteState, t: float) -> FiniteState:
@@ -247,7 +260,7 @@ class Buckling:
             for relaxed in RELAXED:
                 state = self._downhill(state, relaxed)
                 try:
-                    found = self.holding.equilibrium(state, t)
+                    found = self.equilibrium(state, t, holding=True)
                 except NotConvergedError:
                     continue
                 if found.stable:
@@ -265,7 +278,7 @@ class Buckling:
     def _pushed(self, state: FiniteState) -> FiniteState:
         """Return a state pushed along its softest mode, to the side where the energy is less."""
         # At a symmetric state both sides gain alike in second order. The energy itself decides, third order included.
-        mode = self.softest_mode(self.problem.ties(state.t), self.stiffness(state, 0.0))
+        mode, _ = self.softest_mode(self.problem.ties(state.t), self.stiffness(self.tangent(state), state.t))
         push = PUSH * self.problem.case.material.thickness * mode
         sides = [self.problem.state_at(state.t, state.q + sign * push, state) for sign in (1.0, -1.0)]
         return min(sides, key=self.problem.potential)
@@ -280,21 +293,21 @@ class Buckling:
         # 4. Lower mu if it fell by a fair share of the prediction, and raise it otherwise.
         # Kelley and Keyes set mu by the residual's norm, which may well rise where the energy falls.
         # Steps are judged by the energy instead, as in a trust region, whose radius 1 / mu stands for.
-        mu, value = self.softest, problem.potential(state)
+        mu, value, tangent = self.softest, problem.potential(state), self.tangent(state)
         for _ in range(MOST_STEPS):
-            factor = self.stiffness(state, mu)
+            factor = self.stiffness(tangent, state.t, mu)
             if factor.negative:
                 mu *= HARDER
                 continue
             residual = problem.forces(state.q, state.t) - state.strained.forces
-            step = _on_free(ties, factor, residual)
+            step = on_free(ties, factor, residual)
             predicted = float(np.sum(residual * step)) / 2
             if predicted <= relaxed * state.strained.energy:
                 return state
             found = problem.state_at(state.t, state.q + step, state)
             gained = value - problem.potential(found)
             if gained > 0:
-                state, value = found, value - gained
+                state, value, tangent = found, value - gained, self.tangent(found)
             # Where waves may travel, K is nearly singular at the minimum too. A step without mu would run along them.
             mu = max(mu * EASIER, NEUTRAL * self.softest) if gained >= GAINED * predicted else mu * HARDER
         raise NotConvergedError
@@ -302,8 +315,3 @@ class Buckling:
 
 def _times(matrix: BlockMatrix, vector: Array) -> Array:
     return np.asarray((matrix @ vector[..., None])[..., 0])
-
-
-def _on_free(ties: Ties, factor: TangentFactor, right: Array) -> Array:
-    free = ties.to_free(right[..., None])
-    return np.asarray(ties.to_nodal(factor.solve(free) * ties.free[..., None])[..., 0])

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from shellbench.solvers.fem.assembly import BlockMatrix
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.following import TangentFactor
 from shellbench.solvers.fem.strain_energy import Strained
@@ -40,6 +41,8 @@ class FiniteState:
         Negative eigenvalues of the tangent that belong to waves that may travel.
     pressure, touch
         Of obstacles at the contact points, (n,), Pa, and (n, 3), N; None where there are none, or it is not known.
+    tangent
+        Tangent stiffness of the state itself, supports not applied, if `factor` is its factorisation; else None.
     """
 
     t: float
@@ -53,6 +56,7 @@ class FiniteState:
     forgiven: int = 0
     pressure: Array | None = None
     touch: Array | None = None
+    tangent: BlockMatrix | None = None
 
     @property
     def stable(self) -> bool:
@@ -65,7 +69,7 @@ class FiniteState:
     @property
     def relieved(self) -> FiniteState:
         """The state without what only the next step needs, which takes most of the memory."""
-        return replace(self, factor=None, strained=replace(self.strained, deformations=(), stresses=()))
+        return replace(self, factor=None, tangent=None, strained=replace(self.strained, deformations=(), stresses=()))
 
 
 @dataclass(frozen=True)

@@ -172,4 +172,32 @@ class PressedFactor:
         return np.asarray(found).reshape(shape)
 
 
-TangentFactor = Factor | PressedFactor
+@dataclass(frozen=True)
+class TurnedFactor:
+    """The factorised tangent of a state, as an approximate one where supports have moved on.
+
+    Attributes
+    ----------
+    factor
+        The tangent on what the supports leave free at the state.
+    before, ties
+        The supports there, and where it is used.
+    """
+
+    factor: TangentFactor
+    before: Ties
+    ties: Ties
+
+    @property
+    def negative(self) -> int:
+        """Number of negative eigenvalues at the state."""
+        return self.factor.negative
+
+    def solve(self, right: Array) -> Array:
+        """Solve for (nodes, 12, n) right-hand sides."""
+        # The bases of free directions are not comparable: by way of nodal degrees of freedom.
+        free = self.before.to_free(self.ties.to_nodal(right))
+        return self.ties.to_free(self.before.to_nodal(self.factor.solve(free) * self.before.free[..., None]))
+
+
+TangentFactor = Factor | PressedFactor | TurnedFactor

@@ -32,7 +32,7 @@ from shellbench.solvers.fem.contact import ContactPoints
 from shellbench.solvers.fem.contact_at_finite_strain import Pressed, Pressing
 from shellbench.solvers.fem.dissection import Dissection, Factor, NotPositiveDefiniteError, factorise
 from shellbench.solvers.fem.finite_state import Constraint, FiniteState, Hold, on_free
-from shellbench.solvers.fem.following import FollowingPressure, PressedFactor, TangentFactor
+from shellbench.solvers.fem.following import FollowingPressure, PressedFactor, TangentFactor, TurnedFactor
 from shellbench.solvers.fem.loads import EdgeMoment, Loading, area_rule, edge_moments
 from shellbench.solvers.fem.mesh import TensorMesh
 from shellbench.solvers.fem.rigid_motions import Revolution, determinate_pins, nodal_rigid_motions
@@ -288,17 +288,23 @@ class FiniteProblem:
         """Return a motion of the supports with what the shell answers to it by its tangent at the start, and that."""
         # A support that jumps alone would strain only the cells beside it, and these far too much. One linear solve at
         # the start, K dq = r(q, t) - K moved, spreads the motion over the shell.
-        matrix = self.tangent(start.q, start.t, start.strained, start.strained.stresses)
+        pressing = self.pressing(start, t)
+        own = None if pressing else start.tangent
+        matrix = own or self.tangent(start.q, start.t, start.strained, start.strained.stresses)
         right = self.forces(start.q, t) - start.strained.forces
-        if pressing := self.pressing(start, t):
+        if pressing:
             pressed = pressing.at(start.q)
             pressing.add_stiffness(matrix, pressed)
             right = right + pressed.nodal
         right = right - (matrix @ moved[..., None])[..., 0]
-        try:
-            factor = self._reduced_factor(ties, matrix)
-        except NotPositiveDefiniteError:
-            raise NotConvergedError from None
+        factor: TangentFactor
+        if own and start.factor is not None:
+            factor = TurnedFactor(start.factor, self.ties(start.t), ties)
+        else:
+            try:
+                factor = self._reduced_factor(ties, matrix)
+            except NotPositiveDefiniteError:
+                raise NotConvergedError from None
         hold = Hold.from_ties(ties, factor, self.travelling(start.q))
         step = hold.step(on_free(ties, factor, right))
         return moved + step, Known(factor, abs(float(np.sum(right * step))))
