@@ -66,17 +66,12 @@ def pinned(frozen: str) -> str:
 
 @nox.session
 def obstacle_course(session: nox.Session) -> None:
-    """Solve the four classical shells, print the table, write the report, judge. `-- --quick` for a first look.
+    """Solve four shells at rest, a sleeve that buckles and a napkin in motion; print, report, judge. `-- --quick`.
 
+    With `--quick` all six are asked, of `fem` and of `ndf-ritz`. The suites behind it stay separate sessions.
     Judged is accuracy; that figures repeat those of the baseline is judged with `-- --regression`.
     """
     run_and_judge(session, "obstacle_course")
-
-
-@nox.session
-def course_cloth(session: nox.Session) -> None:
-    """Solve a sleeve that buckles and a napkin in motion, and judge: the course's cloth, which takes longer."""
-    run_and_judge(session, "course_cloth")
 
 
 @nox.session

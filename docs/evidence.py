@@ -8,7 +8,7 @@ takes the two pages of some 60 MB that `nox -s example` has built under reports/
 - the pictures that are shown.
 
 `python docs/evidence.py resolution [STORE [REMARK]]` makes reports/resolution.json from the runs of the suite `resolution` on
-the shells of the obstacle course and its cloth (see `shellbench.report.kept_resolution`); `nox -s evidence` does both.
+the shells of the obstacle course (see `shellbench.report.kept_resolution`); `nox -s evidence` does both.
 
 `tests/test_readme.py` holds README and docs against these files.
 """
@@ -78,7 +78,7 @@ def keep_resolution(store: str = "reports/runs", remark: str = "") -> None:
     from shellbench.bench.store import Store
     from shellbench.report.kept_resolution import as_text, of_store
 
-    cases = [case for suite in ("obstacle_course", "course_cloth") for case in catalog.find_suite(suite).order]
+    cases = catalog.find_suite("obstacle_course").order
     kept = of_store(Store(ROOT / store), cases)
     kept["made"]["remark"] = remark
     (ROOT / "reports/resolution.json").write_text(as_text(kept), encoding="utf-8")

@@ -15,13 +15,14 @@ from shellbench.bench import catalog
 from shellbench.bench.compare import gated_quantities
 from shellbench.bench.expected import Scope
 from shellbench.bench.gate import Verdict
-from shellbench.bench.plan import Request, make_plan
+from shellbench.bench.plan import Request, first_look, make_plan
 from shellbench.bench.record import Measured, Record
 from shellbench.bench.store import Contents, Store
 from shellbench.bench.task import Task
 from tests.test_faults import accuracy_gate
 
-SUITE = "course_cloth"
+SUITE = "obstacle_course"
+AT_REST = ("square_plate", "scordelis_lo", "pinched_cylinder_diaphragm", "pinched_cylinder_free")
 MOVED = ("sleeve_course", "napkin_course")
 SOLVERS = ("fem", "ndf", "ndf-ritz")
 SCOPE = Scope(suites=(SUITE,), cases=MOVED)
@@ -99,11 +100,14 @@ def red(verdict: Verdict) -> set[tuple[str, str, str]]:
     return {(f.row.case, f.row.solver, f.row.quantity) for f in verdict.accuracy if f.colour == "red"}
 
 
-def test_each_solver_is_asked_with_one_seed() -> None:
-    assert [case.name for case in catalog.members(SUITE)] == [*MOVED]
+def test_the_course_asks_six_shells_and_draws_variants_of_those_at_rest() -> None:
+    assert [case.name for case in catalog.members(SUITE)] == [*AT_REST, *MOVED]
     suite = catalog.find_suite(SUITE)
     for case in MOVED:
         assert {(run.solver, run.seeds) for run in suite.runs_for(case)} == {(solver, (0,)) for solver in SOLVERS}
+    asked = {case.name.partition("@")[0] for case in catalog.cases_of(SUITE) if "@" in case.name}
+    assert asked == set(AT_REST)
+    assert first_look() == AT_REST
 
 
 def test_every_figure_of_napkin_and_sleeve_is_gated_for_each_solver() -> None:

@@ -30,21 +30,21 @@ What next:
 
 
 def quick(store: StoreOption = DEFAULT_STORE, wide: WideOption = False) -> None:
-    """Take a first look: solve the obstacle course by fem and ndf-ritz, print the table and the verdict.
+    """Take a first look: solve shells of the obstacle course by fem and ndf-ritz, print the table and the verdict.
 
-    It takes half a minute. The four shells are asked as they are declared, with seed 0; `run --suite obstacle_course`
-    asks all of the suite. What has a record already is not solved again.
+    It takes half a minute. Its four shells at rest are asked as they are declared, with seed 0; `run --suite
+    obstacle_course` asks all of the suite. What has a record already is not solved again.
     """
-    from shellbench.bench import catalog, compare, environment, verdicts
+    from shellbench.bench import compare, environment, verdicts
     from shellbench.bench.expected import Scope
     from shellbench.bench.gate import gate
     from shellbench.bench.local import LocalProcesses
-    from shellbench.bench.plan import DEFAULT_SUITE, FIRST_SEED, Request
+    from shellbench.bench.plan import FIRST_SEED, Request, first_look
     from shellbench.bench.store import Store
     from shellbench.report import tables
 
     began, where, width = time.monotonic(), Store(store), text_width(wide)
-    cases = tuple(case.name for case in catalog.members(DEFAULT_SUITE))
+    cases = first_look()
     request = Request(cases=cases, solvers=QUICK_SOLVERS, seeds=(FIRST_SEED,), threads=1)
     code = carry_out(request, where, LocalProcesses(environment.cores(), 1))
     rows, notes = compare.rows_and_notes(where, (), cases)

@@ -166,16 +166,17 @@ def run(
         shellbench run my_shell_thicker.toml --start my_shell-ndf-s0-20260101T120000-0a1b2c3d
     """
     from shellbench.bench.earlier import find_earlier
-    from shellbench.bench.plan import DEFAULT_SUITE, Request
+    from shellbench.bench.plan import DEFAULT_SUITE, Request, first_look
     from shellbench.bench.store import Store
 
     if timeout is not None and not 0 < timeout < float("inf"):
         raise typer.BadParameter("must be a positive number of seconds", param_hint="'--timeout'")
     where = Store(store)
     earlier = None if start is None else find_earlier(start, where, where.read())
+    nothing_named = not (cases or suite)
     request = Request(
-        cases=tuple(cases or ()),
-        suites=tuple(suite or (() if cases or not quick else (DEFAULT_SUITE,))),
+        cases=first_look() if quick and nothing_named else tuple(cases or ()),
+        suites=(DEFAULT_SUITE,) if quick and nothing_named else tuple(suite or ()),
         solvers=tuple(solver or ((earlier.solver,) if earlier else ())),
         settings=settings_of(settings),
         seeds=tuple(dict.fromkeys(seed or ())),
