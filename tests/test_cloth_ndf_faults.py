@@ -22,6 +22,7 @@ from shellbench.solvers.ndf import (
     buckling,
     equilibrium,
     factors,
+    integration,
     large_displacement,
     motion,
     motion_problem,
@@ -29,11 +30,12 @@ from shellbench.solvers.ndf import (
     newton,
     strain_measures,
 )
-from shellbench.solvers.ndf.field import Ansatz, Factors
+from shellbench.solvers.ndf.field import Ansatz
 from shellbench.solvers.ndf.jets import VALUE
 from shellbench.solvers.ndf.quadrature import RuleSpec
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.sampled import widest
+from shellbench.solvers.ndf.supports import Factors
 from tests.test_faults import more_poisson, stiffness, wrapped
 from tests.test_large_displacement_faults import ndf_strain
 
@@ -260,7 +262,9 @@ FAULTS = [
     Fault("published strains", STRIP, "centre_x_250ms", ndf_strain("published")),
     Fault("a hinge that leaks", STRIP, "centre_z_250ms", leak(0.01, 0.01, 0.01)),
     Fault("a hinge that leaks upward", STRIP, "kinetic_energy_250ms", leak(0.0, 0.0, 0.01)),
-    Fault("steps of first order", STRIP, "total_energy_250ms", lambda p: p.setattr(motion, "DOP853", SymplecticEuler)),
+    Fault(
+        "steps of first order", STRIP, "total_energy_250ms", lambda p: p.setattr(integration, "DOP853", SymplecticEuler)
+    ),
     Fault("wrong Poisson ratio", TWIST, "torque_50mrad", wrong_poisson),
     Fault("membrane stiffness 1 % off", TWIST, "torque_50mrad", stiffness("membrane_stiffness", 1.01)),
     Fault("rims that turn too little", TWIST, "torque_50mrad", otherwise_held(turned_too_little, *STATIC)),

@@ -35,7 +35,7 @@ class Target:
     Attributes
     ----------
     folders
-        Of the package; modules in folders below are not meant.
+        Of the package; modules in folders below are meant where it ends with `**`.
     excluded
         Patterns of stems of modules that are left out, each with the reason.
     """
@@ -47,7 +47,7 @@ class Target:
 
     def modules(self) -> list[str]:
         """Return the modules by name, sorted."""
-        paths = (path for folder in self.folders for path in sorted((ROOT / folder).glob("*.py")))
+        paths = (path for folder in self.folders for path in sorted(ROOT.glob(f"{folder}/*.py")))
         return [module_of(path) for path in paths if self.why_excluded(path.stem) is None]
 
     def why_excluded(self, stem: str) -> str | None:
@@ -64,23 +64,26 @@ CHECKS = "it refuses, and solves nothing"
 FEM = Target(
     "fem",
     ("fem",),
-    ("shellbench/solvers/fem",),
+    ("shellbench/solvers/fem/**",),
     (
-        ("__init__|solver|choices", SETTINGS),
-        ("solving|refinement|continuation|large_displacement|motion|corners", CONTROL),
+        ("__init__|solver|(conditioned_)?settings|choices", SETTINGS),
+        ("solving|refinement|convergence|continuation|large_displacement|motion|corners", CONTROL),
         ("kinks", CHECKS),
-        ("linear_solve|dissection", EQUATIONS),
+        ("dissection|factor", EQUATIONS),
     ),
 )
 NDF = Target(
     "ndf-ritz",
     ("ndf-ritz",),
-    ("shellbench/solvers/ndf",),
+    ("shellbench/solvers/ndf/**",),
     (
-        ("__init__|.*_solver|choices|weights|checkpoint|build", SETTINGS),
+        ("__init__|.*_solver|.*_settings|choices|weights|checkpoint|build", SETTINGS),
         ("declines|refusal|certificate", CHECKS),
-        ("published.*|trainer|training|gauss_newton|network|soft", "ndf-ritz trains nothing and has no soft supports"),
-        ("resolution|lengths|refinement|continuation|newton|large_displacement|motion", CONTROL),
+        (
+            "published.*|trainer|training.*|gauss_newton|sketch|layers|soft",
+            "ndf-ritz trains nothing and has no soft supports",
+        ),
+        ("resolution|lengths|refinement|continuation|newton|large_displacement|motion|integration", CONTROL),
         ("corners|inputs", TRIALS),
     ),
 )
@@ -122,23 +125,22 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
     ("fem.buckling", r"_left_to_itself|_times|_on_free", CHOICE, "parts of these steps"),
     ("fem.cell_dissection", r".*", EQUATION, "the order of an elimination, and a factorisation"),
     ("fem.contact", r"_length", EQUATION, "the length of a step toward a minimum"),
-    ("fem.contact", r".*softness", CHOICE, "penalties in the order in which they are tried"),
+    ("fem.contact_points", r".*softness", CHOICE, "penalties in the order in which they are tried"),
     ("fem.eigenpairs", r".*", EQUATION, "a block Lanczos method"),
     (
-        "fem.equilibrium",
+        "fem.direct_solve",
         r"solve_reduced|_mended|_conjugate|_quotient|_cosine|_ratio|_dissection|_superlu|_pardiso|factorised",
         EQUATION,
         "iterative refinement, and factorisations",
     ),
-    ("fem.equilibrium", r"_energy", STATEMENT, "the energy of rounding"),
-    ("fem.finite_state", r".*", EQUATION, "a step of Newton's method with one more equation"),
-    ("fem.following", r"PressedFactor\..*", EQUATION, "an unsymmetric system, by a symmetric factor"),
+    ("fem.direct_solve", r"_energy", STATEMENT, "the energy of rounding"),
+    ("fem.finite_state", r".*", EQUATION, "a step of Newton's method with one more equation, or by a symmetric factor"),
     ("fem.layers", r".*", CHOICE, "how a mesh is graded toward layers"),
     (
-        "fem.mesh",
-        r"singular_points|segment|marked_coordinates|break_coordinates|axis_lines|graded_mesh",
+        "fem.grading",
+        r".*",
         CHOICE,
-        "where mesh lines are; the basis on them is mechanics",
+        "where mesh lines are",
     ),
     (
         "fem.problem",
@@ -190,7 +192,7 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
         "when Newton's method ends, and what it predicts",
     ),
     (
-        "ndf.field",
+        "ndf.network",
         r"Network\.narrowed|siren|random_features|deep_random_features|_uniform",
         CHOICE,
         "trial functions are drawn",
@@ -229,8 +231,10 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
         DRAWN_ONLY + "; sizes of files",
     ),
     ("ndf.solve", r"(RegularisedInverse|HeldInverse)\..*", EQUATION, "factorisations with a jitter, refined"),
-    ("ndf.static", r"solve|_without_challengers|Solved\.challenged", CHOICE, "levels of ever more features"),
-    ("ndf.static", r"Answer\.missed|_stated|_unrecovered", STATEMENT, "the uncertainty of a linear shell's answer"),
+    ("ndf.static", r"solve|_without_challengers", CHOICE, "levels of ever more features"),
+    ("ndf.answer", r"Solved\.challenged", CHOICE, "levels of ever more features"),
+    ("ndf.answer", r"Answer\.missed", STATEMENT, "the uncertainty of a linear shell's answer"),
+    ("ndf.static", r"_stated|_unrecovered", STATEMENT, "the uncertainty of a linear shell's answer"),
     # the question
     ("problems.kinks", r".*", CHOICE, "where meshes and panels get lines, or a refusal"),
     ("problems.solving", r".*", RECORD, "how solvers take a case: no mechanics"),

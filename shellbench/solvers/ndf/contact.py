@@ -30,7 +30,6 @@ from shellbench.solvers.ndf.build import (
     build_inputs,
     graded_points,
     resolution,
-    side_lengths,
 )
 from shellbench.solvers.ndf.contact_forces import (
     ALONG,
@@ -44,8 +43,10 @@ from shellbench.solvers.ndf.contact_forces import (
 )
 from shellbench.solvers.ndf.creases import Crease
 from shellbench.solvers.ndf.energy import certify, concentrated, energy_gap, normal_equations
-from shellbench.solvers.ndf.field import Ansatz, Features, Field, random_features
+from shellbench.solvers.ndf.field import Ansatz, Features, Field
+from shellbench.solvers.ndf.geometry import side_lengths
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement
+from shellbench.solvers.ndf.network import random_features
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.refinement import (
     Miss,
@@ -59,11 +60,12 @@ from shellbench.solvers.ndf.refinement import (
     uncertainties,
     unsettled,
 )
-from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
+from shellbench.solvers.ndf.ritz_field import with_settings
+from shellbench.solvers.ndf.ritz_settings import RitzSettings
+from shellbench.solvers.ndf.ritz_solver import RitzSolver
 from shellbench.solvers.ndf.signs import Signs, jitter_share, refusal, rounding_energy, unseen_turning
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.solve import JITTER, HeldInverse, OutputLayer, held_part, potential_energy, spread
-from shellbench.solvers.ndf.static import with_settings
 
 STRAIGHT = 0.02  # of a side: spread of an edge of contact along its line
 LOOKED, ROWS = 501, 9  # points of a line on which an edge of contact is looked for, and lines

@@ -27,6 +27,7 @@ from shellbench.problem import Progress, ProgressCallback, Solution, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad
 from shellbench.solvers.ndf import large_displacement, modes, motion
+from shellbench.solvers.ndf.answer import displacement_values
 from shellbench.solvers.ndf.build import (
     FieldSpec,
     build_features,
@@ -42,35 +43,33 @@ from shellbench.solvers.ndf.challenge import stated
 from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.edited import checked_start, start_of_path
 from shellbench.solvers.ndf.energy import certify, concentrated, energy_gap, exploits, rigid_part
-from shellbench.solvers.ndf.field import Ansatz, Features, Field, Network, deep_random_features
+from shellbench.solvers.ndf.field import Ansatz, Features, Field
 from shellbench.solvers.ndf.first_order import train_by_adam
 from shellbench.solvers.ndf.jets import VALUE, Placement, smooth_activation
-from shellbench.solvers.ndf.large_displacement import Rung
 from shellbench.solvers.ndf.motion_solution import MotionSolution, load_solution
+from shellbench.solvers.ndf.network import Network, deep_random_features
 from shellbench.solvers.ndf.quadrature import area_rule
-from shellbench.solvers.ndf.ritz import strain_of
-from shellbench.solvers.ndf.ritz_solver import RitzSettings
+from shellbench.solvers.ndf.ritz_field import strain_of
+from shellbench.solvers.ndf.ritz_settings import RitzSettings
+from shellbench.solvers.ndf.rungs import Rung
 from shellbench.solvers.ndf.sampled import scales
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.solve import point_constraints
-from shellbench.solvers.ndf.static import displacement_values
 from shellbench.solvers.ndf.supports import check_balance, point_supports
-from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
+from shellbench.solvers.ndf.trainer_settings import TrainerSettings
+from shellbench.solvers.ndf.trainer_solver import NdfSolver
 from shellbench.solvers.ndf.training import (
     CERTIFICATE,
-    FINAL_ORDER,
     MIRRORED_SCALES,
     MIXED_SCALES,
     SINGULAR_SCALES,
     Plan,
-    Quadratures,
-    Trained,
-    TrainingProblem,
     default_plan_widths,
     first_state,
     train,
     trusted,
 )
+from shellbench.solvers.ndf.training_problem import FINAL_ORDER, Quadratures, Trained, TrainingProblem
 
 SERVES = 10.0  # certified gain by challengers, in units of the tolerance of training, up to which a start's layers do
 ITERATIONS, MIXED_ITERATIONS = 3, 2  # by certified energy for the time: a mixed start leaves less to training

@@ -27,8 +27,8 @@ from shellbench.problem import NumberFormat, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import shortened
 from shellbench.solvers.ndf.build import FieldSpec
-from shellbench.solvers.ndf.field import Network
 from shellbench.solvers.ndf.jets import activation
+from shellbench.solvers.ndf.network import Network
 from shellbench.solvers.ndf.quadrature import RuleSpec
 
 
@@ -151,7 +151,7 @@ class CaseHeader(Model):
 
 
 class Header(CaseHeader):
-    """All that a file says beside its tensors; see `shellbench.solvers.ndf.solution.NdfSolution` for the fields."""
+    """All that a file says beside its tensors; see `NdfSolution` for the fields."""
 
     format: Literal["shellbench-ndf-1"] = "shellbench-ndf-1"
     spec: FieldSpec
