@@ -18,16 +18,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from shellbench.bench.kinds import portrait_of
-from shellbench.bench.record import Record
+from shellbench.bench.record import Record, portrait_of
 from shellbench.bench.row import Row
 from shellbench.report import panel
 from shellbench.report.columns import Column, Line, Way, column, frame, significant, solution, words
 from shellbench.report.convergence import steps_in_time
 from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.exhibit import DASHES, Dashes, Exhibit, Ink
-from shellbench.report.fields import PICTURE, Fields, pictured, read_ribbon
+from shellbench.report.fields import Fields, read_ribbon
 from shellbench.report.notation import Notation, duration, plain
+from shellbench.report.pictures import PICTURE, pictured
 from shellbench.report.rates import Rate, fitted_rate
 from shellbench.report.runs import compared, leading_rows
 from shellbench.report.solutions import grouped

@@ -20,7 +20,6 @@ from shellbench.report import (
     cost,
     editing,
     engines,
-    fields,
     kept,
     learned,
     memory,
@@ -35,12 +34,13 @@ from shellbench.report import (
     tables,
     thinness,
     trace_tables,
+    whole_fields,
 )
 from shellbench.report.convergence import CONVERGENCE, convergence_exhibits
 from shellbench.report.evidence import Evidence, Maker, Section, all_tables
 from shellbench.report.exhibit import Exhibit, style
-from shellbench.report.fields import COMPOSITE, PICTURE, pictures
 from shellbench.report.newton import newton_exhibits
+from shellbench.report.pictures import COMPOSITE, PICTURE, pictures
 from shellbench.report.runs import rows_at_home, suite_title, told_apart
 from shellbench.report.solutions import Known
 from shellbench.report.table import Table
@@ -71,7 +71,7 @@ MAKERS: tuple[Maker, ...] = (
     passport.section,
     kept.section,
     drawn("convergence", "Convergence", CONVERGENCE),
-    fields.section,
+    whole_fields.section,
     calibration.section,
     engines.section,
     cost.section,
