@@ -8,11 +8,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from shellbench.bench import catalog
+from shellbench.bench.brought import claimed
 from shellbench.bench.kinds import find_kind
 from shellbench.bench.listing import gated_quantities, list_solver, list_suite, run_words
 from shellbench.bench.outside import asked, declines, described
-from shellbench.bench.reference import KnownValue, Tolerance, claimed
-from shellbench.bench.registry import SolverEntry, solver_entries
+from shellbench.bench.reference import KnownValue, Tolerance
+from shellbench.bench.registry import OWN, SolverEntry, solver_entries
 from shellbench.errors import InputError
 from shellbench.nearest import nearest
 from shellbench.problem import VARIANT, Problem, Quantity
@@ -62,6 +63,7 @@ def about_case(case: Problem, asked: str = "") -> Data:
         "theory": case.theory,
         "units": case.units,
         "own_case": own,
+        "package": None if own else catalog.package_of(case.name),
         "digest": case.digest(),
         "suites": list(case.suites),
         "variants": [] if VARIANT in case.name else _variants(case, asked or case.name),
@@ -92,11 +94,7 @@ def _quantity(case: Problem, quantity: Quantity, own: bool) -> Data:
     known = (
         () if own else catalog.known_values(case.name).of(quantity.name, "judge", "origin", "literature", "published")
     )
-    allowed = {
-        solver: found
-        for solver in catalog.tolerances()
-        if not own and (found := catalog.tolerance(case.name, quantity.name, solver)) is not None
-    }
+    allowed = {} if own else catalog.tolerated(case.name, quantity.name)
     return {
         "name": quantity.name,
         "kind": quantity.kind,
@@ -142,7 +140,7 @@ def about_solver(entry: SolverEntry) -> Data:
     runs = [name for name in catalog.suite_names() if entry.name in {r.solver for r in catalog.find_suite(name).runs}]
     data |= {
         "suites": runs,
-        "tolerances": _dumped(catalog.tolerances().get(entry.name, {})),
+        "tolerances": _dumped(catalog.tolerances_of(entry.name)),
         "claims": _dumped(claimed(entry)),
     }
     if data["available"]:
@@ -188,6 +186,8 @@ def _case_lines(case: Data) -> Iterator[str]:
     yield from _entry(
         "suites", _listed(case["suites"]) or ("none: it is a case of yours" if case["own_case"] else "none")
     )
+    if case["package"] not in (None, OWN):
+        yield from _entry("package", case["package"])
     yield from _entry("variants", _listed(f"{v['name']} ({v['words']})" for v in case["variants"]))
     yield from _headed("Question")
     for name, value in question(case):
@@ -267,6 +267,8 @@ def _suite_lines(suite: Data) -> Iterator[str]:
     for remark in suite["remarks"]:
         yield from _wrapped(remark)
     yield ""
+    if suite["package"] != OWN:
+        yield from _entry("package", suite["package"])
     if suite["study"]:
         yield from _entry("study", suite["study"])
     gated = _listed(f"{count} figures of {solver}" for solver, count in suite["gated"].items())

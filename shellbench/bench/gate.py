@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 from shellbench.bench import catalog
 from shellbench.bench.baseline import Baseline, cost_findings, make_baseline, regression_finding
+from shellbench.bench.brought import claimed
 from shellbench.bench.calibration import Calibration, calibration_findings, calibrations
 from shellbench.bench.classes import Grade, grades, judged_by_class, strangers
 from shellbench.bench.compare import asked_cases, beyond, rows_and_notes, without_record
@@ -23,7 +24,7 @@ from shellbench.bench.expected import Scope, expected_of_strangers, expected_run
 from shellbench.bench.listing import gated_quantities
 from shellbench.bench.lock import LockCheck, check_lock
 from shellbench.bench.planned import DID_NOT_END, read_planned
-from shellbench.bench.reference import Tolerances, claimed
+from shellbench.bench.reference import Tolerances
 from shellbench.bench.registry import find_solver, solver_entries
 from shellbench.bench.row import Finding, Row
 from shellbench.bench.store import Store
