@@ -28,8 +28,8 @@ from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.fem.block_matrix import NODE_DOFS, BlockMatrix
 from shellbench.solvers.fem.clamping import FiniteClamp, finite_clamps
 from shellbench.solvers.fem.constraints import Ties
-from shellbench.solvers.fem.contact import ContactPoints
 from shellbench.solvers.fem.contact_at_finite_strain import Pressed, Pressing
+from shellbench.solvers.fem.contact_points import ContactPoints
 from shellbench.solvers.fem.dissection import Dissection
 from shellbench.solvers.fem.factor import Factor, NotPositiveDefiniteError, factorise
 from shellbench.solvers.fem.finite_state import (
@@ -45,8 +45,9 @@ from shellbench.solvers.fem.finite_state import (
 from shellbench.solvers.fem.following import FollowingPressure
 from shellbench.solvers.fem.loads import EdgeMoment, Loading, area_rule, edge_moments
 from shellbench.solvers.fem.mesh import TensorMesh
+from shellbench.solvers.fem.pins import determinate_pins
 from shellbench.solvers.fem.quadrature import Quadrature
-from shellbench.solvers.fem.rigid_motions import Revolution, determinate_pins, nodal_rigid_motions
+from shellbench.solvers.fem.rigid_motions import Revolution, nodal_rigid_motions
 from shellbench.solvers.fem.strain_energy import Strained, StrainEnergy
 
 Array = NDArray[np.float64]
