@@ -19,8 +19,9 @@ from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.conditioned.case import ASKED, ConditionedCase, Material
 from shellbench.problems.conditioned.quantities import Parameter, Sensitivity, Value
 from shellbench.problems.conditioned.solving import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer, stepped
-from shellbench.solvers.fem.conditioned_solver import RepeatedSettings
-from shellbench.solvers.fem.solver import FemSettings, FemSolver
+from shellbench.solvers.fem.conditioned_settings import RepeatedSettings
+from shellbench.solvers.fem.settings import FemSettings
+from shellbench.solvers.fem.solver import FemSolver
 
 NOT_ASKED = np.nan
 

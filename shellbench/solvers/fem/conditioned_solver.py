@@ -5,30 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from pydantic import Field, PositiveInt
-
 from shellbench.problem import Capabilities, ProgressCallback, Settings
 from shellbench.problems.conditioned.case import ConditionedCase
 from shellbench.problems.conditioned.solving import IN_MOTION, ConditionedSolver
+from shellbench.solvers.fem.conditioned_settings import RepeatedSettings
 from shellbench.solvers.fem.solver import FemSolver
 
 if TYPE_CHECKING:
     from shellbench.solvers.fem.conditioned import RepeatedSolution
-
-
-class RepeatedSettings(Settings):
-    """Settings of `fem-repeated`.
-
-    Attributes
-    ----------
-    cells
-        As of `fem`: one fixed mesh, which tells nothing of its error. None: refine until converged.
-    step
-        Of difference quotients, in log h, log E and nu.
-    """
-
-    cells: tuple[PositiveInt, PositiveInt] | None = None
-    step: float = Field(0.005, gt=0, lt=0.1)
 
 
 class FemRepeatedSolver(ConditionedSolver):

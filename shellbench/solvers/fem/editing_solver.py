@@ -7,7 +7,8 @@ from typing import ClassVar
 from shellbench.problem import Capabilities, Settings, Solution
 from shellbench.problems.editing.solving import THEORIES, EditingSolver
 from shellbench.problems.solving import CheckedSolver
-from shellbench.solvers.fem.solver import FemSettings, FemSolver
+from shellbench.solvers.fem.settings import FemSettings
+from shellbench.solvers.fem.solver import FemSolver
 
 
 class FemEditSolver(EditingSolver):

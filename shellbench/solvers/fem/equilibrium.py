@@ -33,6 +33,7 @@ from shellbench.solvers.fem.assembly import (
 )
 from shellbench.solvers.fem.cell_dissection import dissect_cells, factorise_cells
 from shellbench.solvers.fem.cell_matrices import CellMatrices
+from shellbench.solvers.fem.choices import Method
 from shellbench.solvers.fem.clamping import clamped_edges
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.contact import ContactPoints, settle
@@ -41,7 +42,6 @@ from shellbench.solvers.fem.loads import Loading
 from shellbench.solvers.fem.mesh import TensorMesh
 from shellbench.solvers.fem.rigid_motions import determinate_pins, mean_rigid_motion, nodal_rigid_motions
 from shellbench.solvers.fem.solution import FemSolution
-from shellbench.solvers.fem.solver import Method
 
 Array = NDArray[np.float64]
 Solve = Callable[[Array], Array]

@@ -41,6 +41,7 @@ from shellbench.solvers.fem.assembly import (
     stiffness,
 )
 from shellbench.solvers.fem.cell_matrices import CellMatrices, cell_dofs
+from shellbench.solvers.fem.choices import Method
 from shellbench.solvers.fem.clamping import clamped_edges
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.dissection import NotPositiveDefiniteError
@@ -58,7 +59,6 @@ from shellbench.solvers.fem.kinematics import (
 from shellbench.solvers.fem.mesh import CORNERS, CUBIC, KINDS, TensorMesh, present_functions, tabulate
 from shellbench.solvers.fem.rigid_motions import determinate_pins, nodal_rigid_motions
 from shellbench.solvers.fem.solution import FemSolution
-from shellbench.solvers.fem.solver import Method
 
 Array = NDArray[np.float64]
 Matrix = BlockMatrix | CellMatrices

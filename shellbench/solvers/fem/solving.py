@@ -46,8 +46,8 @@ from shellbench.solvers.fem.refinement import (
     level_cells,
     levels,
 )
+from shellbench.solvers.fem.settings import FemSettings, takes_bubbles
 from shellbench.solvers.fem.solution import FemSolution
-from shellbench.solvers.fem.solver import FemSettings, takes_bubbles
 from shellbench.solvers.fem.time_step import Scheme
 
 SMOOTH_TOLERANCE = 6e-7  # of a case whose loads and supports are spread out: the element converges fast
