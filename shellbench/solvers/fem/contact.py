@@ -35,7 +35,7 @@ from shellbench.solvers.fem.kinematics import Midsurface, stiffness_moduli
 from shellbench.solvers.fem.mesh import CORNERS, TensorMesh, gauss_rule, tabulate
 
 if TYPE_CHECKING:
-    from shellbench.solvers.fem.equilibrium import Answer
+    from shellbench.solvers.fem.direct_solve import Answer
     from shellbench.solvers.fem.solution import FemSolution
 
 Array = NDArray[np.float64]

@@ -44,9 +44,10 @@ from shellbench.solvers.fem.cell_matrices import CellMatrices, cell_dofs
 from shellbench.solvers.fem.choices import Method
 from shellbench.solvers.fem.clamping import clamped_edges
 from shellbench.solvers.fem.constraints import Ties
+from shellbench.solvers.fem.direct_solve import factorised
 from shellbench.solvers.fem.dissection import NotPositiveDefiniteError
 from shellbench.solvers.fem.eigenpairs import BLOCK, NotFoundError, largest
-from shellbench.solvers.fem.equilibrium import Equilibrium, factorised, solve
+from shellbench.solvers.fem.equilibrium import Equilibrium, solve
 from shellbench.solvers.fem.kinematics import (
     DERIVATIVES,
     GRADIENT,

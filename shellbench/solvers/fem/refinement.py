@@ -42,7 +42,8 @@ from shellbench.problems.shell.quantities import (
 )
 from shellbench.solvers.fem.buckling import BRACKET
 from shellbench.solvers.fem.contact import REACH
-from shellbench.solvers.fem.equilibrium import Equilibrium, RoundingError
+from shellbench.solvers.fem.direct_solve import RoundingError
+from shellbench.solvers.fem.equilibrium import Equilibrium
 from shellbench.solvers.fem.kinematics import stiffness_moduli
 from shellbench.solvers.fem.mesh import FEWEST
 from shellbench.solvers.fem.solution import FemSolution

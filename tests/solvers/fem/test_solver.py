@@ -7,7 +7,7 @@ from pydantic import ValidationError
 from shellbench.bench import catalog
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.case import build_case
-from shellbench.solvers.fem import equilibrium, solving
+from shellbench.solvers.fem import direct_solve, equilibrium, solving
 from shellbench.solvers.fem.mesh import graded_mesh
 from shellbench.solvers.fem.refinement import first_level, level_cells
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
@@ -206,8 +206,8 @@ def test_strains_form_a_residual_that_mends_the_rounding_of_the_matrix(monkeypat
         return abs(found.solution.displacement([[50, 0.5]])[0, 2] / -exact - 1)
 
     careful = error()
-    monkeypatch.setattr(equilibrium, "CAREFUL", np.inf)
-    monkeypatch.setattr(equilibrium, "LARGEST_CORRECTION", np.inf)
+    monkeypatch.setattr(direct_solve, "CAREFUL", np.inf)
+    monkeypatch.setattr(direct_solve, "LARGEST_CORRECTION", np.inf)
     assert careful < 1e-10
     assert error() > 1e3 * careful
 
@@ -230,7 +230,7 @@ def test_a_mesh_that_is_lost_in_rounding_ends_a_run_and_not_its_answer(monkeypat
 
     def limited(case, mesh, *rest):
         if mesh.dof_count > 10_000:
-            raise equilibrium.RoundingError("lost")
+            raise direct_solve.RoundingError("lost")
         return honest(case, mesh, *rest)
 
     monkeypatch.setattr(solving.equilibrium, "solve", limited)
