@@ -17,7 +17,7 @@ from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import Case, build_case
 from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.fem import constraints, kinematics, problem, strain_energy, time_step
-from shellbench.solvers.fem.assembly import BlockMatrix
+from shellbench.solvers.fem.block_matrix import BlockMatrix
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.test_faults import stiffness
 

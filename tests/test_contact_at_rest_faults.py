@@ -11,10 +11,10 @@ from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.fem import contact_at_finite_strain as touching
 from shellbench.solvers.fem import problem as newton
 from shellbench.solvers.fem import solving
-from shellbench.solvers.fem.assembly import Quadrature
 from shellbench.solvers.fem.contact import ContactPoints
 from shellbench.solvers.fem.mesh import TensorMesh
 from shellbench.solvers.fem.problem import FiniteProblem
+from shellbench.solvers.fem.quadrature import Quadrature
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
 from tests.test_contact_faults import errors

@@ -20,7 +20,7 @@ from shellbench.bench.plan import Request, make_plan
 from shellbench.bench.store import Store
 from shellbench.bench.task import Task
 from shellbench.problems.shell.conditions import Material
-from shellbench.solvers.fem import assembly, constraints, kinematics, solving
+from shellbench.solvers.fem import constraints, kinematics, quadrature, solving
 from shellbench.solvers.fem import loads as fem_loads
 from shellbench.solvers.ndf import energy, factors, field, geometry, jets, refinement, static
 from tests.injecting import wrapped
@@ -130,8 +130,8 @@ def clamped_too(patch: pytest.MonkeyPatch) -> None:
 
 
 def reduced_integration(patch: pytest.MonkeyPatch) -> None:
-    original = assembly.Quadrature.of_order.__func__
-    patch.setattr(assembly.Quadrature, "of_order", classmethod(lambda cls, mesh, order: original(cls, mesh, 3)))
+    original = quadrature.Quadrature.of_order.__func__
+    patch.setattr(quadrature.Quadrature, "of_order", classmethod(lambda cls, mesh, order: original(cls, mesh, 3)))
 
 
 def halved_nodal_forces(patch: pytest.MonkeyPatch) -> None:

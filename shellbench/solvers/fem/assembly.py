@@ -1,8 +1,4 @@
-"""The stiffness matrix in blocks: 12 x 12 numbers for every pair of neighbouring nodes.
-
-A node has twelve degrees of freedom, three Cartesian components (slow) by four `KINDS` (fast), each derivative times
-the local length of the mesh. On a tensor mesh a node has nine neighbours, itself included, so the matrix is an array
-(nodes, 9, 12, 12) whose pattern never changes, and assembly is sixteen additions without any sorting.
+"""The stiffness matrix of the linear shell, and the forces of its strains.
 
 Mass and springs: matrices of products of the basis, weighted over the area.
 """
@@ -10,172 +6,31 @@ Mass and springs: matrices of products of the basis, weighted over the area.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import cache, cached_property
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
-from skfem.quadrature import get_quadrature
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import Material
-from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.surface import Surface
+from shellbench.solvers.fem.block_matrix import NEIGHBOURS, NODE_DOFS, BlockMatrix, add_cell_matrices, neighbour_columns
 from shellbench.solvers.fem.cell_matrices import CellMatrices, cell_dofs
 from shellbench.solvers.fem.kinematics import DERIVATIVES, Midsurface, stiffness_moduli, stress_root_operator
-from shellbench.solvers.fem.mesh import COMPONENTS as COMPONENTS
 from shellbench.solvers.fem.mesh import (
+    COMPONENTS,
     CORNERS,
     CUBIC,
     KINDS,
-    Degree,
     Derivative,
     TensorMesh,
-    gauss_rule,
     kind_scales,
     present_functions,
     tabulate,
 )
+from shellbench.solvers.fem.quadrature import Quadrature, basis_scales, chunks
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
-
-NODE_DOFS = COMPONENTS * len(KINDS)
-NEIGHBOURS: tuple[tuple[int, int], ...] = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1))
-CHUNK = 64  # cells that are integrated at once: 12 MB in degree 5; 512 would take thrice the time, for their memory
-
-
-@dataclass(frozen=True)
-class BlockMatrix:
-    """A symmetric matrix in blocks of nodes.
-
-    Attributes
-    ----------
-    blocks
-        (nodes, 9, 12, 12) by row node, by neighbour in the order of `NEIGHBOURS`, by row and by column.
-    columns
-        (nodes, 9) node of each neighbour, or -1 where the mesh ends.
-    """
-
-    blocks: Array
-    columns: Integers
-
-    @property
-    def largest(self) -> float:
-        """Largest magnitude of an entry; not finite if one is not."""
-        return float(np.max([self.blocks.max(), -self.blocks.min()]))
-
-    def to_csr(self) -> sp.csr_matrix:
-        """Return the matrix (12 nodes, 12 nodes), explicit zeros included."""
-        present = self.columns >= 0
-        starts = np.concatenate([[0], np.cumsum(present.sum(axis=1))])
-        return sp.bsr_matrix((self.blocks[present], self.columns[present], starts)).tocsr()
-
-    def __matmul__(self, vector: Array) -> Array:
-        """Multiply vectors (nodes, 12, n)."""
-        result = np.zeros_like(vector)
-        for slot in range(len(NEIGHBOURS)):
-            rows = np.flatnonzero(self.columns[:, slot] >= 0)
-            result[rows] += self.blocks[rows, slot] @ vector[self.columns[rows, slot]]
-        return result
-
-
-def neighbour_columns(mesh: TensorMesh) -> Integers:
-    """Return the nodes (nodes, 9) around each node, -1 where the mesh ends."""
-    first, second = np.divmod(np.arange(mesh.node_count), mesh.shape[1])
-    columns = np.empty((mesh.node_count, len(NEIGHBOURS)), dtype=np.int64)
-    for slot, offset in enumerate(NEIGHBOURS):
-        inside = np.ones(mesh.node_count, dtype=bool)
-        index = []
-        for axis, at in enumerate((first, second)):
-            moved = at + offset[axis]
-            if not mesh.domain.periodic[axis]:
-                inside &= (moved >= 0) & (moved < mesh.shape[axis])
-            index.append(moved % mesh.shape[axis])
-        columns[:, slot] = np.where(inside, index[0] * mesh.shape[1] + index[1], -1)
-    return columns
-
-
-@dataclass(frozen=True)
-class Quadrature:
-    """Gauss points of the unit cell, from scikit-fem.
-
-    Attributes
-    ----------
-    points, weights
-        (n, 2) and (n,).
-    """
-
-    points: Array
-    weights: Array
-
-    @classmethod
-    def of_order(cls, mesh: TensorMesh, order: int) -> Quadrature:
-        """Return the rule that is exact for polynomials of this degree in each coordinate."""
-        points, weights = get_quadrature(mesh.grid.refdom, order)
-        return cls(np.ascontiguousarray(points.T), weights)
-
-    @cached_property
-    def table(self) -> Callable[[tuple[Derivative, ...], Degree], Array]:
-        """(n orders, functions) derivatives of the unit cell's basis, by order (fast) and by degree: made once."""
-
-        def tabulated(orders: tuple[Derivative, ...], degree: Degree) -> Array:
-            tables = [tabulate(self.points, d, degree).reshape(len(self.points), -1) for d in orders]
-            return np.stack(tables, axis=1).reshape(-1, tables[0].shape[-1])
-
-        return cache(tabulated)
-
-    def on_cells(self, mesh: TensorMesh, cells: slice | Integers) -> tuple[Array, Array]:
-        """Return points (cells, n, 2) in the domain and weights (cells, n) with the cells' parametric area."""
-        sizes = mesh.sizes[cells]
-        points = mesh.origins[cells][:, None] + self.points * sizes[:, None]
-        return mesh.domain.wrap(points), self.weights * np.prod(sizes, axis=-1, keepdims=True)
-
-
-@dataclass(frozen=True)
-class EdgeRule:
-    """Gauss points along an edge, on the cells beside it: c cells with g points each.
-
-    Attributes
-    ----------
-    cells, sizes
-        (c,) numbers of the cells, and (c, 2) their sizes.
-    unit, weights
-        (g, 2) points on a side of the unit cell, and (g,) their weights, which sum up to 2.
-    points
-        (c g, 2) in the domain.
-    """
-
-    cells: Integers
-    sizes: Array
-    unit: Array
-    weights: Array
-    points: Array
-
-    @classmethod
-    def on_edge(cls, mesh: TensorMesh, edge: Edge, count: int) -> EdgeRule:
-        """Put so many points on the side of each cell."""
-        cells = mesh.edge_cells(edge)
-        # The edge is a side of the unit cell: 0 or 1 in its fixed coordinate, all of the other one.
-        x, w = gauss_rule(count)
-        unit = np.full((count, 2), float(edge.side == "max"))
-        unit[:, 1 - edge.axis] = (x + 1) / 2
-        sizes = mesh.sizes[cells]
-        points = mesh.domain.wrap(mesh.origins[cells][:, None] + unit * sizes[:, None])
-        return cls(cells, sizes, unit, w, points.reshape(-1, 2))
-
-
-def chunks(mesh: TensorMesh, size: int = CHUNK) -> Iterator[slice]:
-    """Yield the cells of a mesh in portions."""
-    count = len(mesh.nodes)
-    for start in range(0, count, size):
-        yield slice(start, min(start + size, count))
-
-
-def basis_scales(mesh: TensorMesh, cells: slice) -> Array:
-    """Return the factors (cells, 4, (p - 1)^2) from the unit cell's basis to the scaled degrees of freedom."""
-    return kind_scales(mesh.sizes[cells], mesh.degree)[:, None] / mesh.node_scales[mesh.nodes[cells]]
 
 
 def derivatives_on_cells(
@@ -280,17 +135,6 @@ class InternalForces:
                     len(nodes), COMPONENTS * kinds, count
                 )
         return result
-
-
-def add_cell_matrices(blocks: Array, nodes: Integers, matrices: Array) -> None:
-    """Add matrices (cells, 3, 4, 4, 3, 4, 4) of different cells with corners `nodes` (cells, 4), in place."""
-    for a, (i, j) in enumerate(CORNERS):
-        for b, (k, m) in enumerate(CORNERS):
-            # Textbooks collect triplets and sort them. On a tensor mesh corners a and b of any cell are the same
-            # neighbours. All cells' blocks of this pair go to one slot at once.
-            slot = NEIGHBOURS.index((k - i, m - j))
-            pair = matrices[:, :, a, :, :, b, :].reshape(-1, NODE_DOFS, NODE_DOFS)
-            blocks[nodes[:, a], slot] += pair  # as the same corner of a cell a node occurs once: no index repeats
 
 
 def root_operators(mesh: TensorMesh, surface: Surface, material: Material, quadrature: Quadrature) -> list[Array]:

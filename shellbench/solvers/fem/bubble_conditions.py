@@ -11,9 +11,9 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import COMPONENTS, Support
 from shellbench.problems.shell.places import Edge, Place
 from shellbench.problems.shell.surface import Domain
-from shellbench.solvers.fem.assembly import EdgeRule
 from shellbench.solvers.fem.bubbles import fitted_bubbles, moment_points
 from shellbench.solvers.fem.mesh import CUBIC, KINDS, Derivative, TensorMesh
+from shellbench.solvers.fem.quadrature import EdgeRule
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

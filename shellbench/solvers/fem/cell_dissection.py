@@ -14,10 +14,9 @@ from itertools import product
 
 import numpy as np
 
-from shellbench.solvers.fem.assembly import COMPONENTS
 from shellbench.solvers.fem.cell_matrices import CellMatrices
 from shellbench.solvers.fem.dissection import Array, Dissection, Factor, Front, Integers, Part, places
-from shellbench.solvers.fem.mesh import TensorMesh
+from shellbench.solvers.fem.mesh import COMPONENTS, TensorMesh
 
 HALVES = 2  # lines of the fine grid a cell
 

@@ -38,13 +38,7 @@ from numpy.typing import NDArray
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import Support
 from shellbench.problems.shell.places import Edge
-from shellbench.solvers.fem.assembly import (
-    COMPONENTS,
-    NODE_DOFS,
-    BlockMatrix,
-    EdgeRule,
-    add_cell_matrices,
-)
+from shellbench.solvers.fem.block_matrix import NODE_DOFS, BlockMatrix, add_cell_matrices
 from shellbench.solvers.fem.bubble_conditions import GAUSS_POINTS, kept_normal
 from shellbench.solvers.fem.cell_matrices import CellMatrices
 from shellbench.solvers.fem.kinematics import (
@@ -56,7 +50,8 @@ from shellbench.solvers.fem.kinematics import (
     stiffness_moduli,
     strain_operator,
 )
-from shellbench.solvers.fem.mesh import CORNERS, KINDS, Derivative, TensorMesh, kind_scales, tabulate
+from shellbench.solvers.fem.mesh import COMPONENTS, CORNERS, KINDS, Derivative, TensorMesh, kind_scales, tabulate
+from shellbench.solvers.fem.quadrature import EdgeRule
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -27,7 +27,7 @@ from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import COMPONENTS, LOCAL, Support
 from shellbench.problems.shell.places import Edge, Place, Point, Whole
-from shellbench.solvers.fem.assembly import NEIGHBOURS, NODE_DOFS, BlockMatrix
+from shellbench.solvers.fem.block_matrix import NEIGHBOURS, NODE_DOFS, BlockMatrix
 from shellbench.solvers.fem.bubble_conditions import Motion, bubble_conditions, motion_at, tied_together
 from shellbench.solvers.fem.cell_matrices import CellMatrices
 from shellbench.solvers.fem.kinematics import Midsurface, local_axes

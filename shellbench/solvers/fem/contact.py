@@ -22,17 +22,11 @@ from scipy.spatial import cKDTree
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.contact import Touch, gaps
-from shellbench.solvers.fem.assembly import (
-    COMPONENTS,
-    BlockMatrix,
-    Quadrature,
-    add_cell_matrices,
-    basis_scales,
-    chunks,
-)
+from shellbench.solvers.fem.block_matrix import BlockMatrix, add_cell_matrices
 from shellbench.solvers.fem.cell_matrices import CellMatrices
 from shellbench.solvers.fem.kinematics import Midsurface, stiffness_moduli
-from shellbench.solvers.fem.mesh import CORNERS, TensorMesh, gauss_rule, tabulate
+from shellbench.solvers.fem.mesh import COMPONENTS, CORNERS, TensorMesh, gauss_rule, tabulate
+from shellbench.solvers.fem.quadrature import Quadrature, basis_scales, chunks
 
 if TYPE_CHECKING:
     from shellbench.solvers.fem.direct_solve import Answer

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from shellbench.solvers.fem.assembly import COMPONENTS
+from shellbench.solvers.fem.mesh import COMPONENTS
 from shellbench.solvers.fem.problem import NotConvergedError
 
 Array = NDArray[np.float64]

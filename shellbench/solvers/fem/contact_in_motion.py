@@ -29,11 +29,11 @@ from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.contact import Touch, nearest_obstacle
-from shellbench.solvers.fem.assembly import COMPONENTS, basis_scales
 from shellbench.solvers.fem.contact import REACH
 from shellbench.solvers.fem.contact_balance import ROUNDING, Balance, Framed
 from shellbench.solvers.fem.kinematics import Midsurface
-from shellbench.solvers.fem.mesh import KINDS, TensorMesh, gauss_rule, tabulate
+from shellbench.solvers.fem.mesh import COMPONENTS, KINDS, TensorMesh, gauss_rule, tabulate
+from shellbench.solvers.fem.quadrature import basis_scales
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -1,8 +1,8 @@
 """Solving K z = f by a direct solver, and refining z until rounding no longer shows.
 
 What rounding may hide is measured after every solve. `dissection` is our own multifrontal Cholesky factorisation and
-the default; `superlu` is SciPy's general sparse LU, `pardiso` the solver of Intel's MKL through pypardiso, where that is
-installed. All three see the same matrix.
+the default; `superlu` is SciPy's general sparse LU, `pardiso` the solver of Intel's MKL through pypardiso, where that
+is installed. All three see the same matrix.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
 from shellbench.errors import InputError, SolveFailure
-from shellbench.solvers.fem.assembly import BlockMatrix
+from shellbench.solvers.fem.block_matrix import BlockMatrix
 from shellbench.solvers.fem.cell_dissection import dissect_cells, factorise_cells
 from shellbench.solvers.fem.cell_matrices import CellMatrices
 from shellbench.solvers.fem.choices import Method

@@ -25,7 +25,7 @@ from scipy.linalg import eigh
 from scipy.linalg.blas import dsyrk, dtrsm, dtrsv
 from scipy.linalg.lapack import dpotrf
 
-from shellbench.solvers.fem.assembly import BlockMatrix
+from shellbench.solvers.fem.block_matrix import BlockMatrix
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

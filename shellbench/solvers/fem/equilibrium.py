@@ -13,15 +13,8 @@ from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import RIGID_MOTIONS
 from shellbench.problems.shell.rigid import free_motions
-from shellbench.solvers.fem.assembly import (
-    COMPONENTS,
-    BlockMatrix,
-    InternalForces,
-    Quadrature,
-    root_operators,
-    spring_blocks,
-    stiffness,
-)
+from shellbench.solvers.fem.assembly import InternalForces, root_operators, spring_blocks, stiffness
+from shellbench.solvers.fem.block_matrix import BlockMatrix
 from shellbench.solvers.fem.cell_matrices import CellMatrices
 from shellbench.solvers.fem.choices import Method
 from shellbench.solvers.fem.clamping import clamped_edges
@@ -29,7 +22,8 @@ from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.contact import ContactPoints, settle
 from shellbench.solvers.fem.direct_solve import Answer, Careful, solve_reduced
 from shellbench.solvers.fem.loads import Loading
-from shellbench.solvers.fem.mesh import TensorMesh
+from shellbench.solvers.fem.mesh import COMPONENTS, TensorMesh
+from shellbench.solvers.fem.quadrature import Quadrature
 from shellbench.solvers.fem.rigid_motions import determinate_pins, mean_rigid_motion, nodal_rigid_motions
 from shellbench.solvers.fem.solution import FemSolution
 

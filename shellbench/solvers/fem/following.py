@@ -26,11 +26,11 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, gmres
 
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.fem.assembly import COMPONENTS, NODE_DOFS, BlockMatrix, add_cell_matrices
+from shellbench.solvers.fem.block_matrix import NODE_DOFS, BlockMatrix, add_cell_matrices
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.dissection import Factor
 from shellbench.solvers.fem.kinematics import cross, cross_matrix
-from shellbench.solvers.fem.mesh import CORNERS, FUNCTIONS, KINDS, tabulate
+from shellbench.solvers.fem.mesh import COMPONENTS, CORNERS, FUNCTIONS, KINDS, tabulate
 from shellbench.solvers.fem.strain_energy import Portion, StrainEnergy
 
 Array = NDArray[np.float64]

@@ -17,7 +17,6 @@ from shellbench.problems.shell.conditions import RIGID_MOTIONS, Value
 from shellbench.problems.shell.edit import between
 from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.problems.shell.rigid import free_motions
-from shellbench.solvers.fem.assembly import COMPONENTS, Quadrature
 from shellbench.solvers.fem.bubbles import interpolated
 from shellbench.solvers.fem.buckling import following_steps
 from shellbench.solvers.fem.contact_at_finite_strain import carried_pressure
@@ -34,8 +33,9 @@ from shellbench.solvers.fem.continuation import (
 from shellbench.solvers.fem.equilibrium import Equilibrium, check_balance
 from shellbench.solvers.fem.finite_state import FiniteState
 from shellbench.solvers.fem.loads import Loading
-from shellbench.solvers.fem.mesh import CUBIC, KINDS, Derivative, TensorMesh
+from shellbench.solvers.fem.mesh import COMPONENTS, CUBIC, KINDS, Derivative, TensorMesh
 from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
+from shellbench.solvers.fem.quadrature import Quadrature
 from shellbench.solvers.fem.rigid_motions import mean_rigid_motion
 from shellbench.solvers.fem.solution import FemSolution
 

@@ -29,18 +29,20 @@ from shellbench.problems.shell.conditions import AreaLoad, EdgeLoad, GravityLoad
 from shellbench.problems.shell.features import narrow_division
 from shellbench.problems.shell.places import Edge, Point
 from shellbench.problems.shell.rigid import rigid_modes
-from shellbench.solvers.fem.assembly import (
-    COMPONENTS,
-    BlockMatrix,
-    EdgeRule,
-    Quadrature,
-    add_cell_matrices,
-    basis_scales,
-    chunks,
-)
+from shellbench.solvers.fem.block_matrix import BlockMatrix, add_cell_matrices
 from shellbench.solvers.fem.clamping import outward_conormal
 from shellbench.solvers.fem.kinematics import DERIVATIVES, Deformation, Midsurface
-from shellbench.solvers.fem.mesh import CORNERS, KINDS, Derivative, TensorMesh, gauss_rule, kind_scales, tabulate
+from shellbench.solvers.fem.mesh import (
+    COMPONENTS,
+    CORNERS,
+    KINDS,
+    Derivative,
+    TensorMesh,
+    gauss_rule,
+    kind_scales,
+    tabulate,
+)
+from shellbench.solvers.fem.quadrature import EdgeRule, Quadrature, basis_scales, chunks
 from shellbench.solvers.fem.rigid_motions import nodal_rigid_motions
 
 Array = NDArray[np.float64]

@@ -24,22 +24,14 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.modes import why_too_few
 from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.fem.assembly import (
-    COMPONENTS,
-    NEIGHBOURS,
-    NODE_DOFS,
-    BlockMatrix,
     InternalForces,
-    Quadrature,
-    add_cell_matrices,
-    basis_scales,
-    chunks,
     derivatives_on_cells,
-    neighbour_columns,
     product_matrix,
     root_operators,
     spring_blocks,
     stiffness,
 )
+from shellbench.solvers.fem.block_matrix import NEIGHBOURS, NODE_DOFS, BlockMatrix, add_cell_matrices, neighbour_columns
 from shellbench.solvers.fem.cell_matrices import CellMatrices, cell_dofs
 from shellbench.solvers.fem.choices import Method
 from shellbench.solvers.fem.clamping import clamped_edges
@@ -57,7 +49,8 @@ from shellbench.solvers.fem.kinematics import (
     stiffness_moduli,
     strain_operator,
 )
-from shellbench.solvers.fem.mesh import CORNERS, CUBIC, KINDS, TensorMesh, present_functions, tabulate
+from shellbench.solvers.fem.mesh import COMPONENTS, CORNERS, CUBIC, KINDS, TensorMesh, present_functions, tabulate
+from shellbench.solvers.fem.quadrature import Quadrature, basis_scales, chunks
 from shellbench.solvers.fem.rigid_motions import determinate_pins, nodal_rigid_motions
 from shellbench.solvers.fem.solution import FemSolution
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.rigid import free_motions
-from shellbench.solvers.fem.assembly import NODE_DOFS, BlockMatrix, Quadrature
+from shellbench.solvers.fem.block_matrix import NODE_DOFS, BlockMatrix
 from shellbench.solvers.fem.clamping import FiniteClamp, finite_clamps
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.contact import ContactPoints
@@ -35,6 +35,7 @@ from shellbench.solvers.fem.finite_state import Constraint, FiniteState, Hold, o
 from shellbench.solvers.fem.following import FollowingPressure, PressedFactor, TangentFactor, TurnedFactor
 from shellbench.solvers.fem.loads import EdgeMoment, Loading, area_rule, edge_moments
 from shellbench.solvers.fem.mesh import TensorMesh
+from shellbench.solvers.fem.quadrature import Quadrature
 from shellbench.solvers.fem.rigid_motions import Revolution, determinate_pins, nodal_rigid_motions
 from shellbench.solvers.fem.strain_energy import Strained, StrainEnergy
 

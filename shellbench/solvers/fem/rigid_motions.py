@@ -21,11 +21,12 @@ from scipy.spatial.transform import Rotation
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.rigid import middle_and_size, motions_of
 from shellbench.problems.shell.symmetry import axis_of_revolution
-from shellbench.solvers.fem.assembly import COMPONENTS, Quadrature, chunks, derivatives_on_cells
+from shellbench.solvers.fem.assembly import derivatives_on_cells
 from shellbench.solvers.fem.bubbles import interpolated
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.kinematics import cross
-from shellbench.solvers.fem.mesh import CUBIC, KINDS, Derivative, TensorMesh
+from shellbench.solvers.fem.mesh import COMPONENTS, CUBIC, KINDS, Derivative, TensorMesh
+from shellbench.solvers.fem.quadrature import Quadrature, chunks
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

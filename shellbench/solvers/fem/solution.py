@@ -19,7 +19,7 @@ from shellbench.problems.shell.solution import (
     Words,
     state_number,
 )
-from shellbench.solvers.fem.assembly import CHUNK, COMPONENTS, Quadrature, derivatives_on_cells
+from shellbench.solvers.fem.assembly import derivatives_on_cells
 from shellbench.solvers.fem.bubbles import interpolated
 from shellbench.solvers.fem.kinematics import (
     DERIVATIVES,
@@ -32,6 +32,7 @@ from shellbench.solvers.fem.kinematics import (
     stiffness_moduli,
 )
 from shellbench.solvers.fem.mesh import (
+    COMPONENTS,
     CUBIC,
     KINDS,
     Derivative,
@@ -40,6 +41,7 @@ from shellbench.solvers.fem.mesh import (
     cell_functions,
     kind_scales,
 )
+from shellbench.solvers.fem.quadrature import CHUNK, Quadrature
 from shellbench.solvers.fem.resultants import resultants
 
 Array = NDArray[np.float64]

@@ -11,15 +11,7 @@ from numpy.typing import NDArray
 
 from shellbench.problems.shell.conditions import Material
 from shellbench.problems.shell.surface import Surface
-from shellbench.solvers.fem.assembly import (
-    COMPONENTS,
-    NODE_DOFS,
-    BlockMatrix,
-    Quadrature,
-    add_cell_matrices,
-    basis_scales,
-    neighbour_columns,
-)
+from shellbench.solvers.fem.block_matrix import NODE_DOFS, BlockMatrix, add_cell_matrices, neighbour_columns
 from shellbench.solvers.fem.kinematics import (
     DERIVATIVES,
     GRADIENT,
@@ -31,7 +23,8 @@ from shellbench.solvers.fem.kinematics import (
     points_fastest,
     stiffness_moduli,
 )
-from shellbench.solvers.fem.mesh import CORNERS, FUNCTIONS, KINDS, TensorMesh, tabulate
+from shellbench.solvers.fem.mesh import COMPONENTS, CORNERS, FUNCTIONS, KINDS, TensorMesh, tabulate
+from shellbench.solvers.fem.quadrature import Quadrature, basis_scales
 
 Array = NDArray[np.float64]
 

@@ -27,7 +27,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from shellbench.solvers.fem.assembly import BlockMatrix, mass_matrix, spring_matrix
+from shellbench.solvers.fem.assembly import mass_matrix, spring_matrix
+from shellbench.solvers.fem.block_matrix import BlockMatrix
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.contact_in_motion import CLOSED, STEEPER, Compliance, Pushed, StepContact, TouchingPoints
 from shellbench.solvers.fem.dissection import Factor, NotPositiveDefiniteError, factorise

@@ -11,7 +11,6 @@ from shellbench.load_curve import Curve
 from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.measure import measure
 from shellbench.solvers.fem import large_displacement
-from shellbench.solvers.fem.assembly import Quadrature
 from shellbench.solvers.fem.continuation import (
     PathEndsError,
     arc_length_steps,
@@ -21,6 +20,7 @@ from shellbench.solvers.fem.continuation import (
 )
 from shellbench.solvers.fem.mesh import graded_mesh
 from shellbench.solvers.fem.problem import FiniteProblem
+from shellbench.solvers.fem.quadrature import Quadrature
 from shellbench.solvers.fem.solution import FemSolution
 from tests.solvers.fem.shells import PLANE, shell
 

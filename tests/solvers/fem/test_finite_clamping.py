@@ -8,11 +8,12 @@ import pytest
 from shellbench.bench import catalog
 from shellbench.problems.shell.case import build_case, rotation_matrix
 from shellbench.problems.shell.conditions import Rotation
-from shellbench.solvers.fem.assembly import BlockMatrix, Quadrature, neighbour_columns
+from shellbench.solvers.fem.block_matrix import BlockMatrix, neighbour_columns
 from shellbench.solvers.fem.clamping import finite_clamps
 from shellbench.solvers.fem.large_displacement import solve
 from shellbench.solvers.fem.mesh import KINDS, TensorMesh
 from shellbench.solvers.fem.problem import FiniteProblem
+from shellbench.solvers.fem.quadrature import Quadrature
 from shellbench.solvers.fem.solver import FemSolver
 from tests.solvers.fem.shells import HYPAR, LARGEST, MATERIAL, shell
 

@@ -6,18 +6,12 @@ import pytest
 from shellbench.bench import catalog
 from shellbench.problems.shell.measure import area_rule
 from shellbench.solvers.fem import large_displacement, motion
-from shellbench.solvers.fem.assembly import (
-    COMPONENTS,
-    NEIGHBOURS,
-    NODE_DOFS,
-    BlockMatrix,
-    Quadrature,
-    neighbour_columns,
-)
+from shellbench.solvers.fem.block_matrix import NEIGHBOURS, NODE_DOFS, BlockMatrix, neighbour_columns
 from shellbench.solvers.fem.following import FollowingPressure
 from shellbench.solvers.fem.loads import Loading
-from shellbench.solvers.fem.mesh import KINDS, graded_mesh
+from shellbench.solvers.fem.mesh import COMPONENTS, KINDS, graded_mesh
 from shellbench.solvers.fem.problem import FiniteProblem
+from shellbench.solvers.fem.quadrature import Quadrature
 from shellbench.solvers.fem.strain_energy import StrainEnergy
 from tests.solvers.fem.shells import EVERY_EDGE, shell
 from tests.solvers.fem.test_large_displacement import NONLINEAR, WALL, data_of, on_mesh, solve

@@ -5,12 +5,12 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.problems.shell.case import build_case
-from shellbench.solvers.fem.assembly import Quadrature
 from shellbench.solvers.fem.continuation import functional
 from shellbench.solvers.fem.dissection import factorise
 from shellbench.solvers.fem.finite_state import Constraint
 from shellbench.solvers.fem.mesh import graded_mesh
 from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
+from shellbench.solvers.fem.quadrature import Quadrature
 
 TIGHT = 1e-20  # square of the last step's relative size: iterations go on to rounding
 PLATE, CURVED, ROOF, STRIP, RING = (

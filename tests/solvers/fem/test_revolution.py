@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from shellbench.bench import catalog
-from shellbench.solvers.fem.assembly import Quadrature
 from shellbench.solvers.fem.mesh import KINDS, TensorMesh, graded_mesh
+from shellbench.solvers.fem.quadrature import Quadrature
 from shellbench.solvers.fem.rigid_motions import Revolution
 from shellbench.solvers.fem.strain_energy import StrainEnergy
 from tests.solvers.fem.shells import CYLINDER, LARGEST, shell

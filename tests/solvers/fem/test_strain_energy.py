@@ -5,8 +5,10 @@ import pytest
 
 from shellbench.problems.shell.case import rotation_matrix
 from shellbench.problems.shell.conditions import Rotation
-from shellbench.solvers.fem.assembly import NODE_DOFS, Quadrature, stiffness
+from shellbench.solvers.fem.assembly import stiffness
+from shellbench.solvers.fem.block_matrix import NODE_DOFS
 from shellbench.solvers.fem.mesh import KINDS, TensorMesh
+from shellbench.solvers.fem.quadrature import Quadrature
 from shellbench.solvers.fem.strain_energy import CELLS, StrainEnergy
 from tests.alike import alike
 from tests.solvers.fem.shells import SURFACES, PolynomialField, shell

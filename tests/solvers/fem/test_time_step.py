@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from shellbench.solvers.fem.assembly import Quadrature
 from shellbench.solvers.fem.dissection import factorise
 from shellbench.solvers.fem.mesh import TensorMesh
 from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
+from shellbench.solvers.fem.quadrature import Quadrature
 from shellbench.solvers.fem.time_step import Instant, MovingShell, Scheme, _Minimum
 from tests.solvers.fem.shells import LARGEST, MATERIAL, shell
 
