@@ -8,7 +8,7 @@ from shellbench.bench import catalog
 from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.cst.solver import CstSolver
 from shellbench.solvers.fem.corners import Rim, bending_exponent, break_exponents, membrane_exponent
-from shellbench.solvers.fem.mesh import graded_mesh
+from shellbench.solvers.fem.grading import graded_mesh
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from shellbench.solvers.kratos.iga_solver import KratosIgaSolver
 from shellbench.solvers.kratos.thin_solver import KratosThinSolver

@@ -11,9 +11,9 @@ from shellbench.problems.shell.measure import load_density, measure_all
 from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.rigid import free_motions, rigid_modes
 from shellbench.solvers.cst.solver import CstSolver
+from shellbench.solvers.fem.grading import graded_mesh
 from shellbench.solvers.fem.kinematics import local_axes
 from shellbench.solvers.fem.loads import Loading
-from shellbench.solvers.fem.mesh import graded_mesh
 from shellbench.solvers.fem.quadrature import Quadrature
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from shellbench.solvers.kratos.iga_solver import KratosIgaSolver

@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.places import Edge, Side
+from shellbench.solvers.fem.grading import Ends
 from shellbench.solvers.fem.kinematics import Midsurface, stiffness_moduli
-from shellbench.solvers.fem.mesh import Ends
 
 Array = NDArray[np.float64]
 

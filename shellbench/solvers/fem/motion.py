@@ -29,11 +29,12 @@ from shellbench.problems.shell.quantities import (
     ReactionQuantity,
     TorqueQuantity,
 )
-from shellbench.solvers.fem.mesh import COMPONENTS, FEWEST, KINDS, Derivative, TensorMesh, axis_lines, graded_mesh
+from shellbench.solvers.fem.convergence import Estimate, estimate
+from shellbench.solvers.fem.grading import FEWEST, Cells, axis_lines, graded_mesh
+from shellbench.solvers.fem.mesh import COMPONENTS, KINDS, Derivative, TensorMesh
 from shellbench.solvers.fem.motion_solution import MotionSolution
 from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
 from shellbench.solvers.fem.quadrature import Quadrature
-from shellbench.solvers.fem.refinement import Cells, Estimate, estimate
 from shellbench.solvers.fem.time_step import Instant, MovingShell, Scheme
 
 Array = NDArray[np.float64]

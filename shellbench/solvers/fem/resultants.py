@@ -26,9 +26,10 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.places import SIDES
 from shellbench.problems.shell.quantities import ResultantQuantity
 from shellbench.solvers.fem.corners import corner_exponents
+from shellbench.solvers.fem.grading import SAME, break_coordinates
 from shellbench.solvers.fem.kinematics import DERIVATIVES as GRADIENTS
 from shellbench.solvers.fem.kinematics import STRAINS, Midsurface, elasticities, stiffness_moduli, strain_operator
-from shellbench.solvers.fem.mesh import SAME, TensorMesh, break_coordinates, gauss_rule
+from shellbench.solvers.fem.mesh import TensorMesh, gauss_rule
 
 if TYPE_CHECKING:
     from shellbench.solvers.fem.solution import FemSolution

@@ -20,32 +20,24 @@ from shellbench.problems.shell.path_end import cut_short
 from shellbench.problems.shell.quantities import EnergyQuantity
 from shellbench.solvers.fem import equilibrium, large_displacement, motion
 from shellbench.solvers.fem.continuation import STEP_SHARE
+from shellbench.solvers.fem.convergence import ASYMPTOTIC
 from shellbench.solvers.fem.corners import break_gradings, edge_gradings, slowest_rate
 from shellbench.solvers.fem.folding import Folding
-from shellbench.solvers.fem.layers import layer_gradings
-from shellbench.solvers.fem.mesh import (
-    CUBIC,
+from shellbench.solvers.fem.grading import (
     UNBROKEN,
     UNGRADED,
     Breaks,
-    Degree,
+    Cells,
     Ends,
-    TensorMesh,
     graded_mesh,
     singular_points,
     unresolved,
 )
+from shellbench.solvers.fem.layers import layer_gradings
+from shellbench.solvers.fem.mesh import CUBIC, Degree, TensorMesh
 from shellbench.solvers.fem.modes import solve_modes
 from shellbench.solvers.fem.motion_solution import MotionSolution
-from shellbench.solvers.fem.refinement import (
-    ASYMPTOTIC,
-    Cells,
-    Level,
-    balanced_share,
-    first_level,
-    level_cells,
-    levels,
-)
+from shellbench.solvers.fem.refinement import Level, balanced_share, first_level, level_cells, levels
 from shellbench.solvers.fem.settings import FemSettings, takes_bubbles
 from shellbench.solvers.fem.solution import FemSolution
 from shellbench.solvers.fem.time_step import Scheme

@@ -5,7 +5,7 @@ import pytest
 
 from shellbench.solvers.fem.assembly import stiffness
 from shellbench.solvers.fem.equilibrium import nodal_rigid_motions
-from shellbench.solvers.fem.mesh import graded_mesh
+from shellbench.solvers.fem.grading import graded_mesh
 from shellbench.solvers.fem.quadrature import Quadrature
 from shellbench.solvers.fem.solution import FemSolution
 from tests.solvers.fem.shells import SURFACES, shell

@@ -6,8 +6,8 @@ import pytest
 from shellbench.bench import catalog
 from shellbench.errors import InputError
 from shellbench.solvers.fem.constraints import Ties
+from shellbench.solvers.fem.grading import graded_mesh
 from shellbench.solvers.fem.loads import Loading
-from shellbench.solvers.fem.mesh import graded_mesh
 from shellbench.solvers.fem.quadrature import Quadrature
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.solvers.fem.shells import EVERY_EDGE, shell

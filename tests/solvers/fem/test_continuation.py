@@ -18,7 +18,7 @@ from shellbench.solvers.fem.continuation import (
     functional,
     load_steps,
 )
-from shellbench.solvers.fem.mesh import graded_mesh
+from shellbench.solvers.fem.grading import graded_mesh
 from shellbench.solvers.fem.problem import FiniteProblem
 from shellbench.solvers.fem.quadrature import Quadrature
 from shellbench.solvers.fem.solution import FemSolution

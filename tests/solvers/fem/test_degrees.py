@@ -13,7 +13,8 @@ from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.fem.assembly import stiffness
 from shellbench.solvers.fem.bubble_conditions import STRAIGHT
 from shellbench.solvers.fem.bubbles import interpolated
-from shellbench.solvers.fem.mesh import axis_functions, graded_mesh, kinds_of, present_functions, tabulate
+from shellbench.solvers.fem.grading import graded_mesh
+from shellbench.solvers.fem.mesh import axis_functions, kinds_of, present_functions, tabulate
 from shellbench.solvers.fem.quadrature import Quadrature
 from shellbench.solvers.fem.rigid_motions import nodal_rigid_motions
 from shellbench.solvers.fem.solution import FemSolution

@@ -8,8 +8,9 @@ from shellbench.problems.shell.measure import area_rule
 from shellbench.solvers.fem import large_displacement, motion
 from shellbench.solvers.fem.block_matrix import NEIGHBOURS, NODE_DOFS, BlockMatrix, neighbour_columns
 from shellbench.solvers.fem.following import FollowingPressure
+from shellbench.solvers.fem.grading import graded_mesh
 from shellbench.solvers.fem.loads import Loading
-from shellbench.solvers.fem.mesh import COMPONENTS, KINDS, graded_mesh
+from shellbench.solvers.fem.mesh import COMPONENTS, KINDS
 from shellbench.solvers.fem.problem import FiniteProblem
 from shellbench.solvers.fem.quadrature import Quadrature
 from shellbench.solvers.fem.strain_energy import StrainEnergy

@@ -6,8 +6,8 @@ import pytest
 from shellbench.bench import catalog
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.measure import measure_all
+from shellbench.solvers.fem.grading import axis_lines
 from shellbench.solvers.fem.layers import SHARE, THIN, layer_gradings, relative_layer
-from shellbench.solvers.fem.mesh import axis_lines
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 
 

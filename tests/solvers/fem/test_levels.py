@@ -10,7 +10,7 @@ from shellbench.errors import SolveFailure
 from shellbench.problem import Step
 from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.fem import large_displacement
-from shellbench.solvers.fem.mesh import graded_mesh
+from shellbench.solvers.fem.grading import graded_mesh
 from shellbench.solvers.fem.refinement import MOVING, levels
 from tests.solvers.fem.test_large_displacement import on_mesh
 

@@ -12,8 +12,9 @@ from shellbench.problems.shell.case import rotation_matrix
 from shellbench.problems.shell.conditions import Rotation
 from shellbench.solvers.fem.block_matrix import NEIGHBOURS, NODE_DOFS, BlockMatrix, neighbour_columns
 from shellbench.solvers.fem.equilibrium import nodal_rigid_motions
+from shellbench.solvers.fem.grading import graded_mesh
 from shellbench.solvers.fem.loads import Loading, edge_moments
-from shellbench.solvers.fem.mesh import KINDS, TensorMesh, graded_mesh
+from shellbench.solvers.fem.mesh import KINDS, TensorMesh
 from shellbench.solvers.fem.quadrature import Quadrature
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.solvers.fem.shells import EVERY_EDGE, MATERIAL, MEAN, shell

@@ -8,7 +8,7 @@ from shellbench.problems.shell.case import build_case
 from shellbench.solvers.fem.continuation import functional
 from shellbench.solvers.fem.dissection import factorise
 from shellbench.solvers.fem.finite_state import Constraint
-from shellbench.solvers.fem.mesh import graded_mesh
+from shellbench.solvers.fem.grading import graded_mesh
 from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
 from shellbench.solvers.fem.quadrature import Quadrature
 

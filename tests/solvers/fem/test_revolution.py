@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from shellbench.bench import catalog
-from shellbench.solvers.fem.mesh import KINDS, TensorMesh, graded_mesh
+from shellbench.solvers.fem.grading import graded_mesh
+from shellbench.solvers.fem.mesh import KINDS, TensorMesh
 from shellbench.solvers.fem.quadrature import Quadrature
 from shellbench.solvers.fem.rigid_motions import Revolution
 from shellbench.solvers.fem.strain_energy import StrainEnergy

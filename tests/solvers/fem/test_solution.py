@@ -7,7 +7,7 @@ import pytest
 
 from shellbench.errors import InputError
 from shellbench.problem import FIELDS
-from shellbench.solvers.fem.mesh import graded_mesh
+from shellbench.solvers.fem.grading import graded_mesh
 from shellbench.solvers.fem.solution import FemSolution
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.alike import alike

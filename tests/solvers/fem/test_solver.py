@@ -8,7 +8,7 @@ from shellbench.bench import catalog
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.case import build_case
 from shellbench.solvers.fem import direct_solve, equilibrium, solving
-from shellbench.solvers.fem.mesh import graded_mesh
+from shellbench.solvers.fem.grading import graded_mesh
 from shellbench.solvers.fem.refinement import first_level, level_cells
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.solvers.fem.shells import EVERY_EDGE, EVERY_MOTION, LARGEST, MATERIAL, shell

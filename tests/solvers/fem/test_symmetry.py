@@ -11,7 +11,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.mirror_frame import in_frame_of_mirrors
 from shellbench.problems.shell.placing import ASKEW, placed_data, turning
 from shellbench.solvers.fem import folding
-from shellbench.solvers.fem.mesh import graded_mesh
+from shellbench.solvers.fem.grading import graded_mesh
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from shellbench.solvers.fem.symmetry import SYMMETRIC, FoldedMesh
 from tests.solvers.fem.shells import EVERY_EDGE, EVERY_MOTION, TORUS, shell, surface_points
