@@ -16,7 +16,7 @@ from shellbench.bench import catalog
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import Case, build_case
 from shellbench.problems.shell.measure import measure_all
-from shellbench.solvers.fem import constraints, kinematics, problem, strain_energy, time_step
+from shellbench.solvers.fem import constraints, generalised_alpha, kinematics, problem, strain_energy, time_step
 from shellbench.solvers.fem.block_matrix import BlockMatrix
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.test_faults import stiffness
@@ -123,8 +123,8 @@ def scheme(name: str, change: float) -> Callable[[pytest.MonkeyPatch], None]:
     """Shift one constant of the generalised-alpha method."""
 
     def inject(patch: pytest.MonkeyPatch) -> None:
-        original = getattr(time_step.Scheme, name).fget
-        patch.setattr(time_step.Scheme, name, property(lambda self: original(self) + change))
+        original = getattr(generalised_alpha.Scheme, name).fget
+        patch.setattr(generalised_alpha.Scheme, name, property(lambda self: original(self) + change))
 
     return inject
 

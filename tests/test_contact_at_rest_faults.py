@@ -11,7 +11,7 @@ from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.fem import contact_at_finite_strain as touching
 from shellbench.solvers.fem import problem as newton
 from shellbench.solvers.fem import solving
-from shellbench.solvers.fem.contact import ContactPoints
+from shellbench.solvers.fem.contact_points import ContactPoints
 from shellbench.solvers.fem.mesh import TensorMesh
 from shellbench.solvers.fem.problem import FiniteProblem
 from shellbench.solvers.fem.quadrature import Quadrature

@@ -11,7 +11,7 @@ from shellbench.errors import InputError, SolveFailure
 from shellbench.problems import obstacle
 from shellbench.problems.shell.case import build_case
 from shellbench.solvers.cst.solver import CstSolver
-from shellbench.solvers.fem import contact
+from shellbench.solvers.fem import contact, contact_points
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from shellbench.solvers.ndf.trainer_solver import NdfSolver
 from tests.injecting import shares_of_tolerances
@@ -28,7 +28,7 @@ def errors(name, cells=CELLS):
 
 def pushed_apart(patch):
     """A penalty of the wrong sign."""
-    patch.setattr(contact.ContactPoints, "penalty", property(lambda self: -self.stiffness.ravel()))
+    patch.setattr(contact_points.ContactPoints, "penalty", property(lambda self: -self.stiffness.ravel()))
 
 
 def turned_normal(patch):
@@ -72,8 +72,8 @@ def without_offset(patch):
 
 def half_the_area(patch):
     """Pressures times half the area that their points stand for."""
-    touch = contact.ContactPoints.touch
-    patch.setattr(contact.ContactPoints, "touch", lambda self, forces: touch(self, forces / 2))
+    touch = contact_points.ContactPoints.touch
+    patch.setattr(contact_points.ContactPoints, "touch", lambda self, forces: touch(self, forces / 2))
 
 
 @pytest.mark.long

@@ -69,7 +69,7 @@ FEM = Target(
         ("__init__|solver|(conditioned_)?settings|choices", SETTINGS),
         ("solving|refinement|convergence|continuation|large_displacement|motion|corners", CONTROL),
         ("kinks", CHECKS),
-        ("linear_solve|dissection", EQUATIONS),
+        ("dissection|factor", EQUATIONS),
     ),
 )
 NDF = Target(
@@ -122,7 +122,7 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
     ("fem.buckling", r"_left_to_itself|_times|_on_free", CHOICE, "parts of these steps"),
     ("fem.cell_dissection", r".*", EQUATION, "the order of an elimination, and a factorisation"),
     ("fem.contact", r"_length", EQUATION, "the length of a step toward a minimum"),
-    ("fem.contact", r".*softness", CHOICE, "penalties in the order in which they are tried"),
+    ("fem.contact_points", r".*softness", CHOICE, "penalties in the order in which they are tried"),
     ("fem.eigenpairs", r".*", EQUATION, "a block Lanczos method"),
     (
         "fem.direct_solve",
@@ -131,8 +131,7 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
         "iterative refinement, and factorisations",
     ),
     ("fem.direct_solve", r"_energy", STATEMENT, "the energy of rounding"),
-    ("fem.finite_state", r".*", EQUATION, "a step of Newton's method with one more equation"),
-    ("fem.following", r"PressedFactor\..*", EQUATION, "an unsymmetric system, by a symmetric factor"),
+    ("fem.finite_state", r".*", EQUATION, "a step of Newton's method with one more equation, or by a symmetric factor"),
     ("fem.layers", r".*", CHOICE, "how a mesh is graded toward layers"),
     (
         "fem.grading",

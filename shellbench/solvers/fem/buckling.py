@@ -30,11 +30,10 @@ from shellbench.solvers.fem.assembly import weighted_products
 from shellbench.solvers.fem.block_matrix import BlockMatrix
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.continuation import CUT, EASY, GROWTH, PathEndsError
-from shellbench.solvers.fem.dissection import Factor, NotPositiveDefiniteError, factorise
-from shellbench.solvers.fem.finite_state import FiniteState, Hold, on_free
-from shellbench.solvers.fem.following import TangentFactor
+from shellbench.solvers.fem.factor import Factor, NotPositiveDefiniteError, factorise
+from shellbench.solvers.fem.finite_state import FiniteState, Hold, NotConvergedError, TangentFactor, on_free
 from shellbench.solvers.fem.mesh import COMPONENTS, KINDS
-from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
+from shellbench.solvers.fem.problem import FiniteProblem
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,8 @@ from itertools import product
 import numpy as np
 
 from shellbench.solvers.fem.cell_matrices import CellMatrices
-from shellbench.solvers.fem.dissection import Array, Dissection, Factor, Front, Integers, Part, places
+from shellbench.solvers.fem.dissection import Array, Dissection, Integers, Part, places
+from shellbench.solvers.fem.factor import Factor, Front
 from shellbench.solvers.fem.mesh import COMPONENTS, TensorMesh
 
 HALVES = 2  # lines of the fine grid a cell

@@ -47,6 +47,7 @@ from shellbench.solvers.fem.kinematics import (
     Deformation,
     Midsurface,
     elasticity,
+    outward_conormal,
     stiffness_moduli,
     strain_operator,
 )
@@ -184,18 +185,6 @@ def clamped_edges(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iter
             edge = ClampedEdge.on_edge(case, mesh, support, place, states)
             if edge is not None:
                 yield edge
-
-
-def outward_conormal(surface: Midsurface, edge: Edge) -> Array:
-    """Return the unit vectors (n, 3) tangential to the surface, normal to an edge and away from the surface."""
-    # a_t x a3 is normal to the edge in the surface. Its sign is settled by the base vector across the edge. That points
-    # inward on the side "min", outward on the side "max".
-    tangent = surface.base[:, 1 - edge.axis]
-    conormal = np.cross(tangent, surface.normal)
-    conormal /= np.linalg.norm(conormal, axis=-1, keepdims=True)
-    inward = np.sum(conormal * surface.base[:, edge.axis], axis=-1, keepdims=True) < 0
-    outward: Array = np.where(inward == (edge.side == "max"), -conormal, conormal)
-    return outward
 
 
 def _tables(mesh: TensorMesh, rule: EdgeRule) -> tuple[Array, Array, Array]:

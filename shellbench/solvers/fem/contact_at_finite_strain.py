@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from shellbench.problems.shell.contact import Touch, gaps
 from shellbench.solvers.fem.block_matrix import BlockMatrix, add_cell_matrices
-from shellbench.solvers.fem.contact import SETTLED, ContactPoints, Flags
+from shellbench.solvers.fem.contact_points import SETTLED, ContactPoints, Flags
 from shellbench.solvers.fem.mesh import COMPONENTS
 
 Array = NDArray[np.float64]

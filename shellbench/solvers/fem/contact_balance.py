@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
+from shellbench.solvers.fem.finite_state import NotConvergedError
 from shellbench.solvers.fem.mesh import COMPONENTS
-from shellbench.solvers.fem.problem import NotConvergedError
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.contact import Touch, nearest_obstacle
-from shellbench.solvers.fem.contact import REACH
 from shellbench.solvers.fem.contact_balance import ROUNDING, Balance, Framed
+from shellbench.solvers.fem.contact_points import REACH
 from shellbench.solvers.fem.kinematics import Midsurface
 from shellbench.solvers.fem.mesh import COMPONENTS, KINDS, TensorMesh, gauss_rule, tabulate
 from shellbench.solvers.fem.quadrature import basis_scales

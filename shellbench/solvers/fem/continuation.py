@@ -22,9 +22,9 @@ from shellbench.problems.shell.measure import unit
 from shellbench.problems.shell.path_end import branch_passed
 from shellbench.problems.shell.places import Point
 from shellbench.problems.shell.quantities import DisplacementQuantity
-from shellbench.solvers.fem.finite_state import Constraint, FiniteState
+from shellbench.solvers.fem.finite_state import Constraint, FiniteState, NotConvergedError
 from shellbench.solvers.fem.mesh import COMPONENTS, KINDS, kind_scales, tabulate
-from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
+from shellbench.solvers.fem.problem import FiniteProblem
 
 Array = NDArray[np.float64]
 

@@ -22,7 +22,8 @@ from shellbench.solvers.fem.block_matrix import BlockMatrix
 from shellbench.solvers.fem.cell_dissection import dissect_cells, factorise_cells
 from shellbench.solvers.fem.cell_matrices import CellMatrices
 from shellbench.solvers.fem.choices import Method
-from shellbench.solvers.fem.dissection import Dissection, NotPositiveDefiniteError, factorise
+from shellbench.solvers.fem.dissection import Dissection
+from shellbench.solvers.fem.factor import NotPositiveDefiniteError, factorise
 from shellbench.solvers.fem.mesh import TensorMesh
 
 Array = NDArray[np.float64]

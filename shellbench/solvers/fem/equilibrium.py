@@ -19,12 +19,14 @@ from shellbench.solvers.fem.cell_matrices import CellMatrices
 from shellbench.solvers.fem.choices import Method
 from shellbench.solvers.fem.clamping import clamped_edges
 from shellbench.solvers.fem.constraints import Ties
-from shellbench.solvers.fem.contact import ContactPoints, settle
+from shellbench.solvers.fem.contact import settle
+from shellbench.solvers.fem.contact_points import ContactPoints
 from shellbench.solvers.fem.direct_solve import Answer, Careful, solve_reduced
 from shellbench.solvers.fem.loads import Loading
 from shellbench.solvers.fem.mesh import COMPONENTS, TensorMesh
+from shellbench.solvers.fem.pins import determinate_pins
 from shellbench.solvers.fem.quadrature import Quadrature
-from shellbench.solvers.fem.rigid_motions import determinate_pins, mean_rigid_motion, nodal_rigid_motions
+from shellbench.solvers.fem.rigid_motions import mean_rigid_motion, nodal_rigid_motions
 from shellbench.solvers.fem.solution import FemSolution
 
 Array = NDArray[np.float64]

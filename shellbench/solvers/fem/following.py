@@ -1,4 +1,4 @@
-"""Pressure that follows the deformed shell: its forces, their unsymmetric tangent, and Newton steps with that.
+"""Pressure that follows the deformed shell: its forces, and their unsymmetric tangent.
 
 With g = a1 x a2 of the deformed surface, a pressure p along the deformed normal does the virtual work
 
@@ -23,21 +23,16 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.linalg import LinearOperator, gmres
 
 from shellbench.problems.shell.case import Case
 from shellbench.solvers.fem.block_matrix import NODE_DOFS, BlockMatrix, add_cell_matrices
-from shellbench.solvers.fem.constraints import Ties
-from shellbench.solvers.fem.dissection import Factor
 from shellbench.solvers.fem.kinematics import cross, cross_matrix
 from shellbench.solvers.fem.mesh import COMPONENTS, CORNERS, FUNCTIONS, KINDS, tabulate
 from shellbench.solvers.fem.strain_energy import Portion, StrainEnergy
 
 Array = NDArray[np.float64]
 
-SOLVED = 1e-12  # residual of a step, relative to its right-hand side
 ROWS, COLUMNS = (1, 2, 3), (4, 5, 6)  # axes of cells' matrices
-KRYLOV = 60  # products of a step; one that takes more is used as it is, and makes Newton's method an inexact one
 
 
 @dataclass(frozen=True)
@@ -116,88 +111,3 @@ class FollowingPressure:
         local = local * portion.scales[:, None, None, :, None] * portion.scales[:, None, None, None, :]
         shape = (COMPONENTS, len(CORNERS), len(KINDS))
         return np.asarray(local.transpose(0, 1, 3, 2, 4).reshape(count, *shape, *shape))
-
-
-@dataclass(frozen=True)
-class PressedFactor:
-    """The tangent K - A on what the supports leave free, K factorised.
-
-    Attributes
-    ----------
-    symmetric
-        Factorisation of K.
-    free
-        (nodes, 12) which unknowns are free.
-    skew
-        A, reduced as K is.
-    """
-
-    symmetric: Factor
-    free: Array
-    skew: BlockMatrix
-
-    @classmethod
-    def on_free(cls, symmetric: Factor, skew: BlockMatrix, ties: Ties) -> PressedFactor:
-        """Reduce A to what is free."""
-        return cls(symmetric, ties.free.astype(float), ties.reduce(skew))
-
-    @property
-    def negative(self) -> int:
-        """Number of negative eigenvalues of K.
-
-        If there is none, no step does negative work: the state does not diverge, whatever A is. The converse is not
-        true, so that a path may be ended too early.
-        """
-        return self.symmetric.negative
-
-    def solve(self, right: Array) -> Array:
-        """Solve (K - A) x = right for (nodes, 12, n) right-hand sides."""
-        # x - K^-1 A x = K^-1 right, by GMRES. Where K is positive definite K^-1 A has imaginary eigenvalues only, which
-        # accumulate at zero: 1 - K^-1 A is never singular.
-        return np.stack([self._solve(right[..., k]) for k in range(right.shape[-1])], axis=-1)
-
-    def _solve(self, right: Array) -> Array:
-        shape = right.shape
-
-        def backward(vector: Array) -> Array:
-            return self.symmetric.solve(vector[..., None])[..., 0]
-
-        def product(flat: Array) -> Array:
-            x = flat.reshape(shape)
-            return np.asarray(x - backward((self.skew @ (x * self.free)[..., None])[..., 0] * self.free)).ravel()
-
-        start = backward(right)
-        operator = LinearOperator((right.size, right.size), matvec=product, dtype=float)
-        found, _ = gmres(operator, start.ravel(), x0=start.ravel(), rtol=SOLVED, atol=0.0, restart=KRYLOV, maxiter=1)
-        return np.asarray(found).reshape(shape)
-
-
-@dataclass(frozen=True)
-class TurnedFactor:
-    """The factorised tangent of a state, as an approximate one where supports have moved on.
-
-    Attributes
-    ----------
-    factor
-        The tangent on what the supports leave free at the state.
-    before, ties
-        The supports there, and where it is used.
-    """
-
-    factor: TangentFactor
-    before: Ties
-    ties: Ties
-
-    @property
-    def negative(self) -> int:
-        """Number of negative eigenvalues at the state."""
-        return self.factor.negative
-
-    def solve(self, right: Array) -> Array:
-        """Solve for (nodes, 12, n) right-hand sides."""
-        # The bases of free directions are not comparable: by way of nodal degrees of freedom.
-        free = self.before.to_free(self.ties.to_nodal(right))
-        return self.ties.to_free(self.before.to_nodal(self.factor.solve(free) * self.before.free[..., None]))
-
-
-TangentFactor = Factor | PressedFactor | TurnedFactor

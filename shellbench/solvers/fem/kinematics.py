@@ -383,3 +383,15 @@ class Deformation:
         form[:, FIRST.stop :, FIRST] = -coupling
         form[:, FIRST, FIRST.stop :] = -np.swapaxes(coupling, 1, 2)
         return form
+
+
+def outward_conormal(surface: Midsurface, edge: Edge) -> Array:
+    """Return the unit vectors (n, 3) tangential to the surface, normal to an edge and away from the surface."""
+    # a_t x a3 is normal to the edge in the surface. Its sign is settled by the base vector across the edge. That points
+    # inward on the side "min", outward on the side "max".
+    tangent = surface.base[:, 1 - edge.axis]
+    conormal = np.cross(tangent, surface.normal)
+    conormal /= np.linalg.norm(conormal, axis=-1, keepdims=True)
+    inward = np.sum(conormal * surface.base[:, edge.axis], axis=-1, keepdims=True) < 0
+    outward: Array = np.where(inward == (edge.side == "max"), -conormal, conormal)
+    return outward

@@ -31,10 +31,10 @@ from shellbench.solvers.fem.continuation import (
     load_steps,
 )
 from shellbench.solvers.fem.equilibrium import Equilibrium, check_balance
-from shellbench.solvers.fem.finite_state import FiniteState
+from shellbench.solvers.fem.finite_state import FiniteState, NotConvergedError
 from shellbench.solvers.fem.loads import Loading
 from shellbench.solvers.fem.mesh import COMPONENTS, CUBIC, KINDS, Derivative, TensorMesh
-from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
+from shellbench.solvers.fem.problem import FiniteProblem
 from shellbench.solvers.fem.quadrature import Quadrature
 from shellbench.solvers.fem.rigid_motions import mean_rigid_motion
 from shellbench.solvers.fem.solution import FemSolution

@@ -30,8 +30,7 @@ from shellbench.problems.shell.features import narrow_division
 from shellbench.problems.shell.places import Edge, Point
 from shellbench.problems.shell.rigid import rigid_modes
 from shellbench.solvers.fem.block_matrix import BlockMatrix, add_cell_matrices
-from shellbench.solvers.fem.clamping import outward_conormal
-from shellbench.solvers.fem.kinematics import DERIVATIVES, Deformation, Midsurface
+from shellbench.solvers.fem.kinematics import DERIVATIVES, Deformation, Midsurface, outward_conormal
 from shellbench.solvers.fem.mesh import (
     COMPONENTS,
     CORNERS,

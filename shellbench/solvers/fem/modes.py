@@ -37,9 +37,9 @@ from shellbench.solvers.fem.choices import Method
 from shellbench.solvers.fem.clamping import clamped_edges
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.direct_solve import factorised
-from shellbench.solvers.fem.dissection import NotPositiveDefiniteError
 from shellbench.solvers.fem.eigenpairs import BLOCK, NotFoundError, largest
 from shellbench.solvers.fem.equilibrium import Equilibrium, solve
+from shellbench.solvers.fem.factor import NotPositiveDefiniteError
 from shellbench.solvers.fem.kinematics import (
     DERIVATIVES,
     GRADIENT,
@@ -50,8 +50,9 @@ from shellbench.solvers.fem.kinematics import (
     strain_operator,
 )
 from shellbench.solvers.fem.mesh import COMPONENTS, CORNERS, CUBIC, KINDS, TensorMesh, present_functions, tabulate
+from shellbench.solvers.fem.pins import determinate_pins
 from shellbench.solvers.fem.quadrature import Quadrature, basis_scales, chunks
-from shellbench.solvers.fem.rigid_motions import determinate_pins, nodal_rigid_motions
+from shellbench.solvers.fem.rigid_motions import nodal_rigid_motions
 from shellbench.solvers.fem.solution import FemSolution
 
 Array = NDArray[np.float64]

@@ -30,12 +30,14 @@ from shellbench.problems.shell.quantities import (
     TorqueQuantity,
 )
 from shellbench.solvers.fem.convergence import Estimate, estimate
+from shellbench.solvers.fem.finite_state import NotConvergedError
+from shellbench.solvers.fem.generalised_alpha import Instant, Scheme
 from shellbench.solvers.fem.grading import FEWEST, Cells, axis_lines, graded_mesh
 from shellbench.solvers.fem.mesh import COMPONENTS, KINDS, Derivative, TensorMesh
 from shellbench.solvers.fem.motion_solution import MotionSolution
-from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
+from shellbench.solvers.fem.problem import FiniteProblem
 from shellbench.solvers.fem.quadrature import Quadrature
-from shellbench.solvers.fem.time_step import Instant, MovingShell, Scheme
+from shellbench.solvers.fem.time_step import MovingShell
 
 Array = NDArray[np.float64]
 

@@ -28,15 +28,26 @@ from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.fem.block_matrix import NODE_DOFS, BlockMatrix
 from shellbench.solvers.fem.clamping import FiniteClamp, finite_clamps
 from shellbench.solvers.fem.constraints import Ties
-from shellbench.solvers.fem.contact import ContactPoints
 from shellbench.solvers.fem.contact_at_finite_strain import Pressed, Pressing
-from shellbench.solvers.fem.dissection import Dissection, Factor, NotPositiveDefiniteError, factorise
-from shellbench.solvers.fem.finite_state import Constraint, FiniteState, Hold, on_free
-from shellbench.solvers.fem.following import FollowingPressure, PressedFactor, TangentFactor, TurnedFactor
+from shellbench.solvers.fem.contact_points import ContactPoints
+from shellbench.solvers.fem.dissection import Dissection
+from shellbench.solvers.fem.factor import Factor, NotPositiveDefiniteError, factorise
+from shellbench.solvers.fem.finite_state import (
+    Constraint,
+    FiniteState,
+    Hold,
+    NotConvergedError,
+    PressedFactor,
+    TangentFactor,
+    TurnedFactor,
+    on_free,
+)
+from shellbench.solvers.fem.following import FollowingPressure
 from shellbench.solvers.fem.loads import EdgeMoment, Loading, area_rule, edge_moments
 from shellbench.solvers.fem.mesh import TensorMesh
+from shellbench.solvers.fem.pins import determinate_pins
 from shellbench.solvers.fem.quadrature import Quadrature
-from shellbench.solvers.fem.rigid_motions import Revolution, determinate_pins, nodal_rigid_motions
+from shellbench.solvers.fem.rigid_motions import Revolution, nodal_rigid_motions
 from shellbench.solvers.fem.strain_energy import Strained, StrainEnergy
 
 Array = NDArray[np.float64]
@@ -52,10 +63,6 @@ ONTO = 1e-12  # of a displacement: what rounding misses supports by that stand s
 SLOW = 1e-2  # ratio of that work from iteration to iteration beyond which an old tangent is replaced: 0.1 of the error
 UNKNOWN = float(np.finfo(float).max)  # work before a first step by an old tangent: the second one tells of it
 STRICT = 1e-4  # of `CONVERGED`, where the last step was made by an old tangent: what is to come is up to `SLOW` of it
-
-
-class NotConvergedError(ArithmeticError):
-    """Newton's method did not converge from here: the step was too long, or there is no equilibrium."""
 
 
 class Known(NamedTuple):

@@ -32,7 +32,7 @@ from shellbench.problems.shell.quantities import (
     ResultantQuantity,
 )
 from shellbench.solvers.fem.buckling import BRACKET
-from shellbench.solvers.fem.contact import REACH
+from shellbench.solvers.fem.contact_points import REACH
 from shellbench.solvers.fem.convergence import ASYMPTOTIC, Estimate, estimate, observed_rate
 from shellbench.solvers.fem.direct_solve import RoundingError
 from shellbench.solvers.fem.equilibrium import Equilibrium

@@ -17,10 +17,10 @@ The textbook fits at nodes and interpolates; here a patch is fitted for each poi
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.places import SIDES
@@ -29,10 +29,19 @@ from shellbench.solvers.fem.corners import corner_exponents
 from shellbench.solvers.fem.grading import SAME, break_coordinates
 from shellbench.solvers.fem.kinematics import DERIVATIVES as GRADIENTS
 from shellbench.solvers.fem.kinematics import STRAINS, Midsurface, elasticities, stiffness_moduli, strain_operator
-from shellbench.solvers.fem.mesh import TensorMesh, gauss_rule
+from shellbench.solvers.fem.mesh import Derivative, TensorMesh, gauss_rule
 
 if TYPE_CHECKING:
-    from shellbench.solvers.fem.solution import FemSolution
+
+    class FemSolution(Protocol):
+        """What resultants ask of an answer."""
+
+        @property
+        def case(self) -> Case: ...  # noqa: D102
+        @property
+        def mesh(self) -> TensorMesh: ...  # noqa: D102
+        def derivative(self, points: ArrayLike, order: Derivative, at: float | None) -> Array: ...  # noqa: D102
+
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

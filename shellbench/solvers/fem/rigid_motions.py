@@ -1,4 +1,4 @@
-"""Rigid motions of a mesh: their nodal interpolants, how to pin them, and how to take their mean away.
+"""Rigid motions of a mesh: their nodal interpolants, and how to take their mean away.
 
 Waves that may travel around a shell of revolution: the direction in which a buckled state has no stiffness.
 
@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
 from scipy.spatial.transform import Rotation
 
 from shellbench.problems.shell.case import Case
@@ -23,7 +22,6 @@ from shellbench.problems.shell.rigid import middle_and_size, motions_of
 from shellbench.problems.shell.symmetry import axis_of_revolution
 from shellbench.solvers.fem.assembly import derivatives_on_cells
 from shellbench.solvers.fem.bubbles import interpolated
-from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.kinematics import cross
 from shellbench.solvers.fem.mesh import COMPONENTS, CUBIC, KINDS, Derivative, TensorMesh
 from shellbench.solvers.fem.quadrature import Quadrature, chunks
@@ -50,19 +48,6 @@ def nodal_rigid_motions(case: Case, mesh: TensorMesh) -> Array:
     motions[:, KINDS.index((0, 0)), :, :COMPONENTS] = np.eye(COMPONENTS)
     scaled = np.swapaxes(motions, 1, 2) * mesh.node_scales[:, None, :, None]
     return np.asarray(scaled.reshape(mesh.node_count, COMPONENTS * len(mesh.kinds), -1))
-
-
-def determinate_pins(ties: Ties, motions: Array) -> tuple[Integers, Integers]:
-    """Choose as many displacements as there are loose motions, so that holding them holds the shell.
-
-    They are the pivots of a QR factorisation: the displacements that resist the motions best.
-    """
-    untied = np.setdiff1d(np.arange(len(motions)), ties.nodes)
-    dofs = np.arange(COMPONENTS) * (motions.shape[1] // COMPONENTS)
-    candidates = motions[untied][:, dofs].reshape(-1, motions.shape[-1])
-    _, _, pivots = qr(candidates.T, mode="economic", pivoting=True)
-    chosen = pivots[: motions.shape[-1]]
-    return untied[chosen // COMPONENTS], dofs[chosen % COMPONENTS]
 
 
 def mean_rigid_motion(case: Case, mesh: TensorMesh, quadrature: Quadrature, coefficients: Array, loose: Array) -> Array:

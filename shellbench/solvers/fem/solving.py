@@ -23,6 +23,7 @@ from shellbench.solvers.fem.continuation import STEP_SHARE
 from shellbench.solvers.fem.convergence import ASYMPTOTIC
 from shellbench.solvers.fem.corners import break_gradings, edge_gradings, slowest_rate
 from shellbench.solvers.fem.folding import Folding
+from shellbench.solvers.fem.generalised_alpha import Scheme
 from shellbench.solvers.fem.grading import (
     UNBROKEN,
     UNGRADED,
@@ -40,7 +41,6 @@ from shellbench.solvers.fem.motion_solution import MotionSolution
 from shellbench.solvers.fem.refinement import Level, balanced_share, first_level, level_cells, levels
 from shellbench.solvers.fem.settings import FemSettings, takes_bubbles
 from shellbench.solvers.fem.solution import FemSolution
-from shellbench.solvers.fem.time_step import Scheme
 
 SMOOTH_TOLERANCE = 6e-7  # of a case whose loads and supports are spread out: the element converges fast
 SINGULAR_TOLERANCE = 2.5e-5  # of a case with forces at points: deflections under a load need many cells

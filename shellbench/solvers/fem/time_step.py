@@ -31,8 +31,10 @@ from shellbench.solvers.fem.assembly import mass_matrix, spring_matrix
 from shellbench.solvers.fem.block_matrix import BlockMatrix
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.contact_in_motion import CLOSED, STEEPER, Compliance, Pushed, StepContact, TouchingPoints
-from shellbench.solvers.fem.dissection import Factor, NotPositiveDefiniteError, factorise
-from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
+from shellbench.solvers.fem.factor import Factor, NotPositiveDefiniteError, factorise
+from shellbench.solvers.fem.finite_state import NotConvergedError
+from shellbench.solvers.fem.generalised_alpha import Instant, Scheme
+from shellbench.solvers.fem.problem import FiniteProblem
 from shellbench.solvers.fem.strain_energy import Strained
 
 Array = NDArray[np.float64]
@@ -43,81 +45,6 @@ MOST_ITERATIONS = 20  # a step that takes more is cut
 SLOW = 0.04  # ratio of that work from iteration to iteration beyond which an old tangent is replaced: 0.2 of the error
 SUFFICIENT = 1e-4  # share of the linear prediction by which a step along the search direction must lower the potential
 SHORTEST_SEARCH = 2.0**-10  # of the Newton step
-
-
-@dataclass(frozen=True)
-class Scheme:
-    """The generalised-alpha method's constants for a spectral radius at infinite frequency, 0 <= rho <= 1.
-
-    It is of second order and unconditionally stable on linear problems; the less rho, the more the frequencies are
-    damped that a step does not resolve.
-    """
-
-    spectral_radius: float
-
-    @property
-    def alpha_m(self) -> float:
-        """Weight of the acceleration at the step's begin."""
-        return (2 * self.spectral_radius - 1) / (self.spectral_radius + 1)
-
-    @property
-    def alpha_f(self) -> float:
-        """Weight of the displacement at the step's begin."""
-        return self.spectral_radius / (self.spectral_radius + 1)
-
-    @property
-    def gamma(self) -> float:
-        """Newmark's gamma."""
-        return 0.5 - self.alpha_m + self.alpha_f
-
-    @property
-    def beta(self) -> float:
-        """Newmark's beta."""
-        return (1 - self.alpha_m + self.alpha_f) ** 2 / 4
-
-
-@dataclass(frozen=True)
-class Instant:
-    """A state of motion.
-
-    Attributes
-    ----------
-    t
-        Time, s.
-    q, v, a
-        (nodes, 12) scaled degrees of freedom, and their rates.
-    reaction
-        (nodes, 12) what the supports exert, at the time within the step before at which it is balanced.
-    length
-        Of the step before, s.
-    iterations
-        Newton iterations of the step that led here.
-    supplied
-        Work of the supports, loads and moving obstacles since rest, J.
-    lost
-        Energy that impacts and friction have taken since rest, J.
-    touch
-        (n, 3) what obstacles exerted on their points in the step before, N, or None where there are none.
-    impulse
-        (nodes, 12) what they change the velocity by in a step: v is that before an impulse.
-    """
-
-    t: float
-    q: Array
-    v: Array
-    a: Array
-    reaction: Array
-    length: float = 0.0
-    iterations: int = 0
-    supplied: float = 0.0
-    lost: float = 0.0
-    touch: Array | None = None
-    impulse: Array | None = None
-
-    @property
-    def velocity(self) -> Array:
-        """(nodes, 12) the velocity: where something presses all along, in the middle of its impulse."""
-        return self.v if self.impulse is None else self.v + self.impulse / 2
 
 
 @dataclass

@@ -13,9 +13,10 @@ from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.fem.buckling import BRACKET, Buckling, following_steps
 from shellbench.solvers.fem.continuation import PathEndsError
+from shellbench.solvers.fem.finite_state import NotConvergedError
 from shellbench.solvers.fem.large_displacement import solve as solve_on_mesh
 from shellbench.solvers.fem.mesh import TensorMesh
-from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
+from shellbench.solvers.fem.problem import FiniteProblem
 from shellbench.solvers.fem.quadrature import Quadrature
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.solvers.fem.shells import shell

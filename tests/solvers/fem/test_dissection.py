@@ -10,7 +10,8 @@ from scipy.sparse.linalg import spsolve
 
 from shellbench.problems.shell.surface import Domain
 from shellbench.solvers.fem.block_matrix import NEIGHBOURS, BlockMatrix, neighbour_columns
-from shellbench.solvers.fem.dissection import Dissection, NotPositiveDefiniteError, factorise
+from shellbench.solvers.fem.dissection import Dissection
+from shellbench.solvers.fem.factor import NotPositiveDefiniteError, factorise
 from shellbench.solvers.fem.mesh import TensorMesh
 from tests.alike import alike
 

@@ -6,10 +6,10 @@ import pytest
 from shellbench.bench import catalog
 from shellbench.problems.shell.case import build_case
 from shellbench.solvers.fem.continuation import functional
-from shellbench.solvers.fem.dissection import factorise
-from shellbench.solvers.fem.finite_state import Constraint
+from shellbench.solvers.fem.factor import factorise
+from shellbench.solvers.fem.finite_state import Constraint, NotConvergedError
 from shellbench.solvers.fem.grading import graded_mesh
-from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
+from shellbench.solvers.fem.problem import FiniteProblem
 from shellbench.solvers.fem.quadrature import Quadrature
 
 TIGHT = 1e-20  # square of the last step's relative size: iterations go on to rounding
