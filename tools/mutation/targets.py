@@ -77,7 +77,7 @@ NDF = Target(
     ("ndf-ritz",),
     ("shellbench/solvers/ndf",),
     (
-        ("__init__|.*_solver|choices|weights|checkpoint|build", SETTINGS),
+        ("__init__|.*_solver|.*_settings|choices|weights|checkpoint|build", SETTINGS),
         ("declines|refusal|certificate", CHECKS),
         ("published.*|trainer|training|gauss_newton|network|soft", "ndf-ritz trains nothing and has no soft supports"),
         ("resolution|lengths|refinement|continuation|newton|large_displacement|motion", CONTROL),

@@ -23,8 +23,8 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.measure import measure_all
 from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.problems.shell.rigid import free_motions
+from shellbench.solvers.ndf.bspline_settings import SplineSettings
 from shellbench.solvers.ndf.bspline_solution import SPEC, SplineSolution, solved_part, splines_of
-from shellbench.solvers.ndf.bspline_solver import SplineSettings
 from shellbench.solvers.ndf.build import build_ansatz, focal_points, joints_of
 from shellbench.solvers.ndf.declines import why_declined
 from shellbench.solvers.ndf.energy import Table, concentrated, surface_area, tabulate

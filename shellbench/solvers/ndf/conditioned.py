@@ -37,7 +37,7 @@ from shellbench.solvers.ndf.build import (
     graded_points,
     resolution,
 )
-from shellbench.solvers.ndf.conditioned_solver import ConditionedSettings
+from shellbench.solvers.ndf.conditioned_settings import ConditionedSettings
 from shellbench.solvers.ndf.energy import exploits, rigid_part
 from shellbench.solvers.ndf.field import Ansatz, Features, Field
 from shellbench.solvers.ndf.jets import Array, Placement
@@ -45,7 +45,7 @@ from shellbench.solvers.ndf.quadrature import area_rule
 from shellbench.solvers.ndf.reduced import Reduced
 from shellbench.solvers.ndf.refinement import ROUNDING, SAFETY, SETTLED, first_level
 from shellbench.solvers.ndf.ritz import field_spec
-from shellbench.solvers.ndf.ritz_solver import RitzSettings
+from shellbench.solvers.ndf.ritz_settings import RitzSettings
 from shellbench.solvers.ndf.solve import solve_part
 from shellbench.solvers.ndf.supports import check_balance
 from shellbench.solvers.ndf.weights import described, network_of, network_tensors, write_described

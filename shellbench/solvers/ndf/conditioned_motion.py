@@ -38,7 +38,7 @@ from shellbench.problems.conditioned.quantities import Parameter, Value
 from shellbench.problems.conditioned.solving import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer
 from shellbench.solvers.ndf.build import FieldSpec
 from shellbench.solvers.ndf.conditioned import ASKED_TIMES, kept_features
-from shellbench.solvers.ndf.conditioned_solver import ConditionedSettings
+from shellbench.solvers.ndf.conditioned_settings import ConditionedSettings
 from shellbench.solvers.ndf.energy import exploits
 from shellbench.solvers.ndf.field import Features, Network
 from shellbench.solvers.ndf.jets import Array

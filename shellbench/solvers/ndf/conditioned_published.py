@@ -28,7 +28,7 @@ from shellbench.problems.shell.places import Point
 from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.solvers.ndf.affine import part_rows
 from shellbench.solvers.ndf.build import FieldSpec, build_inputs, focal_points, resolution
-from shellbench.solvers.ndf.conditioned_published_solver import ConditionedPublishedSettings
+from shellbench.solvers.ndf.conditioned_published_settings import ConditionedPublishedSettings
 from shellbench.solvers.ndf.energy import concentrated, tabulate
 from shellbench.solvers.ndf.field import Ansatz
 from shellbench.solvers.ndf.inputs import Inputs

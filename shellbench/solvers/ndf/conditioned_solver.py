@@ -1,35 +1,19 @@
-"""The solver `ndf-conditioned` and its settings; what solves is `conditioned`, which is imported when it is called."""
+"""The solver `ndf-conditioned`; what solves is `conditioned`, which is imported when it is called."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from pydantic import Field
-
-from shellbench.model import Positive
-from shellbench.problem import Capabilities, ProgressCallback, SeededSettings
+from shellbench.problem import Capabilities, ProgressCallback
 from shellbench.problems.conditioned.case import ConditionedCase
 from shellbench.problems.conditioned.solving import IN_MOTION, ConditionedSolver
-from shellbench.solvers.ndf.choices import LARGEST_GAP
+from shellbench.solvers.ndf.conditioned_settings import ConditionedSettings
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
 
 if TYPE_CHECKING:
     from shellbench.solvers.ndf.conditioned import ConditionedField
     from shellbench.solvers.ndf.conditioned_motion import ConditionedMotion
-
-
-class ConditionedSettings(SeededSettings):
-    """Settings of `ndf-conditioned`; what is None follows from the case."""
-
-    neurons: int | None = Field(None, ge=1, le=4000, description="width of the random layer, without challengers")
-    snapshots: int = Field(
-        32, ge=3, le=63, description="materials at which the output layer is solved for, at most; at rest"
-    )
-    tolerance: Positive = Field(
-        1e-6, description="change of the asked displacement, by the last two fields, that ends it; at rest"
-    )
-    largest_gap: Positive = Field(LARGEST_GAP, description="largest admissible quadrature gap")
 
 
 class ConditionedFieldSolver(ConditionedSolver):

@@ -59,7 +59,8 @@ from shellbench.solvers.ndf.refinement import (
     uncertainties,
     unsettled,
 )
-from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
+from shellbench.solvers.ndf.ritz_settings import RitzSettings
+from shellbench.solvers.ndf.ritz_solver import RitzSolver
 from shellbench.solvers.ndf.signs import Signs, jitter_share, refusal, rounding_energy, unseen_turning
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.solve import JITTER, HeldInverse, OutputLayer, held_part, potential_energy, spread

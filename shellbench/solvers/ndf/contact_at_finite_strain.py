@@ -33,7 +33,8 @@ from shellbench.solvers.ndf.equilibrium import MOST_ITERATIONS, NotConvergedErro
 from shellbench.solvers.ndf.jets import VALUE, Array
 from shellbench.solvers.ndf.large_displacement import Rung, disagreement, state_solution
 from shellbench.solvers.ndf.newton import PathState
-from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
+from shellbench.solvers.ndf.ritz_settings import RitzSettings
+from shellbench.solvers.ndf.ritz_solver import RitzSolver
 from shellbench.solvers.ndf.signs import Signs
 from shellbench.solvers.ndf.solution import PathSolution
 

@@ -53,7 +53,8 @@ from shellbench.solvers.ndf.published_network import (
     published_ansatz,
 )
 from shellbench.solvers.ndf.published_samples import Sampler, expected_displacement, usual_modulus_factor
-from shellbench.solvers.ndf.published_solver import PublishedSettings, PublishedSolver, own_checkpoint, training_key
+from shellbench.solvers.ndf.published_settings import PublishedSettings, own_checkpoint, training_key
+from shellbench.solvers.ndf.published_solver import PublishedSolver
 from shellbench.solvers.ndf.published_training import (
     CERTIFIED,
     LossNotFinite,

@@ -56,7 +56,7 @@ from shellbench.solvers.ndf.published_motion_field import DT, Ansatz, MotionFiel
 from shellbench.solvers.ndf.published_motion_solution import TrainedMotion, read_motion
 from shellbench.solvers.ndf.published_network import Siren, initial_siren
 from shellbench.solvers.ndf.published_samples import stratified_samples
-from shellbench.solvers.ndf.published_solver import PublishedSettings, training_key
+from shellbench.solvers.ndf.published_settings import PublishedSettings, training_key
 from shellbench.solvers.ndf.published_training import why_collapsed
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.strain_measures import MEASURES, Reference, Undeformed, gradient_map

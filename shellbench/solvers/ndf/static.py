@@ -55,7 +55,8 @@ from shellbench.solvers.ndf.refinement import (
     uncertainties,
     unsettled,
 )
-from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
+from shellbench.solvers.ndf.ritz_settings import RitzSettings
+from shellbench.solvers.ndf.ritz_solver import RitzSolver
 from shellbench.solvers.ndf.signs import Signs, jitter_share, refusal, rounding_energy, taken_up, unseen_turning
 from shellbench.solvers.ndf.soft import Springs, support_error
 from shellbench.solvers.ndf.solution import NdfSolution

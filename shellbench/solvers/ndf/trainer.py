@@ -49,13 +49,14 @@ from shellbench.solvers.ndf.large_displacement import Rung
 from shellbench.solvers.ndf.motion_solution import MotionSolution, load_solution
 from shellbench.solvers.ndf.quadrature import area_rule
 from shellbench.solvers.ndf.ritz import strain_of
-from shellbench.solvers.ndf.ritz_solver import RitzSettings
+from shellbench.solvers.ndf.ritz_settings import RitzSettings
 from shellbench.solvers.ndf.sampled import scales
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.solve import point_constraints
 from shellbench.solvers.ndf.static import displacement_values
 from shellbench.solvers.ndf.supports import check_balance, point_supports
-from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
+from shellbench.solvers.ndf.trainer_settings import TrainerSettings
+from shellbench.solvers.ndf.trainer_solver import NdfSolver
 from shellbench.solvers.ndf.training import (
     CERTIFICATE,
     FINAL_ORDER,
