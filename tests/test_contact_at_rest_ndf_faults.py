@@ -18,7 +18,7 @@ from shellbench.solvers.ndf.contact_forces import SMOOTH, contact_points, least_
 from shellbench.solvers.ndf.continuation import PathEndsError, load_steps
 from shellbench.solvers.ndf.equilibrium import PathProblem
 from shellbench.solvers.ndf.quadrature import RuleSpec
-from shellbench.solvers.ndf.ritz import field_spec
+from shellbench.solvers.ndf.ritz_field import field_spec
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from tests.injecting import shares_of_tolerances
 

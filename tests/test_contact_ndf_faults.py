@@ -12,7 +12,7 @@ from shellbench.solvers.ndf.build import resolution
 from shellbench.solvers.ndf.creases import Creases
 from shellbench.solvers.ndf.jets import D1, D11, VALUE, Placement
 from shellbench.solvers.ndf.refinement import first_level
-from shellbench.solvers.ndf.ritz import field_spec
+from shellbench.solvers.ndf.ritz_field import field_spec
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from tests.injecting import shares_of_tolerances
 

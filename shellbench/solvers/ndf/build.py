@@ -30,14 +30,22 @@ from shellbench.solvers.ndf.choices import (
 )
 from shellbench.solvers.ndf.corners import CornerPowers
 from shellbench.solvers.ndf.creases import Crease, Creases
-from shellbench.solvers.ndf.factors import BoundaryFactors, Lift, MirroredFactors, TurnedFactors, Turning, turns
+from shellbench.solvers.ndf.factors import (
+    BoundaryFactors,
+    Lift,
+    MirroredFactors,
+    NoFactors,
+    NoLift,
+    TurnedFactors,
+    Turning,
+    turns,
+)
 from shellbench.solvers.ndf.field import Ansatz, Features, FixedFeatures, Network
 from shellbench.solvers.ndf.hinges import TOGETHER, Hinges, hinges_of
 from shellbench.solvers.ndf.inputs import Inputs, edge_layers, foci, mirrored_axes, strongest_curvature
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.mirrors import SAME, Mirrors, mirrors_of, samples
 from shellbench.solvers.ndf.quadrature import RuleSpec
-from shellbench.solvers.ndf.soft import NoFactors, NoLift
 
 
 def _from_bool(value: Any) -> Any:

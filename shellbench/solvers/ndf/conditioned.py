@@ -44,7 +44,7 @@ from shellbench.solvers.ndf.jets import Array, Placement
 from shellbench.solvers.ndf.quadrature import area_rule
 from shellbench.solvers.ndf.reduced import Reduced
 from shellbench.solvers.ndf.refinement import ROUNDING, SAFETY, SETTLED, first_level
-from shellbench.solvers.ndf.ritz import field_spec
+from shellbench.solvers.ndf.ritz_field import field_spec
 from shellbench.solvers.ndf.ritz_settings import RitzSettings
 from shellbench.solvers.ndf.solve import solve_part
 from shellbench.solvers.ndf.supports import check_balance

@@ -33,12 +33,11 @@ from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.reaction import EdgeMoment, edge_moments
 from shellbench.solvers.ndf.sampled import Combined, FeatureSet, Sampled, elastic_form, independent
 from shellbench.solvers.ndf.solve import SAME_ROW, slope_constraints
-from shellbench.solvers.ndf.strain_measures import Strained, stresses
+from shellbench.solvers.ndf.strain_measures import UNSTRAINED, Strained, stresses
 from shellbench.solvers.ndf.supports import concentrated_forces, force_density, point_supports
 
 CONVERGED = 1e-10  # work of the residual on the last step, relative to the energy: the next one's is its square
 MOST_ITERATIONS = 14  # a step that takes more is cut
-UNSTRAINED = 1e-20  # energy per membrane stiffness and area, a strain of 1e-10, that is rounding
 HOPELESS = 1e8  # growth of that work that no iteration comes back from
 
 

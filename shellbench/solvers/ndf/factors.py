@@ -366,3 +366,28 @@ class TurnedFactors:
     def matrix(self, points: Array, placement: Placement) -> Tensor:
         """Return the jet (6, N, 3, 3) of Q M at points (N, 2)."""
         return matrix_product(self.turning.axes(points, placement), self.factors.matrix(points, placement))
+
+
+@dataclass(frozen=True)
+class NoFactors:
+    """M = 1, or the contravariant basis of covariant components: supports are left to springs."""
+
+    case: Case
+    covariant: bool = False
+
+    def matrix(self, points: Array, placement: Placement) -> Tensor:
+        """Return the jet (6, N, 3, 3) of M at points (N, 2)."""
+        if self.covariant:
+            return contravariant_basis_jet(self.case.surface, points, placement)
+        return constant(placement.tensor(np.tile(np.eye(3), (len(points), 1, 1))))
+
+
+@dataclass(frozen=True)
+class NoLift:
+    """A lift of zero: springs draw supports to where they are moved."""
+
+    moves: bool = False
+
+    def jet(self, points: Array, placement: Placement) -> Tensor:
+        """Return the jet (6, N, 3) of the lift at points (N, 2)."""
+        return placement.tensor(np.zeros((6, len(points), 3)))

@@ -15,9 +15,9 @@ functionals at once, and no graph is kept.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
@@ -36,7 +36,8 @@ from shellbench.solvers.ndf.energy import (
 )
 from shellbench.solvers.ndf.field import Ansatz, Features, Network
 from shellbench.solvers.ndf.geometry import apply_rows
-from shellbench.solvers.ndf.jets import D1, D2, D11, D12, D22, VALUE, activation, compose
+from shellbench.solvers.ndf.jets import VALUE, activation, compose
+from shellbench.solvers.ndf.layers import Layer, flatten_layers, through_activation
 from shellbench.solvers.ndf.quadrature import Rule
 from shellbench.solvers.ndf.solve import IndefiniteError, RegularisedInverse
 
@@ -171,16 +172,6 @@ def energy_on(sample: Sample, tips: Tips, network: Network, output: Tensor, kept
     return Energy(gain, base)
 
 
-class Layer(NamedTuple):
-    """What the sweep needs of a layer: input jets (6, N, n), z (6, N, m), and sigma', sigma'', sigma''' (N, m)."""
-
-    inputs: Tensor
-    z: Tensor
-    first: Tensor
-    second: Tensor
-    third: Tensor
-
-
 def forward(network: Network, inputs: Tensor) -> tuple[Tensor, list[Layer]]:
     """Return the feature jets (6, N, M) of input jets (6, N, n), and what the sweep back needs."""
     function, h, tape = activation(network.activation), inputs, []
@@ -191,29 +182,6 @@ def forward(network: Network, inputs: Tensor) -> tuple[Tensor, list[Layer]]:
         tape.append(Layer(h, z, f1, f2, f3))
         h = compose((f0, f1, f2), z)
     return h, tape
-
-
-def through_activation(layer: Layer, seed: Tensor) -> Tensor:
-    """Pull functionals of sigma(z) back to functionals of z: the chain rule for jets, transposed.
-
-    Parameters
-    ----------
-    seed
-        (N, S, 6, m): with which factor each plane of sigma(z) enters functional S at a point.
-    """
-    z1, z2, z11, z12, z22 = (layer.z[plane][:, None] for plane in (D1, D2, D11, D12, D22))
-    f1, f2, f3 = layer.first[:, None], layer.second[:, None], layer.third[:, None]
-    result = seed * f1[:, :, None]
-    c11, c12, c22 = seed[:, :, D11], seed[:, :, D12], seed[:, :, D22]
-    bend = seed[:, :, D1] * z1
-    bend.addcmul_(seed[:, :, D2], z2).addcmul_(c11, z11).addcmul_(c12, z12).addcmul_(c22, z22)
-    slope1, slope2 = c11 * z1, c22 * z2
-    twist = slope1 * z1
-    twist.addcmul_(slope2, z2).addcmul_(c12, z1 * z2)
-    result[:, :, VALUE].addcmul_(f2, bend).addcmul_(f3, twist)
-    result[:, :, D1].addcmul_(f2, slope1.mul_(2).addcmul_(c12, z2))
-    result[:, :, D2].addcmul_(f2, slope2.mul_(2).addcmul_(c12, z1))
-    return result
 
 
 def jacobian(network: Network, tape: list[Layer], seed: Tensor) -> Tensor:
@@ -258,11 +226,6 @@ def flatten(network: Network) -> Tensor:
     """Return all weights (P,): layer by layer, each unit's weights and then its bias."""
     pairs = zip(network.weights, network.biases, strict=True)
     return flatten_layers([torch.cat([weight, bias[:, None]], dim=1) for weight, bias in pairs])
-
-
-def flatten_layers(matrices: Sequence[Tensor]) -> Tensor:
-    """Return the entries of matrices, one after the other, row by row."""
-    return torch.cat([matrix.reshape(-1) for matrix in matrices])
 
 
 def unflatten(vector: Tensor, like: Network) -> Network:

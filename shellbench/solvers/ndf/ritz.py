@@ -27,14 +27,14 @@ from shellbench.solvers.ndf.build import (
     rung,
     rung_count,
 )
-from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.edited import checked_start, start_of_path
 from shellbench.solvers.ndf.field import Network, random_features
-from shellbench.solvers.ndf.jets import Placement, activation, smooth_activation
+from shellbench.solvers.ndf.jets import Placement
 from shellbench.solvers.ndf.large_displacement import Rung
 from shellbench.solvers.ndf.motion_solution import MotionSolution, load_solution
 from shellbench.solvers.ndf.path_challenge import SETTLED
 from shellbench.solvers.ndf.products import product_features, why_no_products
+from shellbench.solvers.ndf.ritz_field import field_spec
 from shellbench.solvers.ndf.ritz_settings import RitzSettings
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
 from shellbench.solvers.ndf.sampled import LONG_ORDER, LONG_SHARE, placed_features, scales
@@ -67,46 +67,6 @@ def solve(
         if case.obstacles:
             return contact.solve(case, spec, settings, progress)
         return static.solve(case, spec, settings, progress)
-
-
-def field_spec(case: Case, settings: RitzSettings) -> FieldSpec:
-    """Return the choices of the field; InputError if settings do not fit each other or the case."""
-    if settings.penalty and settings.supports == "hard":
-        raise InputError("setting penalty belongs to supports = \"soft\"; here they are 'hard'")
-    if case.dynamics is None and (settings.degrees or settings.hidden == "placed"):
-        raise InputError(f"{case.name} stands still: settings degrees and hidden belong to motions")
-    if settings.degrees and settings.neurons:
-        raise InputError("setting neurons says of which degree a motion is; it does not go with degrees")
-    if settings.hidden == "placed" and settings.activation != "sine":
-        raise InputError(f"setting hidden = \"placed\" places sines, but found activation = '{settings.activation}'")
-    path = case.dynamics is not None or large_displacement.is_path(case)
-    (smooth_activation if path else activation)(settings.activation)
-    return FieldSpec(
-        activation=settings.activation,
-        periodic_input=settings.periodic_input,
-        components=settings.components,
-        supports=settings.supports,
-        # The rows are those of small turns.
-        slopes="rows" if case.linear and case.dynamics is None else "even",
-        stretched=settings.stretched,
-        layer=settings.layer,
-        edge_stretched=settings.stretched,
-        multipliers=settings.singular,
-        strain=strain_of(case, settings.strain),
-    )
-
-
-def strain_of(case: Case, strain: StrainName | None) -> StrainName:
-    """Return the strain measure of a case.
-
-    Raises
-    ------
-    InputError
-        If another one than the linear is asked for in the linear theory.
-    """
-    if case.linear and strain not in (None, "linear"):
-        raise InputError(f"case '{case.name}' is of the linear theory: setting strain = \"{strain}\" does not fit it")
-    return strain or ("linear" if case.linear else "exact")
 
 
 def _follow(

@@ -56,7 +56,7 @@ class RitzSolver(FieldSolver):
         """Return why the field that settings ask for can't hold this case, as one clause, or None if it can."""
         from shellbench.solvers.ndf.declines import why_declined
         from shellbench.solvers.ndf.modes import why_no_modes
-        from shellbench.solvers.ndf.ritz import field_spec
+        from shellbench.solvers.ndf.ritz_field import field_spec
 
         spec = field_spec(case, settings)
         if case.modal and (reason := why_no_modes(case, spec)):

@@ -15,10 +15,10 @@ from torch import Tensor
 
 from shellbench.solvers.ndf.build import FieldSpec
 from shellbench.solvers.ndf.energy import NormalEquations, exploits
-from shellbench.solvers.ndf.equilibrium import UNSTRAINED
 from shellbench.solvers.ndf.field import Field
 from shellbench.solvers.ndf.jets import D1, D2, D11, D22, KINKED, Array
 from shellbench.solvers.ndf.quadrature import RuleSpec, line_rule, panel_ends
+from shellbench.solvers.ndf.strain_measures import UNSTRAINED
 
 CANCELLED = 1e-12  # share of the loads' work that is left on the feature that takes up most; rounding leaves 1e-15
 LARGEST_UNSEEN = 1e-2  # of the changes of slope: smooth fields would show 1e-6 and less, rectified ones show 0.3

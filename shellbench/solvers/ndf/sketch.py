@@ -23,8 +23,8 @@ import torch
 from torch import Tensor
 
 from shellbench.solvers.ndf.field import Network
-from shellbench.solvers.ndf.gauss_newton import Layer, flatten_layers, through_activation
 from shellbench.solvers.ndf.jets import VALUE
+from shellbench.solvers.ndf.layers import Layer, flatten_layers, through_activation
 
 
 @dataclass(frozen=True)

@@ -23,35 +23,9 @@ from shellbench.problems.shell.conditions import MomentLoad
 from shellbench.problems.shell.places import Whole
 from shellbench.solvers.ndf.energy import Certified, NormalEquations, Polynomial, surface_area
 from shellbench.solvers.ndf.field import Ansatz, Features, Field
-from shellbench.solvers.ndf.geometry import contravariant_basis_jet
-from shellbench.solvers.ndf.jets import VALUE, Array, Placement, constant
+from shellbench.solvers.ndf.jets import VALUE, Array
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule, edge_rule
 from shellbench.solvers.ndf.supports import edge_samples, edge_supports, point_supports
-
-
-@dataclass(frozen=True)
-class NoFactors:
-    """M = 1, or the contravariant basis of covariant components: supports are left to springs."""
-
-    case: Case
-    covariant: bool = False
-
-    def matrix(self, points: Array, placement: Placement) -> Tensor:
-        """Return the jet (6, N, 3, 3) of M at points (N, 2)."""
-        if self.covariant:
-            return contravariant_basis_jet(self.case.surface, points, placement)
-        return constant(placement.tensor(np.tile(np.eye(3), (len(points), 1, 1))))
-
-
-@dataclass(frozen=True)
-class NoLift:
-    """A lift of zero: springs draw supports to where they are moved."""
-
-    moves: bool = False
-
-    def jet(self, points: Array, placement: Placement) -> Tensor:
-        """Return the jet (6, N, 3) of the lift at points (N, 2)."""
-        return placement.tensor(np.zeros((6, len(points), 3)))
 
 
 def why_not_soft(case: Case) -> str | None:

@@ -39,6 +39,9 @@ GRADIENTS = 15  # u,1, u,2, d_11, d_22, d_12, each with three components
 TWICE = (1.0, 1.0, 2.0)  # strains are 11, 22 and twice 12
 
 
+UNSTRAINED = 1e-20  # energy per membrane stiffness and area, a strain of 1e-10, that is rounding
+
+
 def gradient_map(geometry: Geometry) -> Tensor:
     """Return the map (N, 5, 6) from the planes of a jet to u,1, u,2, d_11, d_22, d_12, the same for each component."""
     gamma = geometry.christoffel

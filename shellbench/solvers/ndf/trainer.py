@@ -48,7 +48,7 @@ from shellbench.solvers.ndf.jets import VALUE, Placement, smooth_activation
 from shellbench.solvers.ndf.large_displacement import Rung
 from shellbench.solvers.ndf.motion_solution import MotionSolution, load_solution
 from shellbench.solvers.ndf.quadrature import area_rule
-from shellbench.solvers.ndf.ritz import strain_of
+from shellbench.solvers.ndf.ritz_field import strain_of
 from shellbench.solvers.ndf.ritz_settings import RitzSettings
 from shellbench.solvers.ndf.sampled import scales
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
