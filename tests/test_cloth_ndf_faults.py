@@ -29,11 +29,12 @@ from shellbench.solvers.ndf import (
     newton,
     strain_measures,
 )
-from shellbench.solvers.ndf.field import Ansatz, Factors
+from shellbench.solvers.ndf.field import Ansatz
 from shellbench.solvers.ndf.jets import VALUE
 from shellbench.solvers.ndf.quadrature import RuleSpec
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.sampled import widest
+from shellbench.solvers.ndf.supports import Factors
 from tests.test_faults import more_poisson, stiffness, wrapped
 from tests.test_large_displacement_faults import ndf_strain
 

@@ -22,7 +22,7 @@ from shellbench.bench.task import Task
 from shellbench.problems.shell.conditions import Material
 from shellbench.solvers.fem import constraints, kinematics, quadrature, solving
 from shellbench.solvers.fem import loads as fem_loads
-from shellbench.solvers.ndf import energy, factors, field, geometry, jets, refinement, static
+from shellbench.solvers.ndf import energy, factors, field, geometry, jets, network, refinement, static
 from tests.injecting import wrapped
 
 PLATE, ROOF, PINCHED, RING = "square_plate", "scordelis_lo", "pinched_cylinder_diaphragm", "annular_plate"
@@ -185,7 +185,8 @@ def without_mixed_derivative(patch: pytest.MonkeyPatch) -> None:
         jet[jets.D12] = 0.0
         return jet
 
-    patch.setattr(field, "compose", broken)
+    for module in (field, network):
+        patch.setattr(module, "compose", broken)
 
 
 def flat_christoffel(patch: pytest.MonkeyPatch) -> None:

@@ -79,7 +79,7 @@ NDF = Target(
     (
         ("__init__|.*_solver|.*_settings|choices|weights|checkpoint|build", SETTINGS),
         ("declines|refusal|certificate", CHECKS),
-        ("published.*|trainer|training|gauss_newton|network|soft", "ndf-ritz trains nothing and has no soft supports"),
+        ("published.*|trainer|training|gauss_newton|sketch|layers|soft", "ndf-ritz trains nothing and has no soft supports"),
         ("resolution|lengths|refinement|continuation|newton|large_displacement|motion", CONTROL),
         ("corners|inputs", TRIALS),
     ),
@@ -189,7 +189,7 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
         "when Newton's method ends, and what it predicts",
     ),
     (
-        "ndf.field",
+        "ndf.network",
         r"Network\.narrowed|siren|random_features|deep_random_features|_uniform",
         CHOICE,
         "trial functions are drawn",

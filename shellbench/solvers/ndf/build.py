@@ -40,11 +40,13 @@ from shellbench.solvers.ndf.factors import (
     Turning,
     turns,
 )
-from shellbench.solvers.ndf.field import Ansatz, Features, FixedFeatures, Network
+from shellbench.solvers.ndf.field import Ansatz, Features, FixedFeatures
+from shellbench.solvers.ndf.geometry import LINE, side_lengths
 from shellbench.solvers.ndf.hinges import TOGETHER, Hinges, hinges_of
 from shellbench.solvers.ndf.inputs import Inputs, edge_layers, foci, mirrored_axes, strongest_curvature
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.mirrors import SAME, Mirrors, mirrors_of, samples
+from shellbench.solvers.ndf.network import Network
 from shellbench.solvers.ndf.quadrature import RuleSpec
 
 
@@ -194,9 +196,6 @@ def graded_points(case: Case, spec: FieldSpec) -> Array:
     return np.where(domain.periodic, np.nan, np.array([domain.lower, domain.upper]))
 
 
-LINE = 65  # points of a coordinate line that is measured
-
-
 @dataclass(frozen=True)
 class Resolution:
     """Width and scales of random features, and the rules that they are integrated with.
@@ -284,18 +283,6 @@ def rung(case: Case, number: int) -> Resolution:
     along[longer] = factor
     rules = [_lengthened(spec, longer, factor) for spec in (rule, usual.fine)]
     return replace(finer, along=(along[0], along[1]), rule=rules[0], fine=rules[1])
-
-
-def side_lengths(case: Case) -> tuple[float, float]:
-    """Return the lengths of the coordinate lines through the middle, metres."""
-    domain = case.surface.domain
-    lines = []
-    for axis in (0, 1):
-        middle = (np.asarray(domain.lower) + np.asarray(domain.upper)) / 2
-        points = np.tile(middle, (LINE, 1))
-        points[:, axis] = np.linspace(domain.lower[axis], domain.upper[axis], LINE)
-        lines.append(float(np.linalg.norm(np.diff(case.surface.position(points), axis=0), axis=-1).sum()))
-    return lines[0], lines[1]
 
 
 def _lengthened(spec: RuleSpec, axis: int, factor: float) -> RuleSpec:

@@ -40,10 +40,11 @@ from shellbench.solvers.ndf.build import FieldSpec
 from shellbench.solvers.ndf.conditioned import ASKED_TIMES, kept_features
 from shellbench.solvers.ndf.conditioned_settings import ConditionedSettings
 from shellbench.solvers.ndf.energy import exploits
-from shellbench.solvers.ndf.field import Features, Network
+from shellbench.solvers.ndf.field import Features
 from shellbench.solvers.ndf.jets import Array
 from shellbench.solvers.ndf.motion import degree_of
 from shellbench.solvers.ndf.motion_problem import Motion
+from shellbench.solvers.ndf.network import Network
 from shellbench.solvers.ndf.plane_motion import PLANE, coordinates, features_of, plane_motion
 from shellbench.solvers.ndf.refinement import SETTLED
 from shellbench.solvers.ndf.sampled import Combined, finer, widest

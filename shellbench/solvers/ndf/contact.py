@@ -30,7 +30,6 @@ from shellbench.solvers.ndf.build import (
     build_inputs,
     graded_points,
     resolution,
-    side_lengths,
 )
 from shellbench.solvers.ndf.contact_forces import (
     ALONG,
@@ -44,8 +43,10 @@ from shellbench.solvers.ndf.contact_forces import (
 )
 from shellbench.solvers.ndf.creases import Crease
 from shellbench.solvers.ndf.energy import certify, concentrated, energy_gap, normal_equations
-from shellbench.solvers.ndf.field import Ansatz, Features, Field, random_features
+from shellbench.solvers.ndf.field import Ansatz, Features, Field
+from shellbench.solvers.ndf.geometry import side_lengths
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement
+from shellbench.solvers.ndf.network import random_features
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.refinement import (
     Miss,

@@ -31,10 +31,10 @@ from shellbench.solvers.ndf.contact_forces import (
 from shellbench.solvers.ndf.continuation import PathEndsError, load_steps
 from shellbench.solvers.ndf.equilibrium import MOST_ITERATIONS, NotConvergedError, PathProblem
 from shellbench.solvers.ndf.jets import VALUE, Array
-from shellbench.solvers.ndf.large_displacement import Rung, disagreement, state_solution
 from shellbench.solvers.ndf.newton import PathState
 from shellbench.solvers.ndf.ritz_settings import RitzSettings
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
+from shellbench.solvers.ndf.rungs import Rung, disagreement, state_solution
 from shellbench.solvers.ndf.signs import Signs
 from shellbench.solvers.ndf.solution import PathSolution
 

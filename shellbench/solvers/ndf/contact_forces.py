@@ -16,8 +16,8 @@ from scipy.optimize import nnls
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.contact import Touch
-from shellbench.solvers.ndf.build import side_lengths
 from shellbench.solvers.ndf.creases import Crease
+from shellbench.solvers.ndf.geometry import side_lengths
 from shellbench.solvers.ndf.jets import Array
 
 Flags = NDArray[np.bool_]

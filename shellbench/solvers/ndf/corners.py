@@ -21,7 +21,7 @@ from torch import Tensor
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.places import SIDES
-from shellbench.solvers.ndf.inputs import surface_size
+from shellbench.solvers.ndf.geometry import surface_size
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement, constant, from_derivatives, power, product
 from shellbench.solvers.ndf.supports import TANGENTIAL, edge_supports
 

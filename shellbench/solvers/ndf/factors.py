@@ -45,7 +45,6 @@ from shellbench.problems.shell.conditions import MomentLoad, Rotation, Support, 
 from shellbench.problems.shell.places import SIDES, Edge, Point, Whole
 from shellbench.problems.shell.surface import Domain
 from shellbench.solvers.ndf.choices import Slopes
-from shellbench.solvers.ndf.field import Factors
 from shellbench.solvers.ndf.geometry import contravariant_basis_jet, normal_jet
 from shellbench.solvers.ndf.inputs import Sides
 from shellbench.solvers.ndf.jets import (
@@ -65,7 +64,7 @@ from shellbench.solvers.ndf.jets import (
     sine,
 )
 from shellbench.solvers.ndf.mirrors import Mirrors
-from shellbench.solvers.ndf.supports import TANGENTIAL, EdgeSupport, edge_supports, even_sides
+from shellbench.solvers.ndf.supports import TANGENTIAL, EdgeSupport, Factors, edge_supports, even_sides
 
 NORMAL_SAMPLES = 17  # points a side of the grid on which a3 is looked at
 

@@ -34,10 +34,11 @@ from shellbench.solvers.ndf.energy import (
     tabulate,
     value_vector,
 )
-from shellbench.solvers.ndf.field import Ansatz, Features, Network
+from shellbench.solvers.ndf.field import Ansatz, Features
 from shellbench.solvers.ndf.geometry import apply_rows
 from shellbench.solvers.ndf.jets import VALUE, activation, compose
 from shellbench.solvers.ndf.layers import Layer, flatten_layers, through_activation
+from shellbench.solvers.ndf.network import Network
 from shellbench.solvers.ndf.quadrature import Rule
 from shellbench.solvers.ndf.solve import IndefiniteError, RegularisedInverse
 

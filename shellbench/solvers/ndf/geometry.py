@@ -15,9 +15,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import Material
 from shellbench.problems.shell.surface import Surface
 from shellbench.solvers.ndf.jets import (
@@ -35,6 +37,10 @@ from shellbench.solvers.ndf.jets import (
     power,
     product,
 )
+
+SURFACE_SAMPLES = 9  # points a side of the grid on which a surface is looked at
+
+LINE = 65  # points of a coordinate line that is measured
 
 
 @dataclass(frozen=True)
@@ -179,3 +185,21 @@ def through_matrix(rows: Tensor, matrix: Tensor) -> Tensor:
         ],
         dim=-1,
     )
+
+
+def surface_size(case: Case) -> float:
+    """Return the largest distance from the middle of the surface, metres."""
+    sample = case.surface.position(case.surface.domain.grid(SURFACE_SAMPLES, SURFACE_SAMPLES)).reshape(-1, 3)
+    return float(np.linalg.norm(sample - sample.mean(axis=0), axis=1).max())
+
+
+def side_lengths(case: Case) -> tuple[float, float]:
+    """Return the lengths of the coordinate lines through the middle, metres."""
+    domain = case.surface.domain
+    lines = []
+    for axis in (0, 1):
+        middle = (np.asarray(domain.lower) + np.asarray(domain.upper)) / 2
+        points = np.tile(middle, (LINE, 1))
+        points[:, axis] = np.linspace(domain.lower[axis], domain.upper[axis], LINE)
+        lines.append(float(np.linalg.norm(np.diff(case.surface.position(points), axis=0), axis=-1).sum()))
+    return lines[0], lines[1]

@@ -33,11 +33,10 @@ from shellbench.problems.shell.features import quick_lines
 from shellbench.problems.shell.places import Point
 from shellbench.problems.shell.surface import Domain
 from shellbench.solvers.ndf.choices import LAYER, PeriodicInput, Slopes
+from shellbench.solvers.ndf.geometry import SURFACE_SAMPLES, surface_size
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement, compose, coordinates, cosine, from_derivatives, sine
 from shellbench.solvers.ndf.mirrors import Mirrors
 from shellbench.solvers.ndf.supports import edge_supports, even_sides, point_supports
-
-SURFACE_SAMPLES = 9  # points a side of the grid on which a surface is looked at
 
 EDGE_LAYER = 1.0  # the same along an edge; between .4 and 1 the certified energy of a hyperbolic paraboloid is flat
 WIDEST = 0.12  # l in units of the shell's size at most, and where it is flat
@@ -93,12 +92,6 @@ def layer_length(case: Case, curvature: float, layer: float, size: float) -> flo
     if not curvature:
         return WIDEST * size
     return min(layer * math.sqrt(case.material.thickness / curvature), WIDEST * size)
-
-
-def surface_size(case: Case) -> float:
-    """Return the largest distance from the middle of the surface, metres."""
-    sample = case.surface.position(case.surface.domain.grid(SURFACE_SAMPLES, SURFACE_SAMPLES)).reshape(-1, 3)
-    return float(np.linalg.norm(sample - sample.mean(axis=0), axis=1).max())
 
 
 def strongest_curvature(case: Case, points: Array | None = None) -> float:

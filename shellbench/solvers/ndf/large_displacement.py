@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from torch import Tensor
@@ -22,7 +22,7 @@ from shellbench.problems.shell.path_end import cut_short
 from shellbench.problems.shell.quantities import CriticalPoint, DisplacementQuantity
 from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.ndf.buckling import follow_steps
-from shellbench.solvers.ndf.build import FieldSpec, Resolution, build_ansatz
+from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
 from shellbench.solvers.ndf.continuation import (
     PathEndsError,
     arc_length_steps,
@@ -30,35 +30,18 @@ from shellbench.solvers.ndf.continuation import (
     load_steps,
 )
 from shellbench.solvers.ndf.edited import states_of_edit
-from shellbench.solvers.ndf.energy import exploits, rigid_part
+from shellbench.solvers.ndf.energy import exploits
 from shellbench.solvers.ndf.equilibrium import Deformed, NotConvergedError, PathProblem
 from shellbench.solvers.ndf.factors import turns, why_not_turned
-from shellbench.solvers.ndf.field import Features, Field
-from shellbench.solvers.ndf.jets import Array
 from shellbench.solvers.ndf.newton import PathState, equilibrium
 from shellbench.solvers.ndf.path_challenge import challenged, prescribed
-from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
-from shellbench.solvers.ndf.sampled import Combined
+from shellbench.solvers.ndf.quadrature import area_rule
+from shellbench.solvers.ndf.rungs import Rung, disagreement, state_solution
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
-from shellbench.solvers.ndf.supports import check_balance, point_supports
+from shellbench.solvers.ndf.supports import check_balance
 
 SETTLED = 2e-4  # relative change of the certified energy from rung to rung; the finer one lacks far less
 RIGID = 1e-6  # component of a rotation among the rigid motions left free that is rounding
-
-
-@dataclass(frozen=True)
-class Rung:
-    """Features with the two rules that their energy is integrated with, and the points these are graded toward.
-
-    `resolution` tells challengers how finely the features are drawn.
-    """
-
-    features: Features
-    rule: RuleSpec
-    fine: RuleSpec
-    focal: Array
-    resolution: Resolution
-    trained: int = 0
 
 
 def why_not_followed(case: Case) -> str | None:
@@ -350,33 +333,3 @@ class _Run:
     def _field(self, state: PathState) -> NdfSolution:
         """Return the solution of a state, its energies left out."""
         return state_solution(self.problem, self.rung, self.solver, state)
-
-
-def state_solution(problem: PathProblem, rung: Rung, solver: str, state: PathState) -> NdfSolution:
-    """Return the solution of a state of a path, its energies left out."""
-    features, combined, case = rung.features, problem.features, problem.ansatz.case
-    output = state.weights.view(3, -1)
-    if isinstance(combined, Combined):
-        output = output @ combined.combine.T
-    spec = problem.spec.model_copy(update={"t": state.t})
-    field = Field(build_ansatz(case, spec), features, output, output.new_zeros(6))
-    rule = area_rule(case.surface.domain, rung.focal, rung.rule)
-    supports = point_supports(case, state.t)
-    # Where all is prescribed there is no basis, and no point is held.
-    held = -problem.basis.held.T @ state.deformed.residual if supports else output.new_zeros(0)
-    return NdfSolution(
-        case=case,
-        solver=solver,
-        spec=spec,
-        field=field.less_rigid(rigid_part(field, rule)),
-        rule=rung.fine,
-        membrane=float("nan"),
-        bending=float("nan"),
-        parameters=0 if case.prescribed else output.numel() + rung.trained,
-        point_forces=tuple(held[: len(supports)].tolist()),
-    )
-
-
-def disagreement(trained: Deformed, certified: Deformed, rounding: float) -> float:
-    """Return that of two potential energies, relative to what they are made of, or to one that is rounding, J."""
-    return abs(trained.potential - certified.potential) / max(certified.magnitude, rounding)

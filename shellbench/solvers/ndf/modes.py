@@ -38,8 +38,9 @@ from shellbench.solvers.ndf.build import (
     resolution,
 )
 from shellbench.solvers.ndf.equilibrium import Basis, PathProblem
-from shellbench.solvers.ndf.field import Field, deep_random_features
+from shellbench.solvers.ndf.field import Field
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement
+from shellbench.solvers.ndf.network import deep_random_features
 from shellbench.solvers.ndf.quadrature import area_rule
 from shellbench.solvers.ndf.refinement import SAFETY, SLOWEST, Level, first_level, next_level, unsettled
 from shellbench.solvers.ndf.ritz_settings import RitzSettings

@@ -42,9 +42,10 @@ from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.history import moving_uncertainty
 from shellbench.problems.shell.measure import measure
-from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, side_lengths
+from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
 from shellbench.solvers.ndf.energy import exploits
 from shellbench.solvers.ndf.field import Features
+from shellbench.solvers.ndf.geometry import side_lengths
 from shellbench.solvers.ndf.jets import Array
 from shellbench.solvers.ndf.motion_problem import Energies, Motion
 from shellbench.solvers.ndf.motion_solution import Course, MotionSolution

@@ -19,10 +19,10 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import GravityLoad
 from shellbench.solvers.ndf.build import build_features, build_inputs
 from shellbench.solvers.ndf.conditioned_settings import ConditionedSettings
-from shellbench.solvers.ndf.field import random_features
 from shellbench.solvers.ndf.jets import D1, D2, VALUE, Array, Placement
 from shellbench.solvers.ndf.motion import Rung, degree_of, prepared
 from shellbench.solvers.ndf.motion_problem import Motion
+from shellbench.solvers.ndf.network import random_features
 from shellbench.solvers.ndf.ritz_field import field_spec
 from shellbench.solvers.ndf.ritz_settings import RitzSettings
 from shellbench.solvers.ndf.sampled import POINTS, Combined, Sampled, scales, widest

@@ -31,11 +31,12 @@ import torch
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, side_lengths
+from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
 from shellbench.solvers.ndf.factors import edge_factor
-from shellbench.solvers.ndf.field import Network
+from shellbench.solvers.ndf.geometry import side_lengths
 from shellbench.solvers.ndf.inputs import Inputs
 from shellbench.solvers.ndf.jets import D1, D2, D11, D22, VALUE, Array, Placement, product
+from shellbench.solvers.ndf.network import Network
 from shellbench.solvers.ndf.quadrature import line_rule
 from shellbench.solvers.ndf.sampled import COMPONENTS, PERIOD, degrees, orthonormal
 from shellbench.solvers.ndf.supports import edge_supports

@@ -2,7 +2,7 @@
 
 Adam moves every weight by about its learning rate whatever the gradient, so omega0 (W h + b) is trained differently
 from (omega0 W) h + omega0 b: here the weights are those of Sitzmann et al. (2020), and omega0 is multiplied into them
-only when the trained field becomes a `shellbench.solvers.ndf.field.Network` on the inputs of this package.
+only when the trained field becomes a `shellbench.solvers.ndf.network.Network` on the inputs of this package.
 
 Also here: a sine layer on second-order jets with its backward pass written by hand.
 
@@ -50,7 +50,7 @@ from shellbench.problems.shell.places import Edge, Point
 from shellbench.solvers.ndf.build import FieldSpec
 from shellbench.solvers.ndf.choices import Pins
 from shellbench.solvers.ndf.factors import BoundaryFactors, Lift
-from shellbench.solvers.ndf.field import Ansatz, Network
+from shellbench.solvers.ndf.field import Ansatz
 from shellbench.solvers.ndf.geometry import contravariant_basis_jet
 from shellbench.solvers.ndf.inputs import Inputs
 from shellbench.solvers.ndf.jets import (
@@ -68,6 +68,7 @@ from shellbench.solvers.ndf.jets import (
     matrix_product,
     smooth_activation,
 )
+from shellbench.solvers.ndf.network import Network
 
 
 def sine_layer(h: Tensor, weight: Tensor, bias: Tensor, omega: float) -> Tensor:

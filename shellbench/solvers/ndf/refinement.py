@@ -25,11 +25,12 @@ from shellbench.problems.shell.quantities import (
     PotentialEnergy,
 )
 from shellbench.problems.shell.solution import ShellSolution
-from shellbench.solvers.ndf.build import Resolution, is_flat, side_lengths
+from shellbench.solvers.ndf.build import Resolution, is_flat
 from shellbench.solvers.ndf.corners import held_corners
-from shellbench.solvers.ndf.field import Network, random_features
+from shellbench.solvers.ndf.geometry import side_lengths
 from shellbench.solvers.ndf.inputs import Inputs, edge_layers, foci
 from shellbench.solvers.ndf.jets import Array, Placement
+from shellbench.solvers.ndf.network import Network, random_features
 from shellbench.solvers.ndf.quadrature import RuleSpec
 
 SAFETY = 2.0  # of stated uncertainties, chosen before any error was seen

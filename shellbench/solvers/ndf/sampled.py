@@ -27,10 +27,11 @@ from torch import Tensor
 
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf.build import side_lengths
-from shellbench.solvers.ndf.field import Ansatz, Network
+from shellbench.solvers.ndf.field import Ansatz
+from shellbench.solvers.ndf.geometry import side_lengths
 from shellbench.solvers.ndf.inputs import Inputs
 from shellbench.solvers.ndf.jets import D1, D2, VALUE, Array, Placement
+from shellbench.solvers.ndf.network import Network
 from shellbench.solvers.ndf.quadrature import Rule, RuleSpec, area_rule
 from shellbench.solvers.ndf.strain_measures import GRADIENTS, Undeformed, gradients_through
 
@@ -68,7 +69,7 @@ class Combined:
     stiffness: Tensor | None = None
 
     def __post_init__(self) -> None:
-        # as in `shellbench.solvers.ndf.field.Network`; eigenvectors come column by column
+        # as in `shellbench.solvers.ndf.network.Network`; eigenvectors come column by column
         object.__setattr__(self, "combine", self.combine.contiguous())
 
     @property

@@ -22,9 +22,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from shellbench.solvers.ndf.field import Network
 from shellbench.solvers.ndf.jets import VALUE
 from shellbench.solvers.ndf.layers import Layer, flatten_layers, through_activation
+from shellbench.solvers.ndf.network import Network
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
+from torch import Tensor
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
@@ -28,7 +30,7 @@ from shellbench.problems.shell.features import narrow_division
 from shellbench.problems.shell.places import SIDES, Edge, Point
 from shellbench.problems.shell.rigid import free_motions, rigid_modes
 from shellbench.solvers.ndf.choices import Slopes
-from shellbench.solvers.ndf.jets import Array
+from shellbench.solvers.ndf.jets import Array, Placement
 from shellbench.solvers.ndf.quadrature import Rule, RuleSpec, edge_rule, ends_of, rule_on_parts
 
 EDGE_SAMPLES = 33  # points of an edge at which its normal is looked at
@@ -231,3 +233,24 @@ def check_balance(case: Case, rule: Rule, spec: RuleSpec, focal: Array, t: float
     if np.linalg.norm(work) > BALANCE * largest:
         motion = RIGID_MOTIONS[int(np.argmax(np.abs(free @ work)))]
         raise InputError(f"case '{case.name}': the loads are not in balance: nothing holds the shell against {motion}")
+
+
+class Factors(Protocol):
+    """What multiplies the network so that supports are held."""
+
+    def matrix(self, points: Array, placement: Placement) -> Tensor:
+        """Return the jet (6, N, 3, 3) of M at points (N, 2)."""
+        ...
+
+
+class Lifting(Protocol):
+    """What moves the supports as prescribed."""
+
+    @property
+    def moves(self) -> bool:
+        """Whether any support is moved at all."""
+        ...
+
+    def jet(self, points: Array, placement: Placement) -> Tensor:
+        """Return the jet (6, N, 3) of the lift at points (N, 2)."""
+        ...

@@ -42,14 +42,15 @@ from shellbench.solvers.ndf.challenge import stated
 from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.edited import checked_start, start_of_path
 from shellbench.solvers.ndf.energy import certify, concentrated, energy_gap, exploits, rigid_part
-from shellbench.solvers.ndf.field import Ansatz, Features, Field, Network, deep_random_features
+from shellbench.solvers.ndf.field import Ansatz, Features, Field
 from shellbench.solvers.ndf.first_order import train_by_adam
 from shellbench.solvers.ndf.jets import VALUE, Placement, smooth_activation
-from shellbench.solvers.ndf.large_displacement import Rung
 from shellbench.solvers.ndf.motion_solution import MotionSolution, load_solution
+from shellbench.solvers.ndf.network import Network, deep_random_features
 from shellbench.solvers.ndf.quadrature import area_rule
 from shellbench.solvers.ndf.ritz_field import strain_of
 from shellbench.solvers.ndf.ritz_settings import RitzSettings
+from shellbench.solvers.ndf.rungs import Rung
 from shellbench.solvers.ndf.sampled import scales
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.solve import point_constraints

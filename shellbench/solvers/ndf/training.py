@@ -22,7 +22,7 @@ from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import Case
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, focal_points, is_flat
 from shellbench.solvers.ndf.energy import concentrated
-from shellbench.solvers.ndf.field import Ansatz, Features, Network, deep_random_features, random_features
+from shellbench.solvers.ndf.field import Ansatz, Features
 from shellbench.solvers.ndf.gauss_newton import (
     Energy,
     Quadratic,
@@ -36,6 +36,7 @@ from shellbench.solvers.ndf.gauss_newton import (
     unflatten,
 )
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement
+from shellbench.solvers.ndf.network import Network, deep_random_features, random_features
 from shellbench.solvers.ndf.quadrature import RuleSpec
 from shellbench.solvers.ndf.sketch import Sketch
 from shellbench.solvers.ndf.solve import solve_output

@@ -27,8 +27,8 @@ from shellbench.problem import NumberFormat, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import shortened
 from shellbench.solvers.ndf.build import FieldSpec
-from shellbench.solvers.ndf.field import Network
 from shellbench.solvers.ndf.jets import activation
+from shellbench.solvers.ndf.network import Network
 from shellbench.solvers.ndf.quadrature import RuleSpec
 
 

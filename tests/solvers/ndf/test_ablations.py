@@ -9,8 +9,9 @@ from shellbench.bench.catalog import find_suite, known_values, named_case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.measure import measure
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
-from shellbench.solvers.ndf.field import Field, Network, random_features
+from shellbench.solvers.ndf.field import Field
 from shellbench.solvers.ndf.jets import D11, D12, D22, VALUE, Placement
+from shellbench.solvers.ndf.network import Network, random_features
 from shellbench.solvers.ndf.published_solver import PublishedSettings
 from shellbench.solvers.ndf.quadrature import RuleSpec
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver

@@ -24,8 +24,8 @@ from shellbench.solvers.ndf.conditioned_published_solver import (
     ConditionedPublishedSolver,
 )
 from shellbench.solvers.ndf.energy import concentrated, normal_equations
-from shellbench.solvers.ndf.field import random_features
 from shellbench.solvers.ndf.jets import Placement
+from shellbench.solvers.ndf.network import random_features
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.reduced import stiffness_rates, stiffnesses
 from tests.solvers.ndf.conditioned import missed, small_field

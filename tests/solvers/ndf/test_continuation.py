@@ -10,8 +10,8 @@ from shellbench.load_curve import Curve
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, graded_points
 from shellbench.solvers.ndf.continuation import PathEndsError, arc_length_steps, displacement_steps, load_steps
 from shellbench.solvers.ndf.equilibrium import PathProblem
-from shellbench.solvers.ndf.field import random_features
 from shellbench.solvers.ndf.jets import Placement
+from shellbench.solvers.ndf.network import random_features
 from shellbench.solvers.ndf.quadrature import RuleSpec
 from tests.solvers.ndf.shells import shell, support
 

@@ -11,7 +11,6 @@ from shellbench.errors import InputError
 from shellbench.solvers.ndf import jets
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
 from shellbench.solvers.ndf.declines import why_declined
-from shellbench.solvers.ndf.field import Network, random_features, siren
 from shellbench.solvers.ndf.jets import (
     ACTIVATIONS,
     D1,
@@ -24,6 +23,7 @@ from shellbench.solvers.ndf.jets import (
     activation,
     smooth_activation,
 )
+from shellbench.solvers.ndf.network import Network, random_features, siren
 from tests.families import with_something_new
 
 PLACEMENT = Placement()

@@ -11,9 +11,9 @@ from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.measure import measure
 from shellbench.solvers.ndf import motion
 from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs
-from shellbench.solvers.ndf.field import random_features
 from shellbench.solvers.ndf.jets import Placement
 from shellbench.solvers.ndf.motion_solution import MotionSolution
+from shellbench.solvers.ndf.network import random_features
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.sampled import scales, widest
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings

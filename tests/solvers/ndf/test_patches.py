@@ -6,8 +6,9 @@ import torch
 
 from shellbench.solvers.ndf import patches
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
-from shellbench.solvers.ndf.field import Field, Network
+from shellbench.solvers.ndf.field import Field
 from shellbench.solvers.ndf.jets import Placement
+from shellbench.solvers.ndf.network import Network
 from shellbench.solvers.ndf.patches import Recovery
 from shellbench.solvers.ndf.resultants import resultants
 from tests.solvers.ndf.shells import MATERIAL, shell, support

@@ -11,8 +11,8 @@ from shellbench.errors import InputError
 from shellbench.problem import answerable, declined_quantities
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
 from shellbench.solvers.ndf.energy import mirrored
-from shellbench.solvers.ndf.field import random_features
 from shellbench.solvers.ndf.jets import Placement, from_derivatives
+from shellbench.solvers.ndf.network import random_features
 from shellbench.solvers.ndf.quadrature import RuleSpec
 from shellbench.solvers.ndf.reaction import edge_moments
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver

@@ -17,8 +17,8 @@ from shellbench.solvers.ndf import static
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, unevenness
 from shellbench.solvers.ndf.corners import EXPONENTS, CornerPowers, held_corners
 from shellbench.solvers.ndf.energy import concentrated, normal_equations
-from shellbench.solvers.ndf.field import random_features
 from shellbench.solvers.ndf.jets import D1, D2, D11, D12, D22, VALUE, Placement
+from shellbench.solvers.ndf.network import random_features
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule, line_rule, panel_ends
 from shellbench.solvers.ndf.refinement import (
     CORNER_CUTS,

@@ -15,9 +15,10 @@ from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features
 from shellbench.solvers.ndf.continuation import PathEndsError, load_steps
 from shellbench.solvers.ndf.declines import violations, why_declined
 from shellbench.solvers.ndf.equilibrium import NotConvergedError, PathProblem
-from shellbench.solvers.ndf.field import Field, random_features
+from shellbench.solvers.ndf.field import Field
 from shellbench.solvers.ndf.jets import D1, D2, VALUE, Placement
 from shellbench.solvers.ndf.motion_solution import load_solution
+from shellbench.solvers.ndf.network import random_features
 from shellbench.solvers.ndf.newton import PathState, equilibrium
 from shellbench.solvers.ndf.quadrature import RuleSpec
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver

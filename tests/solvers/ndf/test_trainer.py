@@ -15,9 +15,9 @@ from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.ndf import training
 from shellbench.solvers.ndf.build import FieldSpec, resolution
 from shellbench.solvers.ndf.challenge import joined_features, last_gain
-from shellbench.solvers.ndf.field import Network
 from shellbench.solvers.ndf.gauss_newton import energy_gradient, flatten, forward, jacobian, quadratic_model, unflatten
 from shellbench.solvers.ndf.jets import Placement
+from shellbench.solvers.ndf.network import Network
 from shellbench.solvers.ndf.refinement import first_level
 from shellbench.solvers.ndf.solve import point_constraints
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
