@@ -22,6 +22,7 @@ from shellbench.solvers.ndf import (
     buckling,
     equilibrium,
     factors,
+    integration,
     large_displacement,
     motion,
     motion_problem,
@@ -261,7 +262,9 @@ FAULTS = [
     Fault("published strains", STRIP, "centre_x_250ms", ndf_strain("published")),
     Fault("a hinge that leaks", STRIP, "centre_z_250ms", leak(0.01, 0.01, 0.01)),
     Fault("a hinge that leaks upward", STRIP, "kinetic_energy_250ms", leak(0.0, 0.0, 0.01)),
-    Fault("steps of first order", STRIP, "total_energy_250ms", lambda p: p.setattr(motion, "DOP853", SymplecticEuler)),
+    Fault(
+        "steps of first order", STRIP, "total_energy_250ms", lambda p: p.setattr(integration, "DOP853", SymplecticEuler)
+    ),
     Fault("wrong Poisson ratio", TWIST, "torque_50mrad", wrong_poisson),
     Fault("membrane stiffness 1 % off", TWIST, "torque_50mrad", stiffness("membrane_stiffness", 1.01)),
     Fault("rims that turn too little", TWIST, "torque_50mrad", otherwise_held(turned_too_little, *STATIC)),

@@ -79,8 +79,11 @@ NDF = Target(
     (
         ("__init__|.*_solver|.*_settings|choices|weights|checkpoint|build", SETTINGS),
         ("declines|refusal|certificate", CHECKS),
-        ("published.*|trainer|training|gauss_newton|sketch|layers|soft", "ndf-ritz trains nothing and has no soft supports"),
-        ("resolution|lengths|refinement|continuation|newton|large_displacement|motion", CONTROL),
+        (
+            "published.*|trainer|training.*|gauss_newton|sketch|layers|soft",
+            "ndf-ritz trains nothing and has no soft supports",
+        ),
+        ("resolution|lengths|refinement|continuation|newton|large_displacement|motion|integration", CONTROL),
         ("corners|inputs", TRIALS),
     ),
 )
@@ -228,8 +231,10 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
         DRAWN_ONLY + "; sizes of files",
     ),
     ("ndf.solve", r"(RegularisedInverse|HeldInverse)\..*", EQUATION, "factorisations with a jitter, refined"),
-    ("ndf.static", r"solve|_without_challengers|Solved\.challenged", CHOICE, "levels of ever more features"),
-    ("ndf.static", r"Answer\.missed|_stated|_unrecovered", STATEMENT, "the uncertainty of a linear shell's answer"),
+    ("ndf.static", r"solve|_without_challengers", CHOICE, "levels of ever more features"),
+    ("ndf.answer", r"Solved\.challenged", CHOICE, "levels of ever more features"),
+    ("ndf.answer", r"Answer\.missed", STATEMENT, "the uncertainty of a linear shell's answer"),
+    ("ndf.static", r"_stated|_unrecovered", STATEMENT, "the uncertainty of a linear shell's answer"),
     # the question
     ("problems.kinks", r".*", CHOICE, "where meshes and panels get lines, or a refusal"),
     ("problems.solving", r".*", RECORD, "how solvers take a case: no mechanics"),

@@ -219,7 +219,7 @@ def certified(ansatz: Ansatz, splines: Splines, spec: RuleSpec, weights: Array) 
 
 @dataclass(frozen=True)
 class Answer:
-    """One level's answer: see `shellbench.solvers.ndf.static.Answer`."""
+    """One level's answer: see `shellbench.solvers.ndf.answer.Answer`."""
 
     solution: SplineSolution
     potential: float

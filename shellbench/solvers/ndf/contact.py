@@ -60,12 +60,12 @@ from shellbench.solvers.ndf.refinement import (
     uncertainties,
     unsettled,
 )
+from shellbench.solvers.ndf.ritz_field import with_settings
 from shellbench.solvers.ndf.ritz_settings import RitzSettings
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
 from shellbench.solvers.ndf.signs import Signs, jitter_share, refusal, rounding_energy, unseen_turning
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.solve import JITTER, HeldInverse, OutputLayer, held_part, potential_energy, spread
-from shellbench.solvers.ndf.static import with_settings
 
 STRAIGHT = 0.02  # of a side: spread of an edge of contact along its line
 LOOKED, ROWS = 501, 9  # points of a line on which an edge of contact is looked for, and lines

@@ -13,7 +13,8 @@ import torch
 
 from shellbench.errors import SolveFailure
 from shellbench.solvers.ndf.gauss_newton import energy_gradient, flatten, unflatten
-from shellbench.solvers.ndf.training import Plan, Quadratures, Report, Trained, TrainingProblem, agree
+from shellbench.solvers.ndf.training import Plan, Report, agree
+from shellbench.solvers.ndf.training_problem import Quadratures, Trained, TrainingProblem
 
 RECORD = 25  # iterations between two looks at the check points
 

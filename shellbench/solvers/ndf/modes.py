@@ -43,12 +43,12 @@ from shellbench.solvers.ndf.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.network import deep_random_features
 from shellbench.solvers.ndf.quadrature import area_rule
 from shellbench.solvers.ndf.refinement import SAFETY, SLOWEST, Level, first_level, next_level, unsettled
+from shellbench.solvers.ndf.ritz_field import with_settings
 from shellbench.solvers.ndf.ritz_settings import RitzSettings
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
 from shellbench.solvers.ndf.sampled import elastic_form
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.solve import SAME_ROW
-from shellbench.solvers.ndf.static import with_settings
 from shellbench.solvers.ndf.supports import check_balance
 
 Integers = NDArray[np.int64]

@@ -24,7 +24,8 @@ from shellbench.problems.shell.solution import time_reached
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_inputs
 from shellbench.solvers.ndf.field import Ansatz, Features, Field
 from shellbench.solvers.ndf.jets import VALUE, Array
-from shellbench.solvers.ndf.motion_problem import Energies, Motion
+from shellbench.solvers.ndf.motion_parts import Energies
+from shellbench.solvers.ndf.motion_problem import Motion
 from shellbench.solvers.ndf.network import Network
 from shellbench.solvers.ndf.products import KEPT as PRODUCTS
 from shellbench.solvers.ndf.products import Products

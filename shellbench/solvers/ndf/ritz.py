@@ -33,13 +33,12 @@ from shellbench.solvers.ndf.motion_solution import MotionSolution, load_solution
 from shellbench.solvers.ndf.network import Network, random_features
 from shellbench.solvers.ndf.path_challenge import SETTLED
 from shellbench.solvers.ndf.products import product_features, why_no_products
-from shellbench.solvers.ndf.ritz_field import field_spec
+from shellbench.solvers.ndf.ritz_field import field_spec, with_settings
 from shellbench.solvers.ndf.ritz_settings import RitzSettings
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
 from shellbench.solvers.ndf.rungs import Rung
 from shellbench.solvers.ndf.sampled import LONG_ORDER, LONG_SHARE, placed_features, scales
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
-from shellbench.solvers.ndf.static import with_settings
 from shellbench.solvers.ndf.supports import edge_supports
 
 

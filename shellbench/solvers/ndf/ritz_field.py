@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
 from shellbench.solvers.ndf import large_displacement
-from shellbench.solvers.ndf.build import FieldSpec
+from shellbench.solvers.ndf.build import FieldSpec, Resolution
 from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.jets import activation, smooth_activation
 from shellbench.solvers.ndf.ritz_settings import RitzSettings
@@ -49,3 +51,15 @@ def strain_of(case: Case, strain: StrainName | None) -> StrainName:
     if case.linear and strain not in (None, "linear"):
         raise InputError(f"case '{case.name}' is of the linear theory: setting strain = \"{strain}\" does not fit it")
     return strain or ("linear" if case.linear else "exact")
+
+
+def with_settings(usual: Resolution, settings: RitzSettings) -> Resolution:
+    """Return a resolution with what settings fix."""
+    rule = replace(usual.rule, panels=settings.panels or usual.rule.panels, order=settings.order or usual.rule.order)
+    return replace(
+        usual,
+        neurons=settings.neurons or usual.neurons,
+        scale=settings.scale or usual.scale,
+        stretched_scale=settings.stretched_scale or usual.stretched_scale,
+        rule=rule,
+    )

@@ -27,6 +27,7 @@ from shellbench.problem import Progress, ProgressCallback, Solution, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad
 from shellbench.solvers.ndf import large_displacement, modes, motion
+from shellbench.solvers.ndf.answer import displacement_values
 from shellbench.solvers.ndf.build import (
     FieldSpec,
     build_features,
@@ -54,25 +55,21 @@ from shellbench.solvers.ndf.rungs import Rung
 from shellbench.solvers.ndf.sampled import scales
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.solve import point_constraints
-from shellbench.solvers.ndf.static import displacement_values
 from shellbench.solvers.ndf.supports import check_balance, point_supports
 from shellbench.solvers.ndf.trainer_settings import TrainerSettings
 from shellbench.solvers.ndf.trainer_solver import NdfSolver
 from shellbench.solvers.ndf.training import (
     CERTIFICATE,
-    FINAL_ORDER,
     MIRRORED_SCALES,
     MIXED_SCALES,
     SINGULAR_SCALES,
     Plan,
-    Quadratures,
-    Trained,
-    TrainingProblem,
     default_plan_widths,
     first_state,
     train,
     trusted,
 )
+from shellbench.solvers.ndf.training_problem import FINAL_ORDER, Quadratures, Trained, TrainingProblem
 
 SERVES = 10.0  # certified gain by challengers, in units of the tolerance of training, up to which a start's layers do
 ITERATIONS, MIXED_ITERATIONS = 3, 2  # by certified energy for the time: a mixed start leaves less to training

@@ -9,7 +9,7 @@ import torch
 from shellbench.bench.catalog import named_case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.measure import measure
-from shellbench.solvers.ndf import motion
+from shellbench.solvers.ndf import integration, motion
 from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs
 from shellbench.solvers.ndf.jets import Placement
 from shellbench.solvers.ndf.motion_solution import MotionSolution
@@ -205,7 +205,7 @@ def test_rungs_are_climbed_until_the_motion_stands_still():
 
 
 def test_a_motion_that_needs_too_many_steps_ends_with_what_was_done(monkeypatch):
-    monkeypatch.setattr(motion, "Stepping", partial(motion.Stepping, most_steps=6))
+    monkeypatch.setattr(motion, "Stepping", partial(integration.Stepping, most_steps=6))
     with pytest.raises(
         SolveFailure, match=r"needs more than 6 time steps; the last time reached is 0\.\d+ s"
     ) as caught:
@@ -229,9 +229,9 @@ def test_forces_that_are_no_numbers_end_a_motion_with_what_was_done():
         return (acceleration * float("nan"), power) if t > 0.05 else (acceleration, power)
 
     object.__setattr__(run, "accelerate", breaks)
-    track = motion.Track()
-    with pytest.raises(motion.StuckError, match="can't be cut any further"), torch.no_grad():
-        for _ in motion.integrate(run, case.states, motion.Stepping(), track):
+    track = integration.Track()
+    with pytest.raises(integration.StuckError, match="can't be cut any further"), torch.no_grad():
+        for _ in integration.integrate(run, case.states, integration.Stepping(), track):
             pass
     assert 0.02 < track.times[-1] <= 0.05
     assert all(np.isfinite(np.concatenate(known)).all() for known, _ in track.states)

@@ -5,10 +5,10 @@ import pytest
 import torch
 
 from shellbench.errors import InputError
-from shellbench.solvers.ndf import motion, ritz
+from shellbench.solvers.ndf import integration, motion, ritz
 from shellbench.solvers.ndf.build import FieldSpec, build_inputs
 from shellbench.solvers.ndf.jets import Placement
-from shellbench.solvers.ndf.motion_problem import Table
+from shellbench.solvers.ndf.motion_parts import Table
 from shellbench.solvers.ndf.products import Products, product_features, why_no_products
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.sampled import LONG_SHARE
@@ -168,7 +168,7 @@ def test_features_that_are_added_change_neither_displacement_nor_velocity_nor_en
     smooth = coarse.features.degrees < 5
     parts = [coarse.unknowns((drawn(3 * len(smooth), k, 1e-3).view(3, -1) * smooth).reshape(-1)) for k in (0, 1)]
     z = np.concatenate([*parts, [0.7]])
-    carried = motion.carried(coarse, fine, z, 0.1)
+    carried = integration.carried(coarse, fine, z, 0.1)
     assert len(carried) == 2 * fine.basis.size + 1
     assert carried[-1] == 0.7
     states = []

@@ -13,7 +13,8 @@ import torch
 from shellbench.bench.catalog import known_values, named_case
 from shellbench.problems.shell.measure import measure_all
 from shellbench.problems.shell.surface import Domain
-from shellbench.solvers.ndf import static
+from shellbench.solvers.ndf import answer, static
+from shellbench.solvers.ndf.answer import Answer, Solved
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, unevenness
 from shellbench.solvers.ndf.corners import EXPONENTS, CornerPowers, held_corners
 from shellbench.solvers.ndf.energy import concentrated, normal_equations
@@ -36,7 +37,6 @@ from shellbench.solvers.ndf.refinement import (
 )
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.solve import JITTER
-from shellbench.solvers.ndf.static import Answer, Solved
 from tests.solvers.ndf.shells import shell, support
 
 ALL = ("xi1_min", "xi1_max", "xi2_min", "xi2_max")
@@ -121,11 +121,11 @@ def test_infinite_moments_at_corners_are_met():
 @pytest.mark.long
 def test_uncertainties_tell_what_regularisation_takes(monkeypatch):
     """A level of 1e-6 takes more than features of other kinds, as regularised, tell of."""
-    usual, steps = static.solve_part, static.STEPS_LEFT
+    usual, steps = static.solve_part, answer.STEPS_LEFT
     monkeypatch.setattr(static, "solve_part", lambda *given, level=JITTER: usual(*given, level=1e6 * level))
     known = known_values("scordelis_lo").judge("strain_energy", "kirchhoff-love-linear").value
     for left, told in ((steps + 6, True), (0.0, False)):  # without steps, only challengers tell
-        monkeypatch.setattr(static, "STEPS_LEFT", left)
+        monkeypatch.setattr(answer, "STEPS_LEFT", left)
         solution = solve("scordelis_lo")
         missed = abs(measure_all(solution)["strain_energy"] / known - 1)
         assert (missed <= SAFETY * solution.diagnostics["challenge_gain"]) == told
@@ -149,7 +149,7 @@ def test_tails_follow_the_last_gains():
 )
 def test_the_answer_is_the_regularisation_of_least_certified_energy(monkeypatch, energies, best, told):
     """Planted: each step of regularisation changes a value by 1e-3, and energy as said."""
-    monkeypatch.setattr(static, "STEPS_LEFT", 3.7)
+    monkeypatch.setattr(answer, "STEPS_LEFT", 3.7)
     solution, still = SimpleNamespace(case=named_case("square_plate")), np.zeros((4, 3))
     answers = tuple(
         Answer(solution, energy, 1.0, None, {"centre_deflection": 1e-3 * k}, still, None)

@@ -12,7 +12,7 @@ from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Step
 from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.measure import measure_all
-from shellbench.solvers.ndf import training
+from shellbench.solvers.ndf import training, training_problem
 from shellbench.solvers.ndf.build import FieldSpec, resolution
 from shellbench.solvers.ndf.challenge import joined_features, last_gain
 from shellbench.solvers.ndf.gauss_newton import energy_gradient, flatten, forward, jacobian, quadratic_model, unflatten
@@ -21,7 +21,8 @@ from shellbench.solvers.ndf.network import Network
 from shellbench.solvers.ndf.refinement import first_level
 from shellbench.solvers.ndf.solve import point_constraints
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
-from shellbench.solvers.ndf.training import Plan, TrainingProblem, first_state, train
+from shellbench.solvers.ndf.training import Plan, first_state, train
+from shellbench.solvers.ndf.training_problem import TrainingProblem
 from tests.alike import REPEATED, alike, same_tensors
 
 SOLVER = NdfSolver()
@@ -206,8 +207,8 @@ def test_steps_into_nonsense_are_refused(monkeypatch):
 
 
 def test_an_exploited_quadrature_is_a_failed_run(monkeypatch):
-    monkeypatch.setattr(training, "LEAST_POINTS", 16)
-    monkeypatch.setattr(training, "POINTS", 0.5)
+    monkeypatch.setattr(training_problem, "LEAST_POINTS", 16)
+    monkeypatch.setattr(training_problem, "POINTS", 0.5)
     with pytest.raises(SolveFailure, match="quadrature"):
         SOLVER.solve(catalog.named_case("scordelis_lo"), TrainerSettings(widths=(80,)))
 
