@@ -35,7 +35,7 @@ class Target:
     Attributes
     ----------
     folders
-        Of the package; modules in folders below are not meant.
+        Of the package; modules in folders below are meant where it ends with `**`.
     excluded
         Patterns of stems of modules that are left out, each with the reason.
     """
@@ -47,7 +47,7 @@ class Target:
 
     def modules(self) -> list[str]:
         """Return the modules by name, sorted."""
-        paths = (path for folder in self.folders for path in sorted((ROOT / folder).glob("*.py")))
+        paths = (path for folder in self.folders for path in sorted(ROOT.glob(f"{folder}/*.py")))
         return [module_of(path) for path in paths if self.why_excluded(path.stem) is None]
 
     def why_excluded(self, stem: str) -> str | None:
@@ -64,7 +64,7 @@ CHECKS = "it refuses, and solves nothing"
 FEM = Target(
     "fem",
     ("fem",),
-    ("shellbench/solvers/fem",),
+    ("shellbench/solvers/fem/**",),
     (
         ("__init__|solver|(conditioned_)?settings|choices", SETTINGS),
         ("solving|refinement|convergence|continuation|large_displacement|motion|corners", CONTROL),
@@ -75,7 +75,7 @@ FEM = Target(
 NDF = Target(
     "ndf-ritz",
     ("ndf-ritz",),
-    ("shellbench/solvers/ndf",),
+    ("shellbench/solvers/ndf/**",),
     (
         ("__init__|.*_solver|.*_settings|choices|weights|checkpoint|build", SETTINGS),
         ("declines|refusal|certificate", CHECKS),
