@@ -257,7 +257,7 @@ def load_motion(path: Path, solver: str) -> TrainedMotion:
 
 @dataclass(frozen=True)
 class MotionTraining:
-    """A case in motion and settings with all that is made of them; see `shellbench.solvers.ndf.published.Training`."""
+    """A case in motion and settings with all that is made of them; see `published.Training`."""
 
     solver: str
     key: str
@@ -288,7 +288,7 @@ class MotionTraining:
         return {primary.name: measure(self._solution(siren), primary)}
 
     def certify(self, siren: Siren) -> dict[str, float]:
-        """See `shellbench.solvers.ndf.published.Training`; a functional in space and time is found at the end alone."""
+        """See `published.Training`; a functional in space and time is found at the end alone."""
         return {}
 
     def released(self, solution: Solution) -> Siren | None:
@@ -320,7 +320,7 @@ class MotionTraining:
         )
 
     def why_no_answer(self, solution: Solution) -> str | None:
-        """See `shellbench.solvers.ndf.published.Training`; the functional takes the place of the energy."""
+        """See `published.Training`; the functional takes the place of the energy."""
         fine, rest = (float(solution.diagnostics[f"{which}_functional"]) for which in ("fine", "rest"))
         loaded = bool(self.sampler.ansatz.case.loads) and rest == 0.0
         return why_collapsed(fine, [(step.iteration, step.energy) for step in solution.history], rest, loaded)

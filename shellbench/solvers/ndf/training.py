@@ -47,7 +47,7 @@ DRAWS = 3  # of directions among which no step was certified, one after the othe
 
 @dataclass(frozen=True)
 class Plan:
-    """What training may do; see `shellbench.solvers.ndf.trainer_settings.TrainerSettings` for what each setting is for.
+    """What training may do; see `TrainerSettings` for what each setting is for.
 
     Attributes
     ----------

@@ -151,7 +151,7 @@ class CaseHeader(Model):
 
 
 class Header(CaseHeader):
-    """All that a file says beside its tensors; see `shellbench.solvers.ndf.solution.NdfSolution` for the fields."""
+    """All that a file says beside its tensors; see `NdfSolution` for the fields."""
 
     format: Literal["shellbench-ndf-1"] = "shellbench-ndf-1"
     spec: FieldSpec
