@@ -1,20 +1,13 @@
-"""Kinds of problem by name, found through the entry-point group ``shellbench.problems``.
-
-The portrait of a record's problem: what a report can ask it, whatever its kind.
-"""
+"""Kinds of problem by name, found through the entry-point group ``shellbench.problems``."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterable, Mapping
-from functools import cache, lru_cache
+from collections.abc import Iterable, Mapping
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
-from shellbench.bench.record import Record
 from shellbench.bench.registry import SolverEntry, registered
 from shellbench.errors import InputError
 from shellbench.model import read_toml
@@ -120,20 +113,6 @@ def problem_of(data: Mapping[str, Any]) -> Problem:
         If its kind is not installed.
     """
     return kind_of(data).problem.model_validate(data)
-
-
-def portrait_of(record: Record) -> Portrait | None:
-    """Return the portrait of the problem that a record answers; None if it can't be read any more."""
-    try:
-        kind = kind_of(record.case)
-        return _portrait(kind.problem, kind.portrait, json.dumps(record.case))
-    except (ValidationError, InputError):
-        return None
-
-
-@lru_cache(maxsize=256)  # a report asks hundreds of times for the few problems of its records
-def _portrait(problem: type[Problem], portrait: Callable[[Problem], Portrait], data: str) -> Portrait:
-    return portrait(problem.model_validate(json.loads(data)))
 
 
 def portrait_of_named(case: Problem) -> Portrait:

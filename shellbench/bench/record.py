@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime
+from functools import lru_cache
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, Field, ValidationError
@@ -27,8 +28,11 @@ from shellbench.account import (
     Series,
     StateEnergies,
 )
+from shellbench.bench.kinds import kind_of
 from shellbench.errors import InputError
 from shellbench.model import LARGEST, Model, one_sentence
+from shellbench.portrait import Portrait
+from shellbench.problem import Problem
 
 SEAL = "seal"  # the key in the document of a record; no field of the record itself
 LONGEST_REASON = 4000  # characters
@@ -286,3 +290,17 @@ def shortened(reason: str) -> str:
     """Return a reason as a record can keep it: so long at most, and without halves of characters."""
     whole = reason.encode(errors="replace").decode()
     return whole if len(whole) <= LONGEST_REASON else whole[: LONGEST_REASON - 3] + "..."
+
+
+def portrait_of(record: Record) -> Portrait | None:
+    """Return the portrait of the problem that a record answers; None if it can't be read any more."""
+    try:
+        kind = kind_of(record.case)
+        return _portrait(kind.problem, kind.portrait, json.dumps(record.case))
+    except (ValidationError, InputError):
+        return None
+
+
+@lru_cache(maxsize=256)  # a report asks hundreds of times for the few problems of its records
+def _portrait(problem: type[Problem], portrait: Callable[[Problem], Portrait], data: str) -> Portrait:
+    return portrait(problem.model_validate(json.loads(data)))

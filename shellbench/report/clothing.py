@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from shellbench.bench import catalog
-from shellbench.bench.kinds import portrait_of
+from shellbench.bench.record import portrait_of
 from shellbench.bench.row import Row
 from shellbench.report.columns import Column, Line, column, frame, present, significant
 from shellbench.report.evidence import Evidence, Section, failures, given

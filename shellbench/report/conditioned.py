@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from shellbench.bench import catalog
-from shellbench.bench.kinds import portrait_of
+from shellbench.bench.record import portrait_of
 from shellbench.bench.row import Row
 from shellbench.report import panel
 from shellbench.report.columns import Column, column, count, frame, seconds, significant, solution

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from shellbench.bench.kinds import portrait_of
+from shellbench.bench.record import portrait_of
 from shellbench.bench.row import Row
 from shellbench.report import panel
 from shellbench.report.evidence import Evidence

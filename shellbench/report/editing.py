@@ -11,7 +11,7 @@ from statistics import fmean
 from typing import Any
 
 from shellbench.bench import catalog
-from shellbench.bench.kinds import portrait_of
+from shellbench.bench.record import portrait_of
 from shellbench.bench.row import Row
 from shellbench.report.columns import Column, column, count, frame, significant, words
 from shellbench.report.evidence import Evidence, Section, given

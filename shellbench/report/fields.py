@@ -18,8 +18,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from shellbench.bench.kinds import find_kind, portrait_of
-from shellbench.bench.record import Record
+from shellbench.bench.kinds import find_kind
+from shellbench.bench.record import Record, portrait_of
 from shellbench.bench.row import Row
 from shellbench.portrait import Portrait, Scene
 from shellbench.problem import Solution

@@ -14,8 +14,8 @@ import numpy as np
 import pandas as pd
 
 from shellbench.bench import catalog
-from shellbench.bench.kinds import portrait_of, portrait_of_named
-from shellbench.bench.record import Record
+from shellbench.bench.kinds import portrait_of_named
+from shellbench.bench.record import Record, portrait_of
 from shellbench.bench.row import Row
 from shellbench.portrait import Portrait
 from shellbench.report.columns import Line, Show, column, present, significant

@@ -13,8 +13,7 @@ from typing import Any
 
 from shellbench import __version__
 from shellbench.bench import catalog
-from shellbench.bench.kinds import portrait_of
-from shellbench.bench.record import Record
+from shellbench.bench.record import Record, portrait_of
 from shellbench.bench.row import Row
 from shellbench.bench.store import Say, Store, silent
 from shellbench.errors import InputError

@@ -14,8 +14,7 @@ from typing import Literal
 import numpy as np
 
 from shellbench.account import HistoryStep
-from shellbench.bench.kinds import portrait_of
-from shellbench.bench.record import Record
+from shellbench.bench.record import Record, portrait_of
 from shellbench.bench.row import Row
 from shellbench.report.solutions import variant_name
 

@@ -18,8 +18,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from shellbench.bench.kinds import portrait_of
-from shellbench.bench.record import Record
+from shellbench.bench.record import Record, portrait_of
 from shellbench.bench.row import Row
 from shellbench.report import panel
 from shellbench.report.columns import Column, Line, Way, column, frame, significant, solution, words

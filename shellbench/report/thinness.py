@@ -14,7 +14,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from shellbench.bench.kinds import portrait_of
+from shellbench.bench.record import portrait_of
 from shellbench.bench.suite import Study
 from shellbench.portrait import Portrait
 from shellbench.report.columns import Column, Line, column, error, present, share

@@ -13,8 +13,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from shellbench.bench import catalog
-from shellbench.bench.kinds import portrait_of
-from shellbench.bench.record import Record
+from shellbench.bench.record import Record, portrait_of
 from shellbench.bench.reference import KnownValues
 from shellbench.portrait import Along, Portrait
 from shellbench.report.evidence import Evidence

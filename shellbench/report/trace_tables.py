@@ -9,8 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from shellbench.bench.kinds import portrait_of
-from shellbench.bench.record import Record
+from shellbench.bench.record import Record, portrait_of
 from shellbench.bench.row import Row
 from shellbench.portrait import Portrait
 from shellbench.report.columns import (

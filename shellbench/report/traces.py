@@ -17,8 +17,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from shellbench.account import HistoryStep
-from shellbench.bench.kinds import portrait_of
-from shellbench.bench.record import Record
+from shellbench.bench.record import Record, portrait_of
 from shellbench.bench.reference import KnownValue, KnownValues, Role
 from shellbench.bench.row import Row
 from shellbench.load_curve import Curve

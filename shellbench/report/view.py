@@ -24,8 +24,7 @@ from matplotlib import colormaps
 from matplotlib.colors import to_hex
 from numpy.typing import NDArray
 
-from shellbench.bench.kinds import portrait_of
-from shellbench.bench.record import Record
+from shellbench.bench.record import Record, portrait_of
 from shellbench.errors import ShellbenchError
 from shellbench.portrait import Portrait
 from shellbench.report.evidence import Evidence
