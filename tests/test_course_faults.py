@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from shellbench.bench import catalog
-from shellbench.bench.compare import gated_quantities
 from shellbench.bench.expected import Scope
 from shellbench.bench.gate import Verdict
+from shellbench.bench.listing import gated_quantities
 from shellbench.bench.plan import Request, first_look, make_plan
 from shellbench.bench.record import Measured, Record
 from shellbench.bench.store import Contents, Store

@@ -9,9 +9,9 @@ import pytest
 from shellbench import cli
 from shellbench.bench import catalog, kinds, registry
 from shellbench.bench.baseline import read_baseline
-from shellbench.bench.identity import make_settings, parse_setting
 from shellbench.bench.pack import read_pack
 from shellbench.bench.reference import read_known_values
+from shellbench.bench.settings import make_settings, parse_setting
 from shellbench.bench.store import Store
 from shellbench.errors import InputError
 from shellbench.files import read_file

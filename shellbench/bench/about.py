@@ -8,11 +8,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from shellbench.bench import catalog
-from shellbench.bench.compare import gated_quantities
 from shellbench.bench.kinds import find_kind
-from shellbench.bench.listing import list_solver, list_suite, run_words
-from shellbench.bench.outside import asked, described
-from shellbench.bench.plan import declines
+from shellbench.bench.listing import gated_quantities, list_solver, list_suite, run_words
+from shellbench.bench.outside import asked, declines, described
 from shellbench.bench.reference import KnownValue, Tolerance, claimed
 from shellbench.bench.registry import SolverEntry, solver_entries
 from shellbench.errors import InputError

@@ -15,6 +15,7 @@ from typing import Any, Literal
 
 from shellbench.bench import catalog
 from shellbench.bench.current import CurrentRun, CurrentRuns, case_of_planned, current_runs, overrides_of
+from shellbench.bench.listing import gated_quantities
 from shellbench.bench.planned import DID_NOT_END, not_ended, read_planned
 from shellbench.bench.record import Record
 from shellbench.bench.reference import KnownValue, KnownValues, Tolerance, allowed_by_file
@@ -177,11 +178,6 @@ def planned_rows(task: Task) -> list[Row]:
         )
         for quantity in judged or [case.primary]
     ]
-
-
-def gated_quantities(case: Problem, solver: str) -> list[Quantity]:
-    """Return what a tolerance is frozen for of a solver's answer to one of the suite's own cases."""
-    return [q for q in case.quantities if catalog.tolerance(case.name, q.name, solver) is not None]
 
 
 def without_record(

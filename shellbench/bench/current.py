@@ -21,10 +21,11 @@ from pydantic import ValidationError
 
 from shellbench.bench import catalog
 from shellbench.bench.environment import engine_distribution
-from shellbench.bench.identity import current_source, difference, with_overrides
+from shellbench.bench.identity import current_source
 from shellbench.bench.kinds import kind_name, problem_of
 from shellbench.bench.record import Record
 from shellbench.bench.registry import solver_entries
+from shellbench.bench.settings import difference, with_overrides
 from shellbench.bench.store import Contents
 from shellbench.bench.suite import SuiteRun
 from shellbench.bench.task import Task

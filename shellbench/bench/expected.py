@@ -11,10 +11,11 @@ from typing import Literal
 
 from shellbench.bench import catalog
 from shellbench.bench.classes import judged_by_class, judged_quantities
-from shellbench.bench.compare import gated_quantities, row_of, without_record
+from shellbench.bench.compare import row_of, without_record
 from shellbench.bench.current import CurrentRun, CurrentRuns
-from shellbench.bench.outside import asked
-from shellbench.bench.plan import FIRST_SEED, declines
+from shellbench.bench.listing import gated_quantities
+from shellbench.bench.outside import asked, declines
+from shellbench.bench.plan import FIRST_SEED
 from shellbench.bench.registry import find_solver
 from shellbench.bench.row import Row
 from shellbench.errors import InputError, PluginError

@@ -16,10 +16,11 @@ from shellbench.bench import catalog
 from shellbench.bench.baseline import Baseline, cost_findings, make_baseline, regression_finding
 from shellbench.bench.calibration import Calibration, calibration_findings, calibrations
 from shellbench.bench.classes import Grade, grades, judged_by_class, strangers
-from shellbench.bench.compare import asked_cases, beyond, gated_quantities, rows_and_notes, without_record
+from shellbench.bench.compare import asked_cases, beyond, rows_and_notes, without_record
 from shellbench.bench.conformance import read_conformance, why_unchecked
 from shellbench.bench.current import CurrentRuns, current_runs, declared_by, overrides_of
 from shellbench.bench.expected import Scope, expected_of_strangers, expected_runs
+from shellbench.bench.listing import gated_quantities
 from shellbench.bench.lock import LockCheck, check_lock
 from shellbench.bench.planned import DID_NOT_END, read_planned
 from shellbench.bench.reference import Tolerances, claimed

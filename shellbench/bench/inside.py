@@ -26,9 +26,9 @@ from pydantic import ValidationError
 
 from shellbench.bench import kinds
 from shellbench.bench.facts import facts_of
-from shellbench.bench.identity import make_settings
 from shellbench.bench.line import Line
 from shellbench.bench.registry import SolverEntry, load_solver
+from shellbench.bench.settings import make_settings
 from shellbench.errors import InputError, SolveFailure
 from shellbench.model import one_sentence
 from shellbench.problem import Kind, Problem, Solver, declined_quantities

@@ -14,6 +14,7 @@ from shellbench.bench import catalog
 from shellbench.bench.outside import described
 from shellbench.bench.registry import SolverEntry, solver_entries
 from shellbench.errors import InputError, ShellbenchError
+from shellbench.problem import Problem, Quantity
 
 WIDTH = 110  # characters
 
@@ -128,3 +129,8 @@ def _table(title: str, *columns: str) -> Table:
 def run_words(run: dict[str, Any]) -> str:
     """Return what tables call a run of a suite."""
     return f"{run['solver']} {run['label']}".strip()
+
+
+def gated_quantities(case: Problem, solver: str) -> list[Quantity]:
+    """Return what a tolerance is frozen for of a solver's answer to one of the suite's own cases."""
+    return [q for q in case.quantities if catalog.tolerance(case.name, q.name, solver) is not None]

@@ -25,13 +25,13 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from shellbench.bench import registry
 from shellbench.bench.facts import facts_of
-from shellbench.bench.identity import make_settings
 from shellbench.bench.registry import SolverEntry, load_solver
+from shellbench.bench.settings import make_settings
 from shellbench.bench.source import locate, look_up
 from shellbench.bench.subject import NoAnswer, Refused, Subject
 from shellbench.errors import InputError, PluginError
 from shellbench.model import one_sentence
-from shellbench.problem import Capabilities, Device, Problem, SeededSettings, Settings, Solver
+from shellbench.problem import Capabilities, Device, Problem, SeededSettings, Settings, Solver, why_declined
 from shellbench.sample import Sample
 
 SECONDS = 60.0  # in which it has to be imported, and to answer each question
@@ -257,7 +257,7 @@ class AskedSolver:
         return self.facts.uses_start
 
     def settings(self, overrides: Mapping[str, Any], seed: int, device: str) -> Settings:
-        """Return its settings, as `shellbench.bench.identity.make_settings` does."""
+        """Return its settings, as `shellbench.bench.settings.make_settings` does."""
         kind = KnownSeededSettings if self.facts.seeded else KnownSettings
         return outsider("solver", self.entry).ask(kind, "settings", dict(overrides), seed, device)
 
@@ -294,7 +294,7 @@ def asked(entry: SolverEntry) -> Solver | AskedSolver:
 
 
 def settings_of(solver: Solver | AskedSolver, overrides: Mapping[str, Any], seed: int, device: str) -> Settings:
-    """Return a solver's settings; see `shellbench.bench.identity.make_settings`."""
+    """Return a solver's settings; see `shellbench.bench.settings.make_settings`."""
     if isinstance(solver, AskedSolver):
         return solver.settings(overrides, seed, device)
     return make_settings(solver, overrides, seed, device)
@@ -304,3 +304,10 @@ def described(entry: SolverEntry) -> dict[str, Any]:
     """Return what a solver says of itself; raises as `asked`."""
     found = asked(entry)
     return found.facts.model_dump() if isinstance(found, AskedSolver) else facts_of(found)
+
+
+def declines(solver: Solver | AskedSolver, case: Problem) -> str | None:
+    """Return why a solver can't take a case, or None if it can."""
+    if case.theory not in solver.capabilities.theories:
+        return f"it does not solve {case.theory}"
+    return solver.declines(case) if isinstance(solver, AskedSolver) else why_declined(solver, case)

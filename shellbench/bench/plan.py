@@ -20,15 +20,16 @@ from shellbench.bench import catalog
 from shellbench.bench.current import newest, run_key
 from shellbench.bench.earlier import START, Earlier
 from shellbench.bench.environment import engine_distribution, environment
-from shellbench.bench.identity import dump_settings, make_identity
-from shellbench.bench.outside import AskedSolver, asked, settings_of
+from shellbench.bench.identity import make_identity
+from shellbench.bench.outside import AskedSolver, asked, declines, settings_of
 from shellbench.bench.record import ANSWERED, NOT_SETTLED, Environment, Record
 from shellbench.bench.registry import SolverEntry, find_solver
+from shellbench.bench.settings import dump_settings
 from shellbench.bench.store import Contents
 from shellbench.bench.suite import SuiteRun
 from shellbench.bench.task import Task, case_data, new_run_id
 from shellbench.errors import InputError
-from shellbench.problem import VARIANT, Problem, SeededSettings, Solver, why_declined
+from shellbench.problem import VARIANT, Problem, SeededSettings, Solver
 
 DEFAULT_SUITE = "obstacle_course"
 FIRST_SEED = 0
@@ -233,13 +234,6 @@ def make_plan(
         notes=notes,
         seen=max((record.sequence or 0 for record in contents.records), default=0),
     )
-
-
-def declines(solver: Solver | AskedSolver, case: Problem) -> str | None:
-    """Return why a solver can't take a case, or None if it can."""
-    if case.theory not in solver.capabilities.theories:
-        return f"it does not solve {case.theory}"
-    return solver.declines(case) if isinstance(solver, AskedSolver) else why_declined(solver, case)
 
 
 def _check_start(start: Earlier | None, solvers: Mapping[str, Solver | AskedSolver]) -> None:

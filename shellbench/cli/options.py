@@ -120,7 +120,7 @@ def warn(sentences: tuple[str, ...]) -> None:
 
 def settings_of(texts: Sequence[str] | None) -> dict[str, dict[str, Any]]:
     """Return settings by solver from what `--set` was given; InputError if one is malformed."""
-    from shellbench.bench.identity import parse_setting
+    from shellbench.bench.settings import parse_setting
 
     given: dict[str, dict[str, Any]] = {}
     for text in texts or ():

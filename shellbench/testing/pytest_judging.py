@@ -15,11 +15,12 @@ from pathlib import Path
 from typing import Any
 
 from shellbench.bench import catalog
-from shellbench.bench.compare import gated_quantities, near_zero, row_of, without_record
+from shellbench.bench.compare import near_zero, row_of, without_record
 from shellbench.bench.current import CurrentRun, newest, run_key
 from shellbench.bench.display import Silent
 from shellbench.bench.environment import cores, threads
 from shellbench.bench.execute import execute
+from shellbench.bench.listing import gated_quantities
 from shellbench.bench.local import LocalProcesses
 from shellbench.bench.plan import FIRST_SEED, Request, make_plan
 from shellbench.bench.record import ANSWERED, Record

@@ -19,9 +19,9 @@ from rich.status import Status as Spinner
 from rich.text import Text
 
 from shellbench.bench.catalog import find_case
-from shellbench.bench.identity import parse_setting
 from shellbench.bench.kinds import DEFAULT
 from shellbench.bench.registry import SolverEntry, find_solver
+from shellbench.bench.settings import parse_setting
 from shellbench.bench.store import Store
 from shellbench.bench.subject import NoAnswer, Refused, Respondent
 from shellbench.errors import InputError

@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 
 from shellbench.bench import catalog, environment
-from shellbench.bench.identity import parse_setting
 from shellbench.bench.kinds import problem_of
 from shellbench.bench.plan import Plan, Request, make_plan, wanted_runs
 from shellbench.bench.registry import find_solver, load_solver, solver_entries
 from shellbench.bench.remote import unfit
+from shellbench.bench.settings import parse_setting
 from shellbench.bench.store import Contents, Store
 from shellbench.bench.task import Task
 from shellbench.errors import InputError
