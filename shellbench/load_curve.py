@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.problem import Step
+from shellbench.protocol.solution import Step
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline

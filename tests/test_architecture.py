@@ -28,6 +28,7 @@ BASE = {
     "sample",
     "portrait",
     "problem",
+    "protocol",
     "load_curve",
     "known",
     "shown",

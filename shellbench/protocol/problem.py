@@ -1,0 +1,202 @@
+"""Problems: what is put to solvers. A kind of problem derives its own from this one."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+
+from pydantic import Field, ValidationError, model_validator
+
+from shellbench.errors import InputError
+from shellbench.known import Known, check_known
+from shellbench.model import LONGEST_TITLE, Model, Name, check_sizes, one_sentence, read_toml
+from shellbench.protocol.quantity import FULL, Quantity
+from shellbench.shown import case_html
+
+VARIANT = "@"  # between a case's name and its variant's
+
+
+CaseName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*(@[a-z]+)?$", max_length=80)]
+
+
+class Problem(Model):
+    """A question that is put to solvers.
+
+    A kind of problem derives its own from this class, with the fields that its file has; `quantities` is one of them.
+
+    Attributes
+    ----------
+    name
+        Stem of the file; records and known values refer to it. A file does not give it.
+    kind
+        Kind of problem: the name of its entry point.
+    title
+        One line, for tables and figures.
+    description
+        What is asked and where it comes from, in prose.
+    suites
+        Suites that the case belongs to; a case of your own needs none.
+    units
+        Units of the file: SI unless it says otherwise (text for tables; nothing is converted).
+    theory
+        Which theory the answer is asked for: known values of another theory do not judge it.
+    known
+        What its quantities should be, in a user's own case only: those of our cases are in references/.
+    """
+
+    not_physics: ClassVar[frozenset[str]] = frozenset({"name", "title", "description", "suites", "units", "known"})
+    not_physics_of_a_quantity: ClassVar[frozenset[str]] = frozenset(
+        {"description", "unit", "primary", "tolerance", "absolute", "open_finding"}
+    )
+
+    name: CaseName
+    kind: str
+    title: str = Field(max_length=LONGEST_TITLE)
+    description: str = ""
+    units: str = "SI"
+    suites: tuple[Name, ...] = ()
+    theory: str
+    known: tuple[Known, ...] = ()
+
+    if TYPE_CHECKING:
+
+        @property
+        def quantities(self) -> Sequence[Quantity]:
+            """What is asked."""
+            ...
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read and check a file.
+
+        Raises
+        ------
+        InputError
+            In one sentence with the file, the field, what was found and what is allowed.
+        """
+        return cls.build(read_toml(path), name=path.stem, where=str(path))
+
+    @classmethod
+    def build(cls, data: Mapping[str, Any], name: str, where: str) -> Self:
+        """Make a problem of parsed data; `where` stands at the start of error messages."""
+        if "name" in data:
+            raise InputError(f"{where}: field 'name' is not known here; a case is named by its file")
+        if VARIANT in name:
+            raise InputError(f"{where}: a case's name can't contain '{VARIANT}', which stands before a variant's")
+        whole = {**data, "name": name}
+        try:
+            check_sizes(whole)
+            return cls.model_validate(whole)
+        except ValidationError as error:
+            raise InputError(f"{where}: {one_sentence(error, whole)}") from None
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from None
+
+    @property
+    def base(self) -> str:
+        """Name of the case as declared: its own, unless it is a variant."""
+        return self.name.partition(VARIANT)[0]
+
+    @property
+    def primary(self) -> Quantity:
+        """The headline quantity."""
+        return next(q for q in self.quantities if q.primary)
+
+    @property
+    def states(self) -> tuple[float, ...]:
+        """Marks at which the answer is kept, increasing."""
+        return tuple(sorted({q.at for q in self.quantities if q.mark is not None}))
+
+    def quantity(self, name: str) -> Quantity:
+        """Return the quantity of this name; KeyError if there is none."""
+        for quantity in self.quantities:
+            if quantity.name == name:
+                return quantity
+        raise KeyError(name)
+
+    def mark_words(self, mark: float) -> str:
+        """Return what a mark means, such as "t = 0.25"."""
+        return f"t = {mark:.4g}"
+
+    def telling_mark(self, quantity: Quantity) -> str:
+        """Return the words for a quantity's mark; empty where all figures belong to the full load."""
+        mark = quantity.mark
+        asked = {other.mark for other in self.quantities} - {None}
+        return "" if mark is None or asked == {FULL} else self.mark_words(mark)
+
+    def physics(self) -> dict[str, Any]:
+        """Return all that an answer depends on: no tolerances, suites or prose."""
+        data = self.model_dump(mode="json", exclude=set(self.not_physics))
+        for quantity in data["quantities"]:
+            for name in self.not_physics_of_a_quantity:
+                quantity.pop(name, None)
+            if quantity["factor"] == 1.0:  # as in every case that was recorded before there were factors
+                del quantity["factor"]
+        return data
+
+    def digest(self) -> str:
+        """Return the hexadecimal SHA-256 of the physics."""
+        text = json.dumps(self.physics(), sort_keys=True, allow_nan=False)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def without(self, names: Collection[str]) -> Self:
+        """Return the same question without some of its quantities, of which none is the headline."""
+        data = self.data()
+        for part, key in (("quantities", "name"), ("known", "quantity")):
+            if part in data:
+                data[part] = [one for one in data[part] if one[key] not in names]
+        return type(self).model_validate(data)
+
+    def asked_as_well(self) -> Self | None:
+        """Return the same question with data that say as much; None if its data leave no choice.
+
+        How far the answers are apart is the data's share of the uncertainty, as of a surface that was fitted to points.
+        """
+        return None
+
+    @property
+    def remark(self) -> str:
+        """A clause on what is to be known of every answer to it; empty if nothing is."""
+        return ""
+
+    def drifts(self, solution: Any) -> Mapping[str, float]:
+        """Return how far values that have no limit move with a solver's resolution, by quantity, before its factor.
+
+        They are added to the uncertainties that a solver states. One of more than a hundredth of its value makes the
+        answer not settled.
+        """
+        return {}
+
+    @property
+    def undecided(self) -> str | None:
+        """Return why no solution of it counts as settled, as one clause: what in its data nobody can tell; or None."""
+        return None
+
+    def check_state(self, at: float) -> None:
+        """Raise InputError if no solution can be asked at this mark."""
+
+    def data(self) -> dict[str, Any]:
+        """Return the problem as JSON data from which it can be made again."""
+        return self.model_dump(mode="json", exclude_unset=True)
+
+    def shown(self) -> dict[str, Any]:
+        """Return the problem's data as far as a reader looks at them."""
+        return self.data()
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows."""
+        return case_html(self)
+
+    @model_validator(mode="after")
+    def _one_quantity_is_primary(self) -> Self:
+        names = [quantity.name for quantity in self.quantities]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"two of them are called '{name}': quantity names must differ")
+        if sum(q.primary for q in self.quantities) != 1:
+            raise ValueError("exactly one quantity must be primary")
+        check_known(self.known, names)
+        return self

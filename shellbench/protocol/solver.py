@@ -1,0 +1,130 @@
+"""Solvers: how a solver says what it can do, takes its settings and answers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Literal, Protocol
+
+from pydantic import Field, ValidationInfo, field_validator
+from pydantic_core import PydanticKnownError
+
+from shellbench.model import Model
+from shellbench.protocol.problem import Problem
+from shellbench.protocol.solution import ProgressCallback, Solution
+
+Device = Literal["cpu", "cuda"]
+
+
+class Settings(Model):
+    """Settings of a solver that computes the same answer every time.
+
+    A setting called `checkpoint`, a folder or None, says where an interrupted solve is kept to go on from; the
+    bench gives one. Settings that can't change the answer, like that one, are declared with `exclude=True`:
+    they are no part of a run's identity.
+    """
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _is_true_or_false(cls, value: Any, info: ValidationInfo) -> Any:
+        field = cls.model_fields.get(info.field_name or "")
+        if field is not None and field.annotation is bool and not isinstance(value, bool):
+            raise PydanticKnownError("bool_type")
+        return value
+
+
+class SeededSettings(Settings):
+    """Settings of a solver whose answer depends on a seed; it may run on an accelerator."""
+
+    seed: int = Field(0, ge=0, le=2**31 - 1, strict=True, description="seed of the random numbers")
+    device: Device = Field("cpu", description="where to run")
+
+
+@dataclass(frozen=True)
+class Capabilities:
+    """What a solver can do.
+
+    Attributes
+    ----------
+    theories
+        Theories that it solves.
+    devices
+        Where it runs.
+    label
+        One line for tables: what the solver is, honestly.
+    """
+
+    theories: tuple[str, ...]
+    label: str
+    devices: tuple[Device, ...] = ("cpu",)
+
+
+class Solver(Protocol):
+    """Something that solves problems.
+
+    Attributes
+    ----------
+    name
+        Name on the command line and in records.
+    capabilities
+        What it can do.
+    settings_type
+        Its settings: a subclass of `Settings`, or of `SeededSettings` if a seed matters.
+    """
+
+    name: ClassVar[str]
+    capabilities: ClassVar[Capabilities]
+    settings_type: ClassVar[type[Settings]]
+
+    def declines(self, case: Any) -> str | None:
+        """Return why the solver can't take this problem, as one clause, or None if it can.
+
+        A solver that takes the problem but can't give one of its quantities has the optional method
+        ``declines_quantity(case, quantity) -> str | None``, which returns why not. The quantity is recorded as
+        declined, and all others are asked; see `answerable`.
+        """
+        ...
+
+    def solve(
+        self,
+        case: Any,
+        settings: Any,
+        start: Solution | Path | None = None,
+        progress: ProgressCallback | None = None,
+    ) -> Solution:
+        """Solve the problem.
+
+        `start` is an earlier solution, or a checkpoint file of an interrupted solve, to go on from; a solver that can't
+        refuses it by InputError, in one sentence.
+
+        Raises
+        ------
+        SolveFailure
+            If no trustworthy answer was reached; what had converged comes with it.
+        InputError
+            If the settings or `start` do not fit the case.
+        """
+        ...
+
+    def load(self, path: Path) -> Solution:
+        """Read a solution that `Solution.save` wrote."""
+        ...
+
+
+def declined_quantities(solver: object, case: Problem) -> dict[str, str]:
+    """Return why a solver can't give each quantity of a case that it declines, by name; empty if it gives all."""
+    ask = getattr(solver, "declines_quantity", None)
+    if ask is None:
+        return {}
+    return {q.name: why for q in case.quantities if (why := ask(case, q)) is not None}
+
+
+def why_declined(solver: Solver, case: Problem) -> str | None:
+    """Return why a solver can't take a case, as one clause: the case itself, or its headline; None if it can."""
+    return solver.declines(case) or declined_quantities(solver, case).get(case.primary.name)
+
+
+def answerable(solver: Solver, case: Problem) -> tuple[Problem, dict[str, str]]:
+    """Return a case without the quantities that a solver declines, and why it declines each, by name."""
+    declined = declined_quantities(solver, case)
+    return (case.without(declined) if declined else case), declined
