@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog, worker
+from shellbench.bench import catalog, measuring, worker
 from shellbench.bench.expected import Scope
 from shellbench.bench.gate import Verdict, gate
 from shellbench.bench.kinds import find_kind, kind_name
@@ -34,7 +34,7 @@ def solve_and_keep(task: Task, store: Store) -> None:
     bare = replace(find_kind(kind_name(task.case)), accounts={}, studies={})
     folder = store.begin(task.run_id)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(worker, "find_kind", lambda name: bare)
+        patch.setattr(measuring, "find_kind", lambda name: bare)
         store.commit(folder, worker.run(task, folder, lambda _: None))
 
 

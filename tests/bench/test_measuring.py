@@ -14,10 +14,11 @@ import pytest
 from shellbench.account import HistoryStep, ResolutionStep
 from shellbench.bench import worker
 from shellbench.bench.environment import environment
+from shellbench.bench.measuring import FIELDS, measured, values_of, without_values, write_fields
 from shellbench.bench.record import LARGEST_RECORD, LONGEST_REASON, Identity, Record, read_document
 from shellbench.bench.store import Store
 from shellbench.bench.task import Task, case_data
-from shellbench.bench.worker import FIELDS, RECORD, measured, run, values_of, without_values, work, write_fields
+from shellbench.bench.worker import RECORD, run, work
 from shellbench.errors import SolveFailure
 from shellbench.problem import Capabilities, Settings, Step
 from shellbench.problems.shell import self_intersection

@@ -13,11 +13,11 @@ import pytest
 from shellbench.bench import catalog
 from shellbench.bench.compare import row_of
 from shellbench.bench.current import CurrentRun
+from shellbench.bench.measuring import measured
 from shellbench.bench.record import Record
 from shellbench.bench.reference import KnownValue, KnownValues
 from shellbench.bench.row import Row
 from shellbench.bench.task import case_data
-from shellbench.bench.worker import measured
 from shellbench.errors import InputError
 from shellbench.problem import Step
 from shellbench.problems.shell import sampling, self_intersection

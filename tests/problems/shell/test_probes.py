@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from shellbench.bench import catalog
-from shellbench.bench.worker import write_fields
+from shellbench.bench.measuring import write_fields
 from shellbench.problems.shell import sampling
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.sampling import PROBES, probe_fields, probes_of

@@ -9,9 +9,10 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.bench.environment import environment
+from shellbench.bench.measuring import measured
 from shellbench.bench.record import Identity, Record
 from shellbench.bench.task import Task, case_data
-from shellbench.bench.worker import measured, run
+from shellbench.bench.worker import run
 from shellbench.errors import InputError
 from shellbench.problem import Step
 from shellbench.problems.shell import self_intersection

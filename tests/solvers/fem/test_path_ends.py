@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from shellbench.bench import catalog
-from shellbench.bench.worker import measured
+from shellbench.bench.measuring import measured
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.measure import measure_all
