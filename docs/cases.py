@@ -25,8 +25,8 @@ from shellbench.bench.store import Store
 from shellbench.problem import Problem
 from shellbench.report.document import Source, read_bibliography
 from shellbench.report.exhibit import style
-from shellbench.report.fields import held_lines, point_forces, shell
 from shellbench.report.notation import escape_markdown
+from shellbench.report.pictures import held_lines, point_forces, shell
 from shellbench.report.shells import Camera, Shell, colour_bar, draw_deformed, draw_reference, scale_words
 
 ROOT = Path(__file__).parents[1]

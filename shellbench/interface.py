@@ -171,7 +171,7 @@ def picture(solution: Solution) -> Picture:
         If nothing can be drawn of such a problem, or the answer has no finite field.
     """
     from shellbench.report.exhibit import style
-    from shellbench.report.fields import shell_of
+    from shellbench.report.pictures import shell_of
     from shellbench.report.shells import shell_figure
 
     found = shell_of(solution)

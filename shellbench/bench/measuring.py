@@ -1,4 +1,8 @@
-"""What of a solution goes into a record: its values, its cost, how it came about, and fields for pictures."""
+"""What of a solution goes into a record: its values, its cost, how it came about, and fields for pictures.
+
+Each part is measured by itself: what can't be measured, such as a quantity at a state that a failed solve did not
+reach, costs nothing of the rest.
+"""
 
 from __future__ import annotations
 
@@ -21,20 +25,10 @@ from shellbench.model import LONGEST_VALUE, one_sentence
 from shellbench.problem import Problem, Solution
 
 FIELDS = "fields.npz"
-
-
 NOT_REACHED = "not_reached"  # of a solution's diagnostics: names of the quantities that it did not reach
-
-
 SOLUTION = "solution"
-
-
 DRAWS = 2.0  # one draw of noise moves an answer too little as often as too much: twice that covers 7 of 10
-
-
 UNREACHED = (InputError, ValueError)  # how a solution and its measuring say that a state was not reached
-
-
 Part = Callable[[], dict[str, Any]]
 
 

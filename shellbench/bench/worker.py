@@ -1,11 +1,6 @@
 """One run in a process of its own: solve, measure, and leave a record in the run's folder.
 
 Whatever goes wrong ends as a record with one sentence; what had converged before a failure is measured too.
-
-What a record says of a solution.
-
-Each part is measured by itself: what can't be measured, such as a quantity at a state that a failed solve did not
-reach, costs nothing of the rest.
 """
 
 from __future__ import annotations

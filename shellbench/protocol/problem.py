@@ -17,8 +17,6 @@ from shellbench.protocol.quantity import FULL, Quantity
 from shellbench.shown import case_html
 
 VARIANT = "@"  # between a case's name and its variant's
-
-
 CaseName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*(@[a-z]+)?$", max_length=80)]
 
 

@@ -10,8 +10,6 @@ from typing import Any, Literal, Protocol
 from shellbench.account import Phase
 
 NumberFormat = Literal["float64", "float32", "float16"]
-
-
 FIELDS = ("membrane_strain", "bending_strain", "membrane_energy_density", "bending_energy_density")
 """Names that a shell solution's `evaluate` knows.
 

@@ -18,8 +18,8 @@ from shellbench.errors import InputError
 from shellbench.report import document
 from shellbench.report.evidence import Evidence, Section, all_tables
 from shellbench.report.exhibit import Exhibit, data_uri, save_all
-from shellbench.report.fields import PICTURE
 from shellbench.report.notation import HTML, MARKDOWN, Notation, anchor
+from shellbench.report.pictures import PICTURE
 from shellbench.report.sections import WHOLE, Leaf, gather, leaves_of
 from shellbench.report.solutions import Known, matrix, overall, shortfalls
 from shellbench.report.table import Table

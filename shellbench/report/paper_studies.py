@@ -21,8 +21,9 @@ from shellbench.report import panel
 from shellbench.report.columns import Column, Line, column, rounded_value, share, words
 from shellbench.report.evidence import Evidence, Section, failures
 from shellbench.report.exhibit import Exhibit, Ink
-from shellbench.report.fields import drawn, read_fields
+from shellbench.report.fields import read_fields
 from shellbench.report.notation import TEXT, Notation, duration, percent, plain, quoted, rounded
+from shellbench.report.pictures import drawn
 from shellbench.report.resolution import metres, of_largest
 from shellbench.report.runs import headlines, in_order_of_cases
 from shellbench.report.shells import FEW_CELLS, Shell, aspect, colour_bar, draw_deformed, name_row

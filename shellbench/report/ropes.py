@@ -25,8 +25,9 @@ from shellbench.report.columns import Column, Line, Way, column, frame, signific
 from shellbench.report.convergence import steps_in_time
 from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.exhibit import DASHES, Dashes, Exhibit, Ink
-from shellbench.report.fields import PICTURE, Fields, pictured, read_ribbon
+from shellbench.report.fields import Fields, read_ribbon
 from shellbench.report.notation import Notation, duration, plain
+from shellbench.report.pictures import PICTURE, pictured
 from shellbench.report.rates import Rate, fitted_rate
 from shellbench.report.runs import compared, leading_rows
 from shellbench.report.solutions import grouped

@@ -39,8 +39,8 @@ from shellbench.report import (
 from shellbench.report.convergence import CONVERGENCE, convergence_exhibits
 from shellbench.report.evidence import Evidence, Maker, Section, all_tables
 from shellbench.report.exhibit import Exhibit, style
-from shellbench.report.fields import COMPOSITE, PICTURE, pictures
 from shellbench.report.newton import newton_exhibits
+from shellbench.report.pictures import COMPOSITE, PICTURE, pictures
 from shellbench.report.runs import rows_at_home, suite_title, told_apart
 from shellbench.report.solutions import Known
 from shellbench.report.table import Table

@@ -18,8 +18,9 @@ from shellbench.bench.reference import KnownValues
 from shellbench.portrait import Along, Portrait
 from shellbench.report.evidence import Evidence
 from shellbench.report.exhibit import Exhibit, Ink
-from shellbench.report.fields import Fields, drawn, read_fields, spread, states
+from shellbench.report.fields import Fields, read_fields
 from shellbench.report.film import SECONDS, film
+from shellbench.report.pictures import drawn, spread, states
 from shellbench.report.shells import Shell, scale_words, shapes_figure
 from shellbench.report.strains import INKS, STRAIN, STRAINS, SUITE, bending_energies, rolled_figure, strain_rows
 from shellbench.report.trace_figure import TIME, TracePanel, trace_figure

@@ -28,17 +28,9 @@ from shellbench.bench.record import Record, portrait_of
 from shellbench.errors import ShellbenchError
 from shellbench.portrait import Portrait
 from shellbench.report.evidence import Evidence
-from shellbench.report.fields import (
-    Fields,
-    kept_arrays,
-    near_obstacles,
-    picture_scale,
-    pictured,
-    read_fields,
-    read_ribbon,
-    spread,
-)
+from shellbench.report.fields import Fields, kept_arrays, read_fields, read_ribbon
 from shellbench.report.grids import inward
+from shellbench.report.pictures import near_obstacles, picture_scale, pictured, spread
 from shellbench.report.shells import BOTH_SIGNS, DIVERGING, SEQUENTIAL, axis_of
 
 Array = NDArray[np.float64]

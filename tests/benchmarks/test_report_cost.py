@@ -12,8 +12,8 @@ import pytest
 from shellbench.bench import store as bench
 from shellbench.problems.shell.sampling import PICTURE
 from shellbench.report.evidence import Evidence
-from shellbench.report.fields import PICTURE as SHELL
 from shellbench.report.page import write_report
+from shellbench.report.pictures import PICTURE as SHELL
 from shellbench.report.sections import exhibits
 from tests.report import conftest
 

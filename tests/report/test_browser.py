@@ -11,7 +11,8 @@ import pytest
 
 from shellbench.bench.store import Store as Records
 from shellbench.report import exhibit, fields, page, sections, shells
-from shellbench.report.fields import lead_shells, pictured, read_fields
+from shellbench.report.fields import read_fields
+from shellbench.report.pictures import lead_shells, pictured
 from shellbench.report.shells import AXES_TO_UP
 from tests.patience import GUARD, until
 from tests.report.conftest import coarse_figures

@@ -3,7 +3,8 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.report.evidence import Evidence
-from shellbench.report.fields import Fields, areas, differences, field_table
+from shellbench.report.fields import Fields, areas, differences
+from shellbench.report.whole_fields import field_table
 from tests.report.conftest import Store
 
 

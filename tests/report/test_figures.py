@@ -13,8 +13,8 @@ from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.report.convergence import GAP_LABEL, iteration_figure, refinement_figure
 from shellbench.report.exhibit import COLOURS, inks, style
-from shellbench.report.fields import picture_scale, pictured, shell
 from shellbench.report.panel import ERROR_LABEL
+from shellbench.report.pictures import picture_scale, pictured, shell
 from shellbench.report.rates import courses
 from shellbench.report.shells import Camera, Shell, course_figure, shell_figure, times, what_is_coloured
 from tests.report.conftest import COURSE, TRUTH, Store

@@ -247,7 +247,7 @@ def test_frames_have_one_view_one_scale_and_one_column_a_time(exhibits, motion):
 
 def test_a_strip_without_a_state_is_empty(motion):
     case = ShellPortrait(catalog.named_case("free_fall"))
-    from shellbench.report.fields import shell
+    from shellbench.report.pictures import shell
 
     one = shell(record_of(motion, case.name, "fem"), motion.folder)
     with style():
@@ -323,7 +323,7 @@ def test_frames_of_a_row_fit_a_page():
 
 
 def test_what_moves_as_a_block_is_coloured_evenly(motion):
-    from shellbench.report.fields import shell
+    from shellbench.report.pictures import shell
     from shellbench.report.shells import shell_figure
 
     one = shell(record_of(motion, "free_fall", "fem"), motion.folder)

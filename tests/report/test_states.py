@@ -5,9 +5,11 @@ import pytest
 
 from shellbench.report.evidence import Evidence
 from shellbench.report.exhibit import style
-from shellbench.report.fields import MOST_SHOWN, field_table, read_fields, spread, states
+from shellbench.report.fields import read_fields
+from shellbench.report.pictures import MOST_SHOWN, spread, states
 from shellbench.report.shells import shapes_figure
 from shellbench.report.trace_exhibits import path_exhibits
+from shellbench.report.whole_fields import field_table
 from tests.report.test_paths import BEAM, run_of
 
 

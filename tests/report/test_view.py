@@ -9,7 +9,8 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.report.evidence import Evidence
-from shellbench.report.fields import pictured, read_fields
+from shellbench.report.fields import read_fields
+from shellbench.report.pictures import pictured
 from shellbench.report.view import (
     COARSE,
     FINE,
