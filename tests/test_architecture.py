@@ -21,6 +21,7 @@ BASE = {
     "",
     "errors",
     "files",
+    "disk",
     "nearest",
     "model",
     "engine",

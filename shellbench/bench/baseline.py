@@ -18,7 +18,7 @@ from pydantic import Field, ValidationError
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Finding, Row
-from shellbench.bench.store import said_plainly
+from shellbench.disk import said_plainly
 from shellbench.errors import InputError
 from shellbench.files import read_file
 from shellbench.model import Finite, Model, Name, one_sentence

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
 
-from shellbench.bench.store import said_plainly
+from shellbench.disk import said_plainly
 
 try:
     import fcntl

@@ -32,8 +32,9 @@ from shellbench.bench.environment import THREADS
 from shellbench.bench.execute import Ended, Event, Progressed, Started
 from shellbench.bench.record import Environment, read_document
 from shellbench.bench.remote import run_task
-from shellbench.bench.store import Store, said_plainly
+from shellbench.bench.store import Store
 from shellbench.bench.task import Task
+from shellbench.disk import said_plainly
 from shellbench.errors import InputError, ShellbenchError
 from shellbench.files import read_file
 from shellbench.model import MAX_BYTES

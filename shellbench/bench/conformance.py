@@ -18,7 +18,8 @@ from shellbench.bench.identity import current_source
 from shellbench.bench.kinds import kind_name
 from shellbench.bench.record import SEAL, Digest, Record, sealed
 from shellbench.bench.registry import SolverEntry
-from shellbench.bench.store import Store, said_plainly
+from shellbench.bench.store import Store
+from shellbench.disk import said_plainly
 from shellbench.model import Model
 
 FOLDER = ".conformance"

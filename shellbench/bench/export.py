@@ -23,7 +23,8 @@ from shellbench.bench.kinds import find_kind
 from shellbench.bench.outside import AskedSolver, asked
 from shellbench.bench.record import ANSWERED
 from shellbench.bench.registry import find_solver
-from shellbench.bench.store import Say, Store, said_plainly, silent
+from shellbench.bench.store import Say, Store, silent
+from shellbench.disk import said_plainly
 from shellbench.errors import InputError, ShellbenchError
 from shellbench.sample import Sample
 

@@ -17,9 +17,10 @@ from typing import Any
 from shellbench.bench.execute import Ended, Event, Progressed, Started
 from shellbench.bench.process import GARBLED, STARTING, ServerProcess, is_overdue, worked
 from shellbench.bench.record import LARGEST_RECORD, Record, read_document
-from shellbench.bench.store import Store, StoreError, said_plainly
+from shellbench.bench.store import Store
 from shellbench.bench.task import Task
 from shellbench.bench.worker import DISK_FULL, RECORD, REFUSED
+from shellbench.disk import StoreError, said_plainly
 from shellbench.errors import InputError
 from shellbench.problem import Progress
 

@@ -14,8 +14,9 @@ from pydantic import ValidationError
 
 from shellbench.bench.current import question
 from shellbench.bench.record import Record
-from shellbench.bench.store import Store, said_plainly
+from shellbench.bench.store import Store
 from shellbench.bench.task import Task
+from shellbench.disk import said_plainly
 from shellbench.errors import InputError
 from shellbench.files import read_file
 

@@ -9,7 +9,6 @@ shared lock on it; what dead runs left behind is cleaned by the next one that fi
 from __future__ import annotations
 
 import contextlib
-import errno
 import hashlib
 import os
 import re
@@ -20,7 +19,8 @@ from pathlib import Path
 
 from shellbench.bench import catalog
 from shellbench.bench.record import LARGEST_RECORD, Record, document, read_document, readable
-from shellbench.errors import InputError, ShellbenchError
+from shellbench.disk import said_plainly
+from shellbench.errors import InputError
 from shellbench.files import read_file
 from shellbench.problem import VARIANT
 
@@ -43,10 +43,6 @@ Say = Callable[[str], None]  # takes one sentence
 
 def silent(sentence: str) -> None:
     """Say nothing."""
-
-
-class StoreError(ShellbenchError):
-    """The store can't be written: the disk is full, or it may not be."""
 
 
 @dataclass(frozen=True)
@@ -299,16 +295,3 @@ def _flush(path: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
-
-
-@contextlib.contextmanager
-def said_plainly(folder: Path, what: str = "store") -> Iterator[None]:
-    """Turn an error of the disk into one sentence about the store, or what it is."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno in {errno.ENOSPC, errno.EDQUOT}:
-            raise StoreError(f"{what} {folder}: the disk is full, so what was being written is lost") from None
-        if error.errno == errno.ENAMETOOLONG:
-            raise InputError(f"{what} {folder}: its name is too long") from None
-        raise StoreError(f"{what} {folder}: can't be written ({error.strerror or error})") from None

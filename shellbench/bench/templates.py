@@ -11,7 +11,7 @@ from pathlib import Path
 from shellbench.bench import catalog
 from shellbench.bench.kinds import DEFAULT, find_kind
 from shellbench.bench.registry import solver_entries
-from shellbench.bench.store import said_plainly
+from shellbench.disk import said_plainly
 from shellbench.errors import InputError
 from shellbench.nearest import did_you_mean
 

@@ -26,8 +26,9 @@ from shellbench.bench.plan import FIRST_SEED, Request, make_plan
 from shellbench.bench.record import ANSWERED, Record
 from shellbench.bench.reference import KnownValue, Tolerance
 from shellbench.bench.row import Colour, Finding, Row
-from shellbench.bench.store import Store, said_plainly
+from shellbench.bench.store import Store
 from shellbench.bench.task import Task
+from shellbench.disk import said_plainly
 from shellbench.errors import InputError, ShellbenchError
 from shellbench.problem import Problem, Quantity
 

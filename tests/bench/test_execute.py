@@ -17,7 +17,8 @@ from shellbench.bench.local import LocalProcesses
 from shellbench.bench.plan import Request, make_plan
 from shellbench.bench.planned import FOLDER
 from shellbench.bench.record import Record
-from shellbench.bench.store import Store, StoreError
+from shellbench.bench.store import Store
+from shellbench.disk import StoreError
 from tests.bench import strip
 from tests.bench.conftest import with_plugin, with_toys
 from tests.bench.running import behave, run

@@ -14,7 +14,8 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.bench.export import Sample, export, quadrilaterals, sample, stored_run
-from shellbench.bench.store import Store, StoreError
+from shellbench.bench.store import Store
+from shellbench.disk import StoreError
 from shellbench.errors import InputError
 from shellbench.problem import FIELDS
 from shellbench.problems.shell.kind import COMPONENTS, ENERGY_DENSITY

@@ -21,7 +21,8 @@ from shellbench.bench import store as stores
 from shellbench.bench.current import newest
 from shellbench.bench.planned import FOLDER
 from shellbench.bench.record import Record, document
-from shellbench.bench.store import Store, StoreError
+from shellbench.bench.store import Store
+from shellbench.disk import StoreError
 from shellbench.errors import InputError
 from tests.bench.running import run, run_here
 from tests.patience import GUARD
