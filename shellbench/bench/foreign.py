@@ -149,7 +149,10 @@ def kind(entry: SolverEntry) -> Kind:
 
 
 def sample(solution: Any, resolution: int, at: float | None, title: str) -> Sample:
-    """Refuse to sample a solution: where it can be loaded, `shellbench.bench.outside.AskedSolver.sample` does."""
+    """Refuse to sample a solution.
+
+    Where it can be loaded, `shellbench.bench.outside.AskedSolver.sample` samples it.
+    """
     raise InputError(f"{title}: only a solver of another package answers this kind of problem")
 
 

@@ -37,7 +37,7 @@ FINER: tuple[Finer, Finer] = ("unknowns", "time steps")
 
 @dataclass(frozen=True)
 class Probes:
-    """Displacements (j, m, 3), m, at material points (m, 2) and marks (j,); see `shellbench.bench.record.Record`."""
+    """Displacements (j, m, 3), m, at material points (m, 2) and marks (j,); see `Record`."""
 
     points: Array
     marks: Array

@@ -80,7 +80,7 @@ SAMPLES = ((0.5, 0.5), (0.25, 0.25), (0.37, 0.81), (0.7, 0.2), (0.93, 0.61))
 
 
 def kept_fields(solution: DisplacementField, case: Shell) -> dict[str, NDArray[Any]] | None:
-    """Return points, positions and displacements on a regular grid; see `shellbench.bench.record.Record.fields_file`.
+    """Return points, positions and displacements on a regular grid, see `Record.fields_file`.
 
     None if there is no finite field to keep: a path that failed at once has no state. What else a solution can't tell,
     such as energy densities, is left out.

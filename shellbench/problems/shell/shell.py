@@ -131,7 +131,7 @@ class Shell(Problem):
 
     @property
     def modal(self) -> bool:
-        """Whether modes are asked for: frequencies or buckling loads (see `shellbench.problems.shell.modes`)."""
+        """Whether modes are asked for: frequencies or buckling loads."""
         return bool(self.quantities) and isinstance(self.quantities[0], ModeQuantity)
 
     @property
