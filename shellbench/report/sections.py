@@ -20,7 +20,6 @@ from shellbench.report import (
     cost,
     editing,
     engines,
-    fields,
     kept,
     learned,
     memory,
@@ -35,6 +34,7 @@ from shellbench.report import (
     tables,
     thinness,
     trace_tables,
+    whole_fields,
 )
 from shellbench.report.convergence import CONVERGENCE, convergence_exhibits
 from shellbench.report.evidence import Evidence, Maker, Section, all_tables
@@ -71,7 +71,7 @@ MAKERS: tuple[Maker, ...] = (
     passport.section,
     kept.section,
     drawn("convergence", "Convergence", CONVERGENCE),
-    fields.section,
+    whole_fields.section,
     calibration.section,
     engines.section,
     cost.section,
