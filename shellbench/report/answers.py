@@ -13,8 +13,8 @@ from typing import Literal
 
 from shellbench.account import PrecisionStep
 from shellbench.report.ladder import ALIKE, CaseRuns, Ladder, Run
+from shellbench.report.notation import BYTES_A_POINT
 
-BYTES_A_POINT = 3 * 8  # displacement of a vertex in double precision; connectivity not counted
 LEVELS = (1e-2, 1e-3, 1e-4)  # errors at which memory is stated, relative to the largest displacement
 Kept = Literal["solved", "rounded", "mesh"]
 Measure = Literal["difference", "error"]  # of the field from the best answer; of the headline from its known value

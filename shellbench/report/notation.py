@@ -19,6 +19,7 @@ FIGURES = 6  # significant digits of a value whose uncertainty is not known
 FINEST = 1e-9  # finest relative digit worth printing: no figure here is known better
 QUOTED = 15  # significant digits in which a quoted figure survives double precision
 PERCENT_FIGURES = 2
+BYTES_A_POINT = 3 * 8  # displacement of a vertex in double precision; connectivity not counted
 SMALLEST_PLAIN_PERCENT = -4  # errors below 1e-4 % are printed with a power of ten
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 MINUS, NARROW, NO_BREAK = "\N{MINUS SIGN}", "\N{NARROW NO-BREAK SPACE}", "\N{NO-BREAK SPACE}"

@@ -13,10 +13,9 @@ from typing import Any
 import pandas as pd
 
 from shellbench.account import FrameRateStep, ResolutionStep
-from shellbench.report.answers import BYTES_A_POINT
 from shellbench.report.columns import Line, code, column, frame, present, share, words
 from shellbench.report.evidence import Evidence
-from shellbench.report.notation import Notation, byte_size, rounded
+from shellbench.report.notation import BYTES_A_POINT, Notation, byte_size, rounded
 from shellbench.report.runs import groups_alike, in_order_of_cases
 from shellbench.report.table import Note, Table
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from shellbench.bench.store import Store as Records
-from shellbench.report import exhibit, fields, page, sections, shells
+from shellbench.report import exhibit, page, sections, shells
 from shellbench.report.fields import read_fields
 from shellbench.report.pictures import lead_shells, pictured
 from shellbench.report.shells import AXES_TO_UP
@@ -60,7 +60,7 @@ def cloth_page(motion, tmp_path_factory):
     def pictures(evidence):
         return [
             exhibit.Exhibit(
-                f"{fields.PICTURE}{one.case}", one.title, "", one.title, shells.shell_figure(one), (), False
+                f"{pictures.PICTURE}{one.case}", one.title, "", one.title, shells.shell_figure(one), (), False
             )
             for one in lead_shells(pictured(evidence.records, evidence.compared), evidence.folder)
         ]

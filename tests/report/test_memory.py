@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from shellbench.bench import catalog
-from shellbench.report.answers import BYTES_A_POINT, LEVELS, answers, fewest
+from shellbench.report.answers import LEVELS, answers, fewest
 from shellbench.report.ladder import case_runs
 from shellbench.report.memory import (
     NOT_KNOWN,
@@ -18,6 +18,7 @@ from shellbench.report.memory import (
     section,
     solve_table,
 )
+from shellbench.report.notation import BYTES_A_POINT
 from tests.report.resolutions import (
     HEADLINE,
     INTERPOLATION,
