@@ -30,9 +30,9 @@ from shellbench.report.ladder import (
     spread_of,
     to_finest,
 )
-from shellbench.report.notation import TEXT, Digits, Notation, percent
+from shellbench.report.notation import Digits, Notation
 from shellbench.report.panel import FOR_SLOPES, add_legend, draw, draw_slopes, entry, finish, mark_entry, open_figure
-from shellbench.report.resolution import frame_rate_table, mesh_table, of_largest, resolution_table
+from shellbench.report.resolution import frame_rate_table, mesh_table, of_largest, resolution_table, yardstick_words
 from shellbench.report.runs import remarks_on
 from shellbench.report.table import Note, Table
 
@@ -215,26 +215,6 @@ def _exhibit(case: CaseRuns, inks: Mapping[str, Ink]) -> Exhibit | None:
         figure=consistency_figure(case, shown, inks),
         run_ids=tuple(run.record.run_id for ladder in shown for run in ladder.runs),
     )
-
-
-def yardstick_words(case: CaseRuns) -> str:
-    """Say which run all solvers are held against, why, and how well it is known."""
-    run = case.yardstick
-    if run is None:
-        return "No run kept its answer at the probes."
-    why = (
-        "of all finest runs the one with the smallest doubt (headline's error or last change of the field)"
-        if case.judged
-        else "no value is known, and of the finest runs without a seed it changed least from the resolution before it"
-        if run.row.seed is None
-        else "no value is known, and there is no run without a seed"
-    )
-    known = (
-        f"it is known to {TEXT.number(percent(case.doubt / case.scale, signed=False))} % itself"
-        if case.doubt is not None and case.scale
-        else "nothing tells how well it is known itself"
-    )
-    return f"Held against: {run.row.solver}, {run.name} ({run.unknowns} unknowns), {why}; {known}."
 
 
 def _note(case: CaseRuns) -> Note:

@@ -20,13 +20,12 @@ from shellbench.report.answers import (
     headline_size,
 )
 from shellbench.report.columns import Column, Line, Show, column, error, frame, present, words
-from shellbench.report.consistency import yardstick_words
 from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.exhibit import DASHES, Exhibit, Ink
 from shellbench.report.ladder import CaseRuns, Ladder, Run, case_runs
 from shellbench.report.notation import Notation, byte_size, quoted
 from shellbench.report.panel import add_legend, draw, entry, finish, open_figure, shade_entry
-from shellbench.report.resolution import of_largest
+from shellbench.report.resolution import of_largest, yardstick_words
 from shellbench.report.runs import remarks_on
 from shellbench.report.table import Table
 

@@ -15,7 +15,10 @@ import pandas as pd
 from shellbench.account import FrameRateStep, ResolutionStep
 from shellbench.report.columns import Line, code, column, frame, present, share, words
 from shellbench.report.evidence import Evidence
-from shellbench.report.notation import BYTES_A_POINT, Notation, byte_size, rounded
+from shellbench.report.ladder import (
+    CaseRuns,
+)
+from shellbench.report.notation import BYTES_A_POINT, TEXT, Notation, byte_size, percent, rounded
 from shellbench.report.runs import groups_alike, in_order_of_cases
 from shellbench.report.table import Note, Table
 
@@ -155,3 +158,23 @@ def of_largest(value: float, line: Line, notation: Notation) -> str:
     """Write a length in percent of the largest displacement of its line."""
     largest = line["largest_displacement"]
     return share(value / largest, line, notation) if present(largest) and largest else notation.missing
+
+
+def yardstick_words(case: CaseRuns) -> str:
+    """Say which run all solvers are held against, why, and how well it is known."""
+    run = case.yardstick
+    if run is None:
+        return "No run kept its answer at the probes."
+    why = (
+        "of all finest runs the one with the smallest doubt (headline's error or last change of the field)"
+        if case.judged
+        else "no value is known, and of the finest runs without a seed it changed least from the resolution before it"
+        if run.row.seed is None
+        else "no value is known, and there is no run without a seed"
+    )
+    known = (
+        f"it is known to {TEXT.number(percent(case.doubt / case.scale, signed=False))} % itself"
+        if case.doubt is not None and case.scale
+        else "nothing tells how well it is known itself"
+    )
+    return f"Held against: {run.row.solver}, {run.name} ({run.unknowns} unknowns), {why}; {known}."

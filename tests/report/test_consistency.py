@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from shellbench.bench import catalog
-from shellbench.report.consistency import consistency_table, section, yardstick_words
+from shellbench.report.consistency import consistency_table, section
 from shellbench.report.ladder import Probes, case_runs, difference, read_probes
-from shellbench.report.resolution import nominal_rates
+from shellbench.report.resolution import nominal_rates, yardstick_words
 from tests.report.resolutions import (
     LENGTH,
     NAPKIN,
