@@ -115,7 +115,8 @@ def test_the_report_needs_records_and_rows_alone(nonlinear, tmp_path):
     rows = tmp_path / "rows.json"
     rows.write_text(json.dumps([row.model_dump(mode="json") for row in nonlinear.rows]), encoding="utf-8")
     code = (
-        "import json, sys; from pathlib import Path; from shellbench.report import page, exhibit, shells;"
+        "import json, sys; from pathlib import Path; from shellbench.report import page;"
+        "from shellbench.report import exhibit; from shellbench.report import shells;"
         "exhibit.PRINT_DPI = exhibit.SCREEN_DPI = 30; shells.CELLS = 8;"
         "from shellbench.bench.row import Row; from shellbench.bench.store import Store;"
         "rows = [Row.model_validate(d) for d in json.loads(Path(sys.argv[2]).read_text())];"

@@ -401,7 +401,7 @@ def test_a_file_in_the_way_is_said_in_one_sentence(store, tmp_path):
 def test_reports_need_records_alone(store):
     """No solver library is imported on the way from records to the page."""
     code = (
-        "import sys; from shellbench.report import page, tables, sections; from shellbench.bench.store import Store;"
+        "import sys; from shellbench.report import page; from shellbench.report import tables; from shellbench.bench.store import Store;"
         "from pathlib import Path; import tempfile;"
         "page.write_report(Store(Path(sys.argv[1])), [], Path(tempfile.mkdtemp()));"
         "print([name for name in ('torch', 'skfem', 'shellbench.solvers.fem', 'shellbench.solvers.ndf') if name in sys.modules])"
