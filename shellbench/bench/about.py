@@ -8,13 +8,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from shellbench.bench import catalog
+from shellbench.bench.brought import claimed
 from shellbench.bench.compare import gated_quantities
 from shellbench.bench.kinds import find_kind
 from shellbench.bench.listing import list_solver, list_suite, run_words
 from shellbench.bench.outside import asked, described
 from shellbench.bench.plan import declines
-from shellbench.bench.reference import KnownValue, Tolerance, claimed
-from shellbench.bench.registry import SolverEntry, solver_entries
+from shellbench.bench.reference import KnownValue, Tolerance
+from shellbench.bench.registry import OWN, SolverEntry, solver_entries
 from shellbench.errors import InputError
 from shellbench.nearest import nearest
 from shellbench.problem import VARIANT, Problem, Quantity
@@ -64,6 +65,7 @@ def about_case(case: Problem, asked: str = "") -> Data:
         "theory": case.theory,
         "units": case.units,
         "own_case": own,
+        "package": None if own else catalog.package_of(case.name),
         "digest": case.digest(),
         "suites": list(case.suites),
         "variants": [] if VARIANT in case.name else _variants(case, asked or case.name),
@@ -94,11 +96,7 @@ def _quantity(case: Problem, quantity: Quantity, own: bool) -> Data:
     known = (
         () if own else catalog.known_values(case.name).of(quantity.name, "judge", "origin", "literature", "published")
     )
-    allowed = {
-        solver: found
-        for solver in catalog.tolerances()
-        if not own and (found := catalog.tolerance(case.name, quantity.name, solver)) is not None
-    }
+    allowed = {} if own else catalog.tolerated(case.name, quantity.name)
     return {
         "name": quantity.name,
         "kind": quantity.kind,
@@ -190,6 +188,8 @@ def _case_lines(case: Data) -> Iterator[str]:
     yield from _entry(
         "suites", _listed(case["suites"]) or ("none: it is a case of yours" if case["own_case"] else "none")
     )
+    if case["package"] not in (None, OWN):
+        yield from _entry("package", case["package"])
     yield from _entry("variants", _listed(f"{v['name']} ({v['words']})" for v in case["variants"]))
     yield from _headed("Question")
     for name, value in question(case):

@@ -1,4 +1,7 @@
-"""Where the suite's cases, suites, known values and tolerances are: in the wheel, or in the source tree."""
+"""Where cases, suites, known values and tolerances are: in the wheel or the source tree, or in other packages.
+
+What is called *own* here comes with shellbench; the rest is what other packages bring (`shellbench.bench.brought`).
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,10 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from shellbench.bench.brought import brought, distinct, suites_brought
 from shellbench.bench.kinds import find_kind, read_problem
 from shellbench.bench.reference import FOLDER, KnownValues, Tolerance, Tolerances, read_known_values, read_tolerances
+from shellbench.bench.registry import OWN
 from shellbench.bench.suite import Suite, read_suite
 from shellbench.errors import InputError
 from shellbench.model import LONGEST_TITLE, one_sentence, read_toml
@@ -35,21 +40,57 @@ def shipped_baseline() -> Path:
 
 
 def case_names() -> list[str]:
-    """Names of the suite's own cases."""
+    """Names of the suite's own cases, and of those that other packages bring."""
+    return distinct("case", own_case_names(), [(one.package, name) for one in brought() for name in one.cases])
+
+
+def own_case_names() -> list[str]:
+    """Names of the cases that come with shellbench."""
     folder = data_folder("cases")
     names = os.listdir(folder)  # noqa: PTH208 - a tenth of the time, and it is asked of every case
     return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
 
 
+def case_file(name: str) -> Path:
+    """Return the file of a case that has this name."""
+    found = (one.cases[name] for one in brought() if name in one.cases)
+    return next(found, data_folder("cases") / f"{name}.toml")
+
+
+def package_of(case: str) -> str:
+    """Return the package that a case, or a variant of it, comes with."""
+    return next((one.package for one in brought() if case.partition(VARIANT)[0] in one.cases), OWN)
+
+
+def package_of_suite(name: str) -> str:
+    """Return the package that a suite comes with."""
+    return next((package for package, of, suite in suites_brought() if of == name and not suite.extends), OWN)
+
+
 def suite_names() -> list[str]:
-    """Names of the suites."""
+    """Names of the suites, those of other packages among them."""
+    others = [(package, name) for package, name, suite in suites_brought() if suite.extends is None]
+    names = distinct("suite", own_suite_names(), others)
+    for package, name, _ in suites_brought():
+        if name not in names:
+            raise InputError(f"package {package} extends a suite '{name}', which is none")
+    return names
+
+
+def own_suite_names() -> list[str]:
+    """Names of the suites that come with shellbench."""
     return sorted(path.stem for path in (data_folder("cases") / "suites").glob("*.toml"))
 
 
 @cache
 def suites_named_by(name: str) -> tuple[str, ...]:
-    """Return the suites to which one of the suite's own cases says that it belongs; the rest of it is not checked."""
-    return tuple(map(str, read_toml(data_folder("cases") / f"{name}.toml").get("suites", ())))
+    """Return the suites to which a case says that it belongs, and those that ask it; the rest of it is not checked."""
+    return (*map(str, read_toml(case_file(name)).get("suites", ())), *_asked_by(name))
+
+
+def _asked_by(case: str) -> tuple[str, ...]:
+    """Return the suites of other packages that ask a case, which does not name them."""
+    return tuple(name for _, name, suite in suites_brought() if case in suite.cases)
 
 
 def has_case(name: str) -> bool:
@@ -71,7 +112,7 @@ def named_case(name: str) -> Problem:
     base, _, variant = name.partition(VARIANT)
     if variant:
         return variant_of(named_case(base), variant)
-    path = data_folder("cases") / f"{name}.toml"
+    path = case_file(name)
     case = read_problem(path)
     if case.known:
         raise InputError(f"{path}: field 'known' is no field of a suite's case: references/ holds it")
@@ -79,7 +120,8 @@ def named_case(name: str) -> Problem:
         if quantity.tolerance or quantity.open_finding:
             field = f"quantities.{number}.{'tolerance' if quantity.tolerance else 'open_finding'}"
             raise InputError(f"{path}: field '{field}' is no field of a suite's case: references/{FOLDER}/ holds it")
-    return case
+    more = _asked_by(name)
+    return case.model_copy(update={"suites": (*case.suites, *more)}) if more else case
 
 
 def variant_of(case: Problem, name: str) -> Problem:
@@ -138,6 +180,16 @@ def find_suite(name: str) -> Suite:
     if name not in suite_names():
         hint = did_you_mean(name, suite_names())
         raise InputError(f"unknown suite '{name}'{hint}: suites are {', '.join(suite_names())}")
+    base = [suite for _, of, suite in suites_brought() if of == name and suite.extends is None]
+    found = base[0] if base else own_suite(name)
+    for suite in (suite for _, of, suite in suites_brought() if of == name and suite.extends):
+        more = {"runs": (*found.runs, *suite.runs), "remarks": (*found.remarks, *suite.remarks)}
+        found = found.model_copy(update=more | {"order": (*found.order, *suite.order)})
+    return found
+
+
+def own_suite(name: str) -> Suite:
+    """Return a suite that comes with shellbench, without what other packages add."""
     return read_suite(data_folder("cases") / "suites" / f"{name}.toml")
 
 
@@ -209,13 +261,15 @@ def exam_version() -> int | None:
 @cache
 def known_values(case_name: str) -> KnownValues:
     """Return the known values of a case, or of that which it is a variant of; none for one that is not the suite's."""
-    path = data_folder("references") / f"{case_name.partition(VARIANT)[0]}.toml"
+    name = case_name.partition(VARIANT)[0]
+    found = (one.references(name) for one in brought() if name in one.cases)
+    path = next(found, data_folder("references") / f"{name}.toml")
     return read_known_values(path) if path.is_file() else KnownValues()
 
 
 @cache
 def tolerances() -> Mapping[str, Tolerances]:
-    """Return the frozen tolerances by solver.
+    """Return the frozen tolerances by solver: those that come with shellbench, and that the lock holds.
 
     Raises
     ------
@@ -227,7 +281,15 @@ def tolerances() -> Mapping[str, Tolerances]:
 
 
 def tolerance(case_name: str, quantity: str, solver: str) -> Tolerance | None:
-    """Return what one of the suite's own cases, or a variant of it, allows a solver; None if nothing is frozen."""
+    """Return what a case, or a variant of it, allows a solver; None if nothing is frozen."""
     base, _, variant = case_name.partition(VARIANT)
-    found = tolerances().get(solver, {}).get(base, {}).get(quantity)
+    held = next((one.tolerances for one in brought() if base in one.cases), None)
+    found = (tolerances() if held is None else held).get(solver, {}).get(base, {}).get(quantity)
     return found.of_variant(variant) if found else None
+
+
+def tolerated(case_name: str, quantity: str) -> dict[str, Tolerance]:
+    """Return what a case allows, by solver."""
+    solvers = dict.fromkeys((*tolerances(), *(solver for one in brought() for solver in one.tolerances)))
+    found = {solver: tolerance(case_name, quantity, solver) for solver in solvers}
+    return {solver: allowed for solver, allowed in found.items() if allowed}

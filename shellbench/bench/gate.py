@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 from shellbench.bench import catalog
 from shellbench.bench.baseline import Baseline, cost_findings, make_baseline, regression_finding
+from shellbench.bench.brought import claimed
 from shellbench.bench.calibration import Calibration, calibration_findings, calibrations
 from shellbench.bench.classes import Grade, grades, judged_by_class, strangers
 from shellbench.bench.compare import asked_cases, beyond, gated_quantities, rows_and_notes, without_record
@@ -22,7 +23,7 @@ from shellbench.bench.current import CurrentRuns, current_runs, declared_by, ove
 from shellbench.bench.expected import Scope, expected_of_strangers, expected_runs
 from shellbench.bench.lock import LockCheck, check_lock
 from shellbench.bench.planned import DID_NOT_END, read_planned
-from shellbench.bench.reference import Tolerances, claimed
+from shellbench.bench.reference import Tolerances
 from shellbench.bench.registry import find_solver, solver_entries
 from shellbench.bench.row import Finding, Row
 from shellbench.bench.store import Store

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from shellbench.bench import catalog
 from shellbench.bench.outside import described
-from shellbench.bench.registry import SolverEntry, solver_entries
+from shellbench.bench.registry import OWN, SolverEntry, solver_entries
 from shellbench.errors import InputError, ShellbenchError
 
 WIDTH = 110  # characters
@@ -34,13 +34,14 @@ def _case(name: str) -> dict[str, Any]:
     try:
         case = catalog.named_case(name)
     except InputError as error:
-        return {"name": name, "available": False, "reason": str(error)}
+        return {"name": name, "package": catalog.package_of(name), "available": False, "reason": str(error)}
     return {
         "name": name,
         "available": True,
         "reason": None,
         "title": case.title,
         "description": case.description,
+        "package": catalog.package_of(name),
         "suites": list(case.suites),
         "theory": case.theory,
         "units": case.units,
@@ -54,8 +55,7 @@ def _case(name: str) -> dict[str, Any]:
 
 def _tolerances(case: str, quantity: str) -> dict[str, float]:
     """Return what is frozen for a quantity, by solver."""
-    found = {solver: catalog.tolerance(case, quantity, solver) for solver in catalog.tolerances()}
-    return {solver: allowed.largest for solver, allowed in found.items() if allowed}
+    return {solver: allowed.largest for solver, allowed in catalog.tolerated(case, quantity).items()}
 
 
 def list_suite(name: str) -> dict[str, Any]:
@@ -64,6 +64,7 @@ def list_suite(name: str) -> dict[str, Any]:
     return {
         "name": name,
         "title": suite.title,
+        "package": catalog.package_of_suite(name),
         "cases": [case.name for case in catalog.members(name)],
         "variants": list(catalog.variants_asked(name)),
         "runs": [run.model_dump(mode="json") for run in suite.runs],
@@ -92,13 +93,15 @@ def as_text(width: int | None = None) -> str:
     console = Console(file=StringIO(), width=width if narrow else WIDTH)
     cases = _table("Cases", *("name", "title", "theory", "suites")[: 2 if narrow else None])
     for case in found["cases"]:
-        shown = [case["title"], case["theory"], ", ".join(case["suites"])] if case["available"] else [case["reason"]]
+        title = f"{case['title']}{_from(case['package'])}" if case["available"] else case["reason"]
+        shown = [title, case["theory"], ", ".join(case["suites"])] if case["available"] else [title]
         cases.add_row(case["name"], *map(escape, shown[: len(cases.columns) - 1]))
     suites = _table("Suites", *("name", "title", "cases", "runs")[: 2 if narrow else None])
     for suite in found["suites"]:
         runs = ", ".join(run_words(run) for run in suite["runs"])
         asked = [*suite["cases"], *([f"{len(suite['variants'])} variants"] if suite["variants"] else [])]
-        suites.add_row(suite["name"], *map(escape, (suite["title"], ", ".join(asked), runs)[: len(suites.columns) - 1]))
+        shown = [suite["title"] + _from(suite["package"]), ", ".join(asked), runs]
+        suites.add_row(suite["name"], *map(escape, shown[: len(suites.columns) - 1]))
     headings = ("name", "what it is", "engine", "devices", "theories", "seeds")
     solvers = _table("Solvers", *headings[: 2 if narrow else None])
     for solver in found["solvers"]:
@@ -123,6 +126,11 @@ def _table(title: str, *columns: str) -> Table:
     for i, column in enumerate(columns):
         table.add_column(column, no_wrap=i == 0, overflow="fold")
     return table
+
+
+def _from(package: str) -> str:
+    """Return the words that say which package something comes with; none for ours."""
+    return "" if package == OWN else f" (package {package})"
 
 
 def run_words(run: dict[str, Any]) -> str:

@@ -28,7 +28,7 @@ from shellbench.bench.reference import FOLDER, Tolerance
 from shellbench.bench.suite import SuiteRun
 from shellbench.errors import InputError
 from shellbench.model import Finite, Model, one_sentence
-from shellbench.problem import Problem
+from shellbench.problem import VARIANT, Problem
 
 COMMAND = "python -m shellbench.bench.lock --write"
 SHOWN = 12  # characters of a digest
@@ -128,19 +128,19 @@ def lock_path() -> Path:
 def todays_lock() -> Lock:
     """Return the lock of today's cases, suites, known values and tolerances."""
     gated = {name for held in catalog.tolerances().values() for name in held}
-    judged = {
-        name for name in catalog.case_names() if any(v.role == "judge" for v in catalog.known_values(name).values)
+    own = set(catalog.own_case_names())  # what other packages bring is theirs to lock
+    judged = {name for name in own if any(v.role == "judge" for v in catalog.known_values(name).values)}
+    asked = {
+        suite: [name for name in catalog.variants_asked(suite) if name.partition(VARIANT)[0] in own]
+        for suite in catalog.own_suite_names()
     }
-    asked = {suite: catalog.variants_asked(suite) for suite in catalog.suite_names()}
     return Lock(
         constants={
             f"{module.__name__.rpartition('.')[2]}.{name}": getattr(module, name)
             for module, names in JUDGING.items()
             for name in names
         },
-        cases={
-            name: _locked(catalog.named_case(name)) for name in sorted((gated | judged) & set(catalog.case_names()))
-        },
+        cases={name: _locked(catalog.named_case(name)) for name in sorted((gated | judged) & own)},
         variants={
             suite: {name: catalog.named_case(name).digest() for name in sorted(names)}
             for suite, names in asked.items()
@@ -160,12 +160,12 @@ def _locked(case: Problem) -> LockedCase:
             found = judge and Judge(value=judge.value, uncertainty=judge.uncertainty, theory=judge.theory)
             figures[quantity.name] = Figure(judge=found, tolerances=allowed)
     solvers = {solver for figure in figures.values() for solver in figure.tolerances}
-    suites = {name: _seeds(catalog.find_suite(name).runs, case, solvers) for name in _suites(case)}
+    suites = {name: _seeds(catalog.own_suite(name).runs, case, solvers) for name in _suites(case)}
     return LockedCase(digest=case.digest(), suites=suites, figures=figures)
 
 
 def _suites(case: Problem) -> list[str]:
-    return [name for name in case.suites if name in catalog.suite_names()]
+    return [name for name in case.suites if name in catalog.own_suite_names()]
 
 
 def _seeds(runs: tuple[SuiteRun, ...], case: Problem, solvers: set[str]) -> dict[str, tuple[int, ...]]:
@@ -235,7 +235,7 @@ def check_lock() -> LockCheck:
 
 def _dangling() -> Iterator[Found]:
     """Yield tolerances of what is not there: they hold nobody to anything."""
-    names = set(catalog.case_names())
+    names = set(catalog.own_case_names())
     for solver, held in catalog.tolerances().items():
         file = f"references/{FOLDER}/{solver}.toml"
         for name, quantities in held.items():

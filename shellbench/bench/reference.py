@@ -15,8 +15,6 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
-from shellbench.bench.registry import SolverEntry
-from shellbench.bench.source import locate
 from shellbench.errors import InputError
 from shellbench.model import Finite, Model, Name, Positive, one_sentence, read_toml
 from shellbench.problem import Problem, Quantity
@@ -200,13 +198,6 @@ def read_tolerances(path: Path) -> Tolerances:
         return _READER.validate_python(data)
     except ValidationError as error:
         raise InputError(f"{path}: {one_sentence(error, data)}") from None
-
-
-def claimed(entry: SolverEntry) -> Tolerances:
-    """Return what a solver claims of itself; nothing if it has no such file. The solver is not imported."""
-    module = locate(entry.module)
-    path = module.parent / FOLDER / f"{entry.name}.toml" if module else None
-    return read_tolerances(path) if path and path.is_file() else {}
 
 
 def allowed_by_file(case: Problem, quantity: Quantity) -> Tolerance | None:

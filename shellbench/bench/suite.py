@@ -6,7 +6,7 @@ A line may sweep over the values of one setting; it is then read as so many line
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import Field, ValidationError
 
@@ -14,8 +14,8 @@ from shellbench.errors import InputError
 from shellbench.model import Flag, Model, Name, one_sentence, read_toml
 from shellbench.problem import VARIANT, CaseName
 
-Study = Literal["resolution", "sampling", "training", "thinness", "speed", "engines"]
-"""What a suite that is no comparison of solvers studies; see `shellbench.report.evidence`."""
+Study = Name
+"""Topic of a suite that is no comparison of solvers; a section of the report is about one."""
 
 Seed = Annotated[int, Field(ge=0, le=2**31 - 1, strict=True)]
 
@@ -74,6 +74,10 @@ class Suite(Model):
     ----------
     order
         Names of cases in the order of tables and figures; the others follow by name.
+    extends
+        The suite of another package to which the runs, cases and remarks of this file are added.
+    cases
+        Cases of other packages that it asks; its own say so themselves.
     study
         What it studies; its runs are shown in the section of that study, not in the tables of displacements.
     variants
@@ -88,6 +92,8 @@ class Suite(Model):
 
     name: Name
     title: str
+    extends: Name | None = None
+    cases: tuple[Name, ...] = ()
     study: Study | None = None
     variants: AskedVariants | None = None
     remarks: tuple[str, ...] = ()

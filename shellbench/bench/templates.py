@@ -54,7 +54,7 @@ def write_case(name: str, like: str | None, folder: Path, mesh: Path | None = No
             raise InputError(
                 f"--like {like}: no case of the suite is called so{did_you_mean(like, catalog.case_names())}"
             )
-        source = catalog.data_folder("cases") / f"{like}.toml"
+        source = catalog.case_file(like)
         words = f"Begun as the suite's case {like}"
     text = OPENING.sub("", SUITES.sub("", source.read_text(encoding="utf-8")))
     for file in MESH.findall(text):  # it stands beside its case

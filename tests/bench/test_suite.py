@@ -48,9 +48,15 @@ def test_what_is_no_sweep_is_one_sentence(tmp_path, sweep):
     assert "\n" not in str(caught.value)
 
 
-def test_an_unknown_study_is_refused(tmp_path):
+def test_what_is_no_name_of_a_study_is_refused(tmp_path):
     with pytest.raises(InputError, match="study"):
-        read_suite(write(tmp_path, 'study = "taste"\n[[runs]]\nsolver = "a"\n'))
+        read_suite(write(tmp_path, 'study = "two words"\n[[runs]]\nsolver = "a"\n'))
+
+
+def test_our_suites_study_what_a_section_shows():
+    """A study may be of any name, for packages bring theirs; a misspelt one of ours would vanish from the report."""
+    studies = {suite.study for suite in map(catalog.own_suite, catalog.own_suite_names())} - {None}
+    assert studies == {"resolution", "sampling", "training", "thinness", "speed", "engines"}
 
 
 BUT_FOR_VARIANTS = [name for name in catalog.suite_names() if name != "shape_variants"]  # hundreds: long
