@@ -9,9 +9,11 @@ A plug-in registers like our own solvers do::
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import Distribution, entry_points
+from typing import Any
 
 from shellbench.errors import InputError
 from shellbench.nearest import did_you_mean
@@ -93,6 +95,25 @@ def loads_here(entry: SolverEntry) -> bool:
     return entry.own
 
 
+def load(entry: SolverEntry, what: str, make: Callable[[Any], Any] = lambda found: found) -> Any:
+    """Import what is registered, and make of it what is wanted.
+
+    Raises
+    ------
+    InputError
+        If that raises anything, one sentence that names it.
+    """
+    module, _, attribute = entry.target.partition(":")
+    try:
+        found: Any = import_module(module.strip())
+        for part in attribute.strip().split("."):
+            found = getattr(found, part)
+        return make(found)
+    except Exception as error:  # a plug-in's import can raise anything, and must cost that plug-in only
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(f"{what} '{entry.name}' can't be used: {reason}") from error
+
+
 def load_solver(entry: SolverEntry) -> Solver:
     """Import a solver and make one.
 
@@ -101,15 +122,7 @@ def load_solver(entry: SolverEntry) -> Solver:
     InputError
         If its module can't be imported, whatever the reason, or what it names is not a solver.
     """
-    module, _, attribute = entry.target.partition(":")
-    try:
-        found = import_module(module.strip())
-        for part in attribute.strip().split("."):
-            found = getattr(found, part)
-        solver: Solver = found() if isinstance(found, type) else found  # type: ignore[assignment]
-    except Exception as error:  # a plug-in's import can raise anything, and must cost that solver only
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(f"solver '{entry.name}' can't be used: {reason}") from error
+    solver: Solver = load(entry, "solver", lambda found: found() if isinstance(found, type) else found)
     missing = [part for part in PARTS if not hasattr(solver, part)]
     if missing:
         raise InputError(f"solver '{entry.name}' can't be used: {entry.target} has no {', '.join(missing)}")

@@ -15,6 +15,7 @@ from typing import Annotated, Any
 
 import typer
 
+from shellbench.cli.brought import CommandsOfOthers
 from shellbench.cli.compare import compare_command
 from shellbench.cli.first import doctor, new_case, new_solver, quick
 from shellbench.cli.judge import baseline_command, export, gate_command, report, table
@@ -32,6 +33,7 @@ USAGE_ERROR: Any = typer.BadParameter.__base__  # that of all wrong options; typ
 
 app = typer.Typer(
     name="shellbench",
+    cls=CommandsOfOthers,
     help="How right is this thin-shell solver, and what does it cost?\n\n"
     "Cases are declared once, solved by every solver that is asked for, and the answers held against known values.",
     no_args_is_help=True,

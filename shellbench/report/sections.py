@@ -1,6 +1,6 @@
 """The sections of a report, in the order in which page, Markdown and paper show them, and the page of each.
 
-A new section is a module that makes it and a line here.
+A new section of ours is a module that makes it and a line here; packages add others (`shellbench.report.brought`).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.bench.store import Say, Store
+from shellbench.bench.store import Say, Store, silent
 from shellbench.report import (
     calibration,
     clothing,
@@ -36,6 +36,7 @@ from shellbench.report import (
     thinness,
     trace_tables,
 )
+from shellbench.report.brought import sections_brought
 from shellbench.report.convergence import CONVERGENCE, convergence_exhibits
 from shellbench.report.evidence import Evidence, Maker, Section, all_tables
 from shellbench.report.exhibit import Exhibit, style
@@ -102,7 +103,7 @@ def gather(
     rows = [row for of_suite in rows_at_home(rows).values() for row in of_suite]
     found = Evidence(records, rows, store.folder, known, whole)
     found = replace(found, drawn=exhibits(as_declared(found)))
-    return found, stored, sections(found)
+    return found, stored, sections(found, say)
 
 
 def exhibits(evidence: Evidence) -> list[Exhibit]:
@@ -122,11 +123,13 @@ def as_declared(found: Evidence) -> Evidence:
     return replace(found, rows=[row for row in found.rows if not row.variant])
 
 
-def sections(found: Evidence) -> list[Section]:
-    """Return the sections that have something to show."""
+def sections(found: Evidence, say: Say = silent) -> list[Section]:
+    """Return the sections that have something to show, those of other packages last."""
     declared = as_declared(found)
     with style():
         made = [maker(found if maker in OF_VARIANTS else declared) for maker in MAKERS]
+        own = [section for section in made if section is not None]
+        made += sections_brought(declared, {section.name for section in own}, say)
     return [section for section in made if section is not None and section.shows]
 
 

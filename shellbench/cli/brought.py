@@ -1,0 +1,84 @@
+"""Commands that other packages add, by the entry-point group ``shellbench.commands``.
+
+::
+
+    [project.entry-points."shellbench.commands"]
+    mine = "my_package.cli:command"
+
+It names a function, as typer takes it, or a `typer.Typer` with several. It is imported when it is called, and not for
+``--help``. A name of ours stays ours.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NoReturn
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from shellbench.errors import InputError, PluginError, ShellbenchError
+
+
+class CommandsOfOthers(TyperGroup):
+    """Our commands, and after them those of other packages."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of all commands."""
+        own = super().list_commands(ctx)
+        return [*own, *(name for name in _entries() if name not in own)]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command of ours, or what stands for one of another package until it is called."""
+        own = super().get_command(ctx, cmd_name)
+        entry = None if own else _entries().get(cmd_name)
+        return TyperCommand(cmd_name, help=f"Of package {entry.distribution}.") if entry else own
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the command that is called, imported now if it is another package's."""
+        name, command, rest = super().resolve_command(ctx, args)
+        if name is not None and super().get_command(ctx, name) is None:
+            return name, _loaded(name), rest
+        return name, command, rest
+
+
+def _entries() -> dict[str, Any]:
+    from shellbench.bench.registry import registered
+
+    return registered("shellbench.commands", "command")
+
+
+def _loaded(name: str) -> Any:
+    from shellbench.bench.registry import load
+
+    try:
+        command = load(_entries()[name], "command", _as_command)
+    except SystemExit:
+        raise InputError(f"command '{name}' can't be used: its import ends the process") from None
+    command.name = name
+    invoke = command.invoke
+
+    def invoked(ctx: Any) -> Any:
+        try:
+            return invoke(ctx)
+        except Exception as error:
+            _one_sentence(name, error)
+
+    command.invoke = invoked
+    return command
+
+
+def _as_command(found: Any) -> Any:
+    if isinstance(found, typer.Typer):
+        return typer.main.get_command(found)
+    alone = typer.Typer(pretty_exceptions_enable=False, add_completion=False)
+    alone.command()(found)
+    return typer.main.get_command(alone)
+
+
+def _one_sentence(name: str, error: Exception) -> NoReturn:
+    """Raise what a command raised as one sentence; its exits and errors of usage are its own."""
+    passed = (ShellbenchError, typer.Exit, typer.Abort, typer.BadParameter.__base__)
+    if isinstance(error, passed):  # type: ignore[arg-type]
+        raise error
+    said = " ".join(str(error).split())
+    raise PluginError(f"command '{name}' failed: {type(error).__name__}{': ' if said else ''}{said}") from error
