@@ -1,7 +1,7 @@
 """The digest of a solver's source: what must change for an old record not to answer any more.
 
-It is taken over the module, over all that it imports from its own top-level package, and so on (the import
-closure), found by reading the source and not by running it. What counts are the statements of that closure, wherever
+It is taken over the module, over all that it imports from its own top-level package and from ours, and so on
+(the import closure), found by reading the source and not by running it. What counts are the statements, wherever
 they are. Comments, docstrings, imports and blank lines do not count: hours of training survive a better sentence, and
 a better place. Data files that a package reads do not count either; a plug-in
 that changes them changes its version.
@@ -24,6 +24,7 @@ from shellbench.errors import InputError
 
 IMPORTERS = ("import_module", "__import__")  # functions that import a module by its name
 TO_BE_LOOKED_INTO = ("#", '"""', "'''", "\\")  # of a line: there may be a comment, or a string over several lines
+OWN = __name__.partition(".")[0]
 SUITES = ("body", "handlers", "orelse", "finalbody", "cases")  # fields of a statement that hold statements
 IMPORTS = (ast.Import, ast.ImportFrom)
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
@@ -83,7 +84,7 @@ _DIGESTS: dict[tuple[object, ...], _Digest] = {}  # by modules, where they are, 
 
 
 def import_closure(*modules: str) -> dict[str, Path]:
-    """Return modules, their parent packages and all that they import from their own top-level package, by name."""
+    """Return modules, their parent packages and all that they import from their own package or ours, by name."""
     closure: dict[str, Path] = {}
     waiting, seen = list(modules), set[str]()
     while waiting:
@@ -97,9 +98,9 @@ def import_closure(*modules: str) -> dict[str, Path]:
                 raise InputError(f"the source of module '{name}' can't be found")
             continue
         closure[name] = path
-        top = name.partition(".")[0]
+        within = (name.partition(".")[0], OWN)
         waiting.append(name.rpartition(".")[0] or name)
-        waiting.extend(n for n in _looked_at(path, _package(name, path)).imports if n.partition(".")[0] == top)
+        waiting.extend(n for n in _looked_at(path, _package(name, path)).imports if n.partition(".")[0] in within)
     return closure
 
 
@@ -186,7 +187,7 @@ def _foreign(tree: ast.Module, top: str) -> Iterator[str]:
         else:
             continue
         for name, known_as in names:
-            if name.partition(".")[0] not in (top, *sys.stdlib_module_names):
+            if name.partition(".")[0] not in (top, OWN, *sys.stdlib_module_names):
                 yield f"import {name} as {known_as}"
 
 

@@ -10,7 +10,7 @@ import pytest
 from shellbench.bench import source
 from shellbench.bench.identity import MEASURING, current_source
 from shellbench.bench.kinds import module_of
-from shellbench.bench.registry import find_solver
+from shellbench.bench.registry import find_solver, solver_entries
 from shellbench.bench.source import import_closure, locate, remember, source_digest, statements_of, what_was_seen
 from shellbench.errors import InputError
 
@@ -223,3 +223,22 @@ def test_own_solvers_count_with_their_own_mechanics_only() -> None:
     assert not any(name.startswith("shellbench.solvers.ndf") for name in fem)
     assert not any(name.startswith("shellbench.solvers.fem") for name in ndf)
     assert "shellbench.problems.shell.surface" in fem & ndf
+
+
+def test_the_closure_of_another_package_goes_on_through_ours(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (package / "solver.py").write_text("from shellbench.nearest import nearest\n", encoding="utf-8")
+    assert {"pack.solver", "shellbench.nearest"} <= import_closure("pack.solver").keys()
+    before = source_digest(["pack.solver"])
+    changed = package.parent / "nearest.py"
+    own = import_closure("pack.solver")["shellbench.nearest"]
+    changed.write_text(own.read_text(encoding="utf-8") + "\nMORE = 1\n", encoding="utf-8")
+    found = source.locate
+    monkeypatch.setattr(source, "locate", lambda name: changed if name == "shellbench.nearest" else found(name))
+    monkeypatch.setattr(source, "_DIGESTS", {})
+    assert source_digest(["pack.solver"]) != before
+
+
+@pytest.mark.parametrize("name", [name for name, entry in solver_entries().items() if entry.own])
+def test_the_closure_of_ours_stays_in_our_package(name: str) -> None:
+    found = import_closure(find_solver(name).module)
+    assert {module.partition(".")[0] for module in found} == {"shellbench"}
