@@ -142,7 +142,7 @@ def about_solver(entry: SolverEntry) -> Data:
     runs = [name for name in catalog.suite_names() if entry.name in {r.solver for r in catalog.find_suite(name).runs}]
     data |= {
         "suites": runs,
-        "tolerances": _dumped(catalog.tolerances().get(entry.name, {})),
+        "tolerances": _dumped(catalog.tolerances_of(entry.name)),
         "claims": _dumped(claimed(entry)),
     }
     if data["available"]:
@@ -269,6 +269,8 @@ def _suite_lines(suite: Data) -> Iterator[str]:
     for remark in suite["remarks"]:
         yield from _wrapped(remark)
     yield ""
+    if suite["package"] != OWN:
+        yield from _entry("package", suite["package"])
     if suite["study"]:
         yield from _entry("study", suite["study"])
     gated = _listed(f"{count} figures of {solver}" for solver, count in suite["gated"].items())

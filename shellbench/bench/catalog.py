@@ -283,9 +283,16 @@ def tolerances() -> Mapping[str, Tolerances]:
 def tolerance(case_name: str, quantity: str, solver: str) -> Tolerance | None:
     """Return what a case, or a variant of it, allows a solver; None if nothing is frozen."""
     base, _, variant = case_name.partition(VARIANT)
-    held = next((one.tolerances for one in brought() if base in one.cases), None)
-    found = (tolerances() if held is None else held).get(solver, {}).get(base, {}).get(quantity)
+    found = tolerances_of(solver).get(base, {}).get(quantity)
     return found.of_variant(variant) if found else None
+
+
+def tolerances_of(solver: str) -> Tolerances:
+    """Return what a solver is allowed, by case and quantity; each package says so of its own cases."""
+    found = tolerances().get(solver, {})
+    for one in brought():
+        found = found | {case: held for case, held in one.tolerances.get(solver, {}).items() if case in one.cases}
+    return found
 
 
 def tolerated(case_name: str, quantity: str) -> dict[str, Tolerance]:

@@ -1,0 +1,21 @@
+"""A section on springs."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from shellbench.report.columns import Column
+from shellbench.report.evidence import Evidence, Section
+from shellbench.report.table import Table
+
+
+def section(found: Evidence) -> Section | None:
+    rows = [row for row in found.rows if row.solver == "hooke"]
+    if not rows:
+        return None
+    data = pd.DataFrame({"case": [row.case for row in rows], "extension": [f"{row.value:g} m" for row in rows]})
+    columns = tuple(
+        Column(name.title(), lambda line, to, name=name: line[name], right=False) for name in ("case", "extension")
+    )
+    table = Table("springs", "Springs", "How far they go.", data.assign(block=""), columns)
+    return Section("springs", "Springs", ("Springs go as far as Hooke says.",), (table,))
