@@ -14,10 +14,10 @@ CONSTRAINTS = ("-c", "constraints.txt")
 QUICK_SOLVERS = ("--solver", "fem", "--solver", "ndf-ritz", "--seed", "0")
 GATES = ("--regression", "--cost")  # what is reported unless it is asked to be judged
 STUDIES = ("resolution", "thinness", "sampling", "training")
-PINNED_EXTRAS = ("compiled", "dask", "kratos", "mujoco", "vtk", "test", "docs", "lint")  # `fast` is Intel's alone
+PINNED_EXTRAS = ("compiled", "dask", "vtk", "test", "docs", "lint")  # `fast` is Intel's alone
 PINNED = "# Versions that CI installs: pip install -c constraints.txt . Written by: python -m nox -s constraints\n"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
-ENGINES = ("kratos", "mujoco", "dask")
+PLUGINS = ("kratos", "mujoco")  # packages below plugins/
 CALIBRATED = ("obstacle_course", "verification", "shapes", "variants", "thinness")  # the linear shells
 ONE_THREAD = ("--threads", "1")  # as many runs at a time as there are cores: none waits where others can't share work
 SPEED = "rope_speed"  # whose runs are made one at a time: none waits for memory that others use
@@ -51,10 +51,15 @@ def install(session: nox.Session, *extras: str) -> None:
     session.install("-q", "-e", target, *CONSTRAINTS)
 
 
-def engines_here() -> tuple[str, ...]:
-    """Return the extras that can be installed: Kratos has wheels for x86-64 Linux alone; elsewhere its tests say so."""
+def plugins_here() -> tuple[str, ...]:
+    """Return the plug-ins that can be installed: Kratos has wheels for x86-64 Linux alone."""
     has_kratos = sys.platform == "linux" and platform.machine() == "x86_64"
-    return ENGINES if has_kratos else tuple(name for name in ENGINES if name != "kratos")
+    return PLUGINS if has_kratos else tuple(name for name in PLUGINS if name != "kratos")
+
+
+def install_plugins(session: nox.Session, *names: str) -> None:
+    for name in names:
+        session.install("-q", "-e", f"./plugins/{name}[test]", *CONSTRAINTS)
 
 
 def pinned(frozen: str) -> str:
@@ -125,7 +130,7 @@ def garments(session: nox.Session) -> None:
 @nox.session
 def passport(session: nox.Session) -> None:
     """Tell which stiffness solvers really have, hinges and MuJoCo's cloth among them: a swatch, a hanging strip."""
-    run_and_judge(session, "passport", extras=("mujoco",))
+    run_and_judge(session, "passport", plugged=("mujoco",))
 
 
 @nox.session
@@ -177,8 +182,9 @@ def rope(session: nox.Session) -> None:
     MuJoCo's chain and steps a second are among what stands beside.
     """
     beside = () if "--quick" in session.posargs else ("rope_convergence", "rope_collision", SPEED)
-    extras = ("mujoco", "compiled") if beside else ()
-    run_and_judge(session, "rope", beside, quick=("--solver", "rope-exact", "--solver", "pendulum-ode"), extras=extras)
+    extras, engine = (("compiled",), ("mujoco",)) if beside else ((), ())
+    quick = ("--solver", "rope-exact", "--solver", "pendulum-ode")
+    run_and_judge(session, "rope", beside, quick=quick, extras=extras, plugged=engine)
 
 
 @nox.session
@@ -226,9 +232,11 @@ def run_and_judge(
     beside: tuple[str, ...] = (),
     quick: tuple[str, ...] = QUICK_SOLVERS,
     extras: tuple[str, ...] = (),
+    plugged: tuple[str, ...] = (),
 ) -> None:
     """Run a suite, show it with others that are not judged, and judge it."""
     install(session, *extras)
+    install_plugins(session, *plugged)
     arguments = list(session.posargs)
     narrowed: tuple[str, ...] = ()
     if "--quick" in arguments:
@@ -270,7 +278,8 @@ def evidence(session: nox.Session) -> None:
 
     The summary of the resolution of the course's shells, reports/resolution.json, is made again, to be committed.
     """
-    install(session, "mujoco")
+    install(session)
+    install_plugins(session, "mujoco")
     suites = [option for name in ("obstacle_course", *STUDIES) for option in ("--suite", name)]
     # some runs of the studies fail on purpose: a field on too few points is refused, and that is a finding
     session.run("shellbench", "run", *suites, *session.posargs, success_codes=[0, 1])
@@ -279,15 +288,24 @@ def evidence(session: nox.Session) -> None:
 
 
 @nox.session
+def plugins(session: nox.Session) -> None:
+    """Install the packages below plugins/ and run their tests. `-- --quick` for the quick ones."""
+    install(session, "test")
+    names = plugins_here()
+    install_plugins(session, *names)
+    quick = ("-m", "not long") if "--quick" in session.posargs else ()
+    session.run("python", "-m", "pytest", *quick, *(f"plugins/{name}" for name in names))
+
+
+@nox.session
 def engines(session: nox.Session) -> None:
-    """Install the extras, test what stands on them, and set our solvers, Kratos and MuJoCo beside known values.
+    """Install the plug-ins, test them, and set our solvers, Kratos and MuJoCo beside known values.
 
     All runs have one core each and are made one at a time, so that the table can relate seconds; what is behind `--`
     goes to `shellbench run`. Runs are kept in reports/engines. Seconds are related only if one command took them all:
     `-- --force` takes them all again.
     """
-    install(session, *ENGINES, "test")
-    session.run("pytest", "tests/solvers/kratos", "tests/solvers/mujoco", "tests/bench/cluster")
+    plugins(session)
     one_core = ("--jobs", "1", "--threads", "1", "--store", ENGINES_STORE, *session.posargs)
     for suite in ("engines", "motion_engines"):
         session.run("shellbench", "run", "--suite", suite, *one_core, success_codes=[0, 1])
@@ -366,7 +384,7 @@ def paper(session: nox.Session) -> None:
 @nox.session
 def tests(session: nox.Session) -> None:
     """Run the quick tests, in parallel."""
-    install(session, "test", "compiled", *engines_here())
+    install(session, "test", "compiled", "dask")
     if not any(map(shutil.which, BROWSERS)):
         session.run("playwright", "install", "chromium", silent=True, success_codes=range(256))  # else tests say so
     # Work is stolen from the end: tests of one file stay together, and what they share is made once.
@@ -376,7 +394,7 @@ def tests(session: nox.Session) -> None:
 @nox.session
 def long(session: nox.Session) -> None:
     """Run the tests that take more than a few seconds each: accuracy, injected faults, killed runs."""
-    install(session, "test", "compiled", *engines_here())
+    install(session, "test", "compiled", "dask")
     session.run("pytest", "-n", "2", "--dist", "worksteal", "-m", "long", *session.posargs)
 
 
@@ -456,7 +474,8 @@ def constraints(session: nox.Session) -> None:
     """
     check = "--check" in session.posargs
 
-    session.install("-q", f".[{','.join(PINNED_EXTRAS)}]", *(CONSTRAINTS if check else ()))
+    folders = [f".[{','.join(PINNED_EXTRAS)}]", *(f"./plugins/{name}" for name in PLUGINS)]
+    session.install("-q", *folders, *(CONSTRAINTS if check else ()))
     found = pinned(session.run("python", "-m", "pip", "freeze", silent=True))
     file = Path("constraints.txt")
     if check:

@@ -1,4 +1,4 @@
-"""Engines: programs of others that a solver stands on, which come with an extra and not with the base install.
+"""Engines: programs of others that a solver stands on, which come with a plug-in or an extra, not with the base install.
 
 The engine decides the answer as much as the solver's own source does, so its version must be part of a run's
 identity. A solver on an engine has a setting `engine`, whose default is `engine_version` of the distribution, and
@@ -30,15 +30,16 @@ def thread_limit() -> int:
     return int(told) if told.isdigit() and int(told) > 0 else 1
 
 
-def need(extra: str, distributions: Iterable[str]) -> None:
-    """Make sure that what an extra installs is there.
+def need(extra: str, distributions: Iterable[str], package: str = "shellbench") -> None:
+    """Make sure that what an extra of a package installs is there, or the package itself if the extra is empty.
 
     Raises
     ------
     InputError
-        If not; it says which extra to install.
+        If not; it says what to install.
     """
     missing = [name for name in distributions if engine_version(name) is None]
     if missing:
+        what = f"{package}[{extra}]" if extra else package
         are = "is" if len(missing) == 1 else "are"
-        raise InputError(f"{', '.join(missing)} {are} not installed: python -m pip install 'shellbench[{extra}]'")
+        raise InputError(f"{', '.join(missing)} {are} not installed: python -m pip install '{what}'")

@@ -16,6 +16,7 @@ from tests.patience import GUARD
 
 PACKAGE = Path(shellbench.__file__).parent
 MODULES = sorted(PACKAGE.rglob("*.py"))
+PLUGINS = PACKAGE.parent / "plugins"
 KINDS, SOLVERS = "problems", "solvers"
 BASE = {
     "",
@@ -177,7 +178,8 @@ def bodies(solver):
     """What functions of more than three statements do, as text."""
     return {
         "\n".join(ast.unparse(line) for line in node.body[1:])
-        for path in (PACKAGE / SOLVERS / solver).rglob("*.py")
+        for folder in (PLUGINS / solver / f"shellbench_{solver}", PACKAGE / SOLVERS / solver)
+        for path in folder.rglob("*.py")
         for node in ast.walk(ast.parse(path.read_text()))
         if isinstance(node, ast.FunctionDef) and len(node.body) > 3
     }

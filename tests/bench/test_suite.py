@@ -5,11 +5,8 @@ from pathlib import Path
 import pytest
 
 from shellbench.bench import catalog
-from shellbench.bench.expected import Scope
-from shellbench.bench.store import Store
 from shellbench.bench.suite import read_suite
 from shellbench.errors import InputError
-from tests.test_faults import accuracy_gate, findings
 
 
 def write(tmp_path: Path, text: str) -> Path:
@@ -56,7 +53,7 @@ def test_what_is_no_name_of_a_study_is_refused(tmp_path):
 def test_our_suites_study_what_a_section_shows():
     """A study may be of any name, for packages bring theirs; a misspelt one of ours would vanish from the report."""
     studies = {suite.study for suite in map(catalog.own_suite, catalog.own_suite_names())} - {None}
-    assert studies == {"resolution", "sampling", "training", "thinness", "speed", "engines"}
+    assert studies == {"resolution", "sampling", "training", "thinness", "speed"}
 
 
 BUT_FOR_VARIANTS = [name for name in catalog.suite_names() if name != "shape_variants"]  # hundreds: long
@@ -72,12 +69,7 @@ def test_a_suite_names_cases_that_belong_to_it(name):
         assert set(run.cases) <= members
 
 
-GATED_STUDIES = {"engines"}  # the default runs of our reference and of the engine that has a tolerance
-
-
-@pytest.mark.parametrize(
-    "name", [n for n in catalog.suite_names() if catalog.find_suite(n).study and n not in GATED_STUDIES]
-)
+@pytest.mark.parametrize("name", [name for name in catalog.own_suite_names() if catalog.own_suite(name).study])
 def test_a_study_gates_nothing_of_its_own(name):
     """A gate judges runs with default settings: a study's lines that have none are never red or green."""
     suite = catalog.find_suite(name)
@@ -85,30 +77,3 @@ def test_a_study_gates_nothing_of_its_own(name):
     for case in gated:
         assert not any(case.name in held for held in catalog.tolerances().values())
     assert suite.title.endswith("not gated")
-
-
-def test_the_engine_of_the_same_theory_is_held_to_what_was_asked_of_its_converged_values():
-    asked = {
-        "square_plate": 1e-4,
-        "scordelis_lo": 1e-4,
-        "pinched_cylinder_free": 1e-4,
-        "pinched_cylinder_diaphragm": 1e-3,
-    }
-    suite = catalog.find_suite("engines")
-    for name, tolerance in asked.items():
-        primary = catalog.named_case(name).primary.name
-        assert catalog.tolerance(name, primary, "kratos-iga").relative == tolerance
-        defaults = [r for r in suite.runs if r.solver == "kratos-iga" and not r.settings and name in r.cases]
-        assert len(defaults) == 1
-
-
-def test_a_study_is_judged_only_if_it_is_named(tmp_path):
-    """The engines need an extra: who has not installed it is judged without them."""
-    findings(Store(tmp_path), "fem", "square_plate")
-
-    def solvers(*suites):
-        return {row.solver for row in (f.row for f in accuracy_gate(Store(tmp_path), Scope(suites)).accuracy)}
-
-    assert "fem" in solvers()
-    assert "kratos-iga" not in solvers()
-    assert "kratos-iga" in solvers("engines")

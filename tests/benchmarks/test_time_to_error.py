@@ -48,7 +48,9 @@ def times_to_errors(rungs):
 @pytest.mark.long
 @pytest.mark.parametrize("name", SHELLS)
 def test_time_to_error(benchmark, name):
-    iga = pytest.importorskip("shellbench.solvers.kratos.iga_solver", reason="kratos is not installed")
+    iga = pytest.importorskip(
+        "shellbench_kratos.iga_solver", reason="needs Kratos: python -m pip install ./plugins/kratos"
+    )
     case = catalog.named_case(name)
     known = catalog.known_values(name).judge(case.primary.name, case.theory).value
     found = {}

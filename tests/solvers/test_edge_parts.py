@@ -10,8 +10,6 @@ from shellbench.solvers.cst.solver import CstSolver
 from shellbench.solvers.fem.corners import Rim, bending_exponent, break_exponents, membrane_exponent
 from shellbench.solvers.fem.mesh import graded_mesh
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
-from shellbench.solvers.kratos.iga_solver import KratosIgaSolver
-from shellbench.solvers.kratos.thin_solver import KratosThinSolver
 from shellbench.solvers.ndf.published_solver import PublishedSolver
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.trainer_solver import NdfSolver
@@ -132,7 +130,7 @@ def test_the_field_answers_for_loaded_parts_as_fem_does():
     assert one == pytest.approx(other, rel=2e-3)
 
 
-OTHERS = (CstSolver(), KratosIgaSolver(), KratosThinSolver(), PublishedSolver(), NdfSolver(), RitzSolver())
+OTHERS = (CstSolver(), PublishedSolver(), NdfSolver(), RitzSolver())
 
 
 @pytest.mark.parametrize("solver", OTHERS, ids=lambda solver: solver.name)

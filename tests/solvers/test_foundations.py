@@ -11,8 +11,6 @@ from shellbench.problems.shell.measure import measure
 from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.cst.solver import CstSolver
 from shellbench.solvers.fem.solver import FemSolver
-from shellbench.solvers.kratos.iga_solver import KratosIgaSolver
-from shellbench.solvers.kratos.thin_solver import KratosThinSolver
 from shellbench.solvers.ndf.published_solver import PublishedSolver
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
 from shellbench.solvers.ndf.trainer_solver import NdfSolver
@@ -108,7 +106,7 @@ def test_a_bed_at_large_displacement_is_refused():
         plate(theory="kirchhoff-love-nonlinear", supports=[{"name": "wall", "on": ["xi1_min"], "clamped": True}])
 
 
-@pytest.mark.parametrize("solver", [CstSolver(), KratosIgaSolver(), KratosThinSolver(), PublishedSolver(), NdfSolver()])
+@pytest.mark.parametrize("solver", [CstSolver(), PublishedSolver(), NdfSolver()])
 def test_other_solvers_decline(solver):
     case = plate(supports=[{"name": "wall", "on": ["xi1_min", "xi1_max"]}])
     assert solver.declines(case) == "it rests on springs, which this solver does not take"

@@ -16,7 +16,6 @@ from shellbench.solvers.fem.kinematics import local_axes
 from shellbench.solvers.fem.loads import Loading
 from shellbench.solvers.fem.mesh import graded_mesh
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
-from shellbench.solvers.kratos.iga_solver import KratosIgaSolver
 from shellbench.solvers.ndf.published_solver import PublishedSolver
 from shellbench.solvers.ndf.quadrature import RuleSpec
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
@@ -238,13 +237,13 @@ def test_edges_keep_their_local_loads_where_coordinates_change_places():
         catalog.variant_of(case, "swapped")
 
 
-@pytest.mark.parametrize("solver", [CstSolver(), KratosIgaSolver(), PublishedSolver(), NdfSolver(), RitzSolver()])
+@pytest.mark.parametrize("solver", [CstSolver(), PublishedSolver(), NdfSolver(), RitzSolver()])
 def test_other_solvers_decline_local_supports(solver):
     said = solver.declines(tube(supports=[{"name": "s", "on": RIMS, "components": list(LOCAL)}]))
     assert said == "a support holds directions local to the shell, and this solver takes x, y and z only"
 
 
-@pytest.mark.parametrize("solver", [CstSolver(), KratosIgaSolver(), PublishedSolver()])
+@pytest.mark.parametrize("solver", [CstSolver(), PublishedSolver()])
 def test_other_solvers_decline_local_loads(solver):
     said = solver.declines(twisted(supports=[{"name": "wall", "on": ["xi2_min"]}]))
     assert said == "a load is local to the shell, and this solver takes loads along x, y and z only"

@@ -10,7 +10,6 @@ from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.cst.solver import CstSolver
 from shellbench.solvers.fem.mesh import graded_mesh
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
-from shellbench.solvers.kratos.iga_solver import KratosIgaSolver
 from shellbench.solvers.ndf.published_solver import PublishedSolver
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from tests.solvers.fem.shells import CYLINDER, shell
@@ -169,7 +168,7 @@ def test_variants_carry_kinks(name):
         catalog.variant_of(case, "oblique")
 
 
-@pytest.mark.parametrize("solver", [CstSolver(), KratosIgaSolver(), PublishedSolver()])
+@pytest.mark.parametrize("solver", [CstSolver(), PublishedSolver()])
 def test_other_solvers_decline(solver):
     case = pressed("max(xi1, 0.5)")
     assert solver.declines(case) == "a formula of it has kinks or jumps, and this solver takes smooth ones only"

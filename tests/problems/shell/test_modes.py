@@ -9,7 +9,7 @@ from shellbench.bench.kinds import headline_of
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.portrait import ShellPortrait
-from shellbench.solvers.mujoco.solver import MujocoFlexSolver
+from shellbench.solvers.cst.solver import CstSolver
 
 
 def built(name, change):
@@ -46,7 +46,7 @@ def test_the_states_of_a_case_are_the_numbers_of_its_modes():
 
 
 def test_a_solver_without_modes_declines():
-    assert "modes" in (MujocoFlexSolver().declines(catalog.named_case("plate_modes")) or "")
+    assert "modes" in (CstSolver().declines(catalog.named_case("plate_modes")) or "")
 
 
 def test_a_page_says_what_is_shown():

@@ -203,12 +203,9 @@ def test_a_solver_asks_before_it_solves(tmp_path):
             solver.solve(CASE, start=start)
 
 
-@pytest.mark.parametrize("name", ["ndf-ritz", "cst-hinge", "kratos-iga", "kratos-thin", "mujoco-flex"])
+@pytest.mark.parametrize("name", ["ndf-ritz", "cst-hinge"])
 def test_a_start_is_never_ignored(name):
-    try:
-        solver = load_solver(solver_entries()[name])
-    except InputError as error:
-        pytest.skip(str(error))
+    solver = load_solver(solver_entries()[name])
     with pytest.raises(InputError, match=f"^{name} can't go on from an earlier solution"):
         solver.solve(CASE, solver.settings_type(), start=Path("earlier.npz"))
 

@@ -9,7 +9,7 @@ from shellbench.problems.shell.mirrors import mirrored_supports, point_forces
 from shellbench.problems.shell.rigid import check_held
 from shellbench.problems.shell.symmetry import part_of, whole_of
 from tests.families import with_something_new
-from tests.solvers.kratos.iga_cases import LARGEST, RIM, known, plate, ring
+from tests.problems.shell.stated_shells import LARGEST, RIM, known, plate, ring
 
 STATIC = sorted(name for name in catalog.case_names() if getattr(catalog.named_case(name), "dynamics", name) is None)
 

@@ -1,0 +1,53 @@
+"""MuJoCo as an engine: which version is installed, and that no other can be asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.metadata import version
+
+from pydantic import Field, field_validator
+
+from shellbench.engine import engine_version, need
+from shellbench.errors import InputError
+from shellbench.problem import Settings
+
+DISTRIBUTION = "mujoco"
+# major version; until 3.x the stiffness of flexes was not that of their Young's modulus (change log of 4.0.0)
+OLDEST = 4
+
+need("", (DISTRIBUTION,), "./plugins/mujoco")  # without it there is no solver to declare
+if int(version(DISTRIBUTION).split(".")[0]) < OLDEST:
+    raise InputError(
+        f"{DISTRIBUTION} {version(DISTRIBUTION)} is too old, its cloth has other elastic constants:"
+        f" python -m pip install '{DISTRIBUTION}>={OLDEST}'"
+    )
+
+
+def _installed() -> str:
+    return str(engine_version(DISTRIBUTION))
+
+
+class EngineSettings(Settings):
+    """Settings of a solver that stands on MuJoCo."""
+
+    engine: str = Field(default_factory=_installed, description="name and version of the engine; not to be chosen")
+
+    @field_validator("engine")
+    @classmethod
+    def _engine_is_installed(cls, engine: str) -> str:
+        if engine != _installed():
+            raise ValueError(f"{_installed()} is installed, and no other can be asked for")
+        return engine
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep the engine from writing its warnings to a file; they are counted in its data all the same."""
+    import mujoco
+
+    mujoco.set_mju_user_warning(lambda _: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(None)
