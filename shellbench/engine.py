@@ -1,4 +1,4 @@
-"""Engines: programs of others that a solver stands on, which come with a plug-in or an extra, not with the base install.
+"""Engines: programs of others that a solver stands on, which come with a plug-in or an extra.
 
 The engine decides the answer as much as the solver's own source does, so its version must be part of a run's
 identity. A solver on an engine has a setting `engine`, whose default is `engine_version` of the distribution, and

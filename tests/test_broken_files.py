@@ -102,7 +102,7 @@ def written(path, data):
 @pytest.mark.parametrize(
     ("folder", "name", "read"),
     [
-        ("cases/suites", "engines", read_suite),
+        ("cases/suites", "resolution", read_suite),
         ("cases/suites", "nonlinear", read_suite),
         ("references", "square_plate", read_known_values),
     ],

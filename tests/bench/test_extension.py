@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from shellbench.bench import about, brought, catalog, kinds, listing
+from shellbench.bench.expected import Scope
 from shellbench.bench.lock import check_lock
 from shellbench.bench.registry import find_solver
 from shellbench.bench.store import Store
@@ -19,6 +20,7 @@ from shellbench.errors import InputError
 from shellbench.report import brought as sections_of_others
 from shellbench.report.evidence import Evidence
 from tests.patience import GUARD
+from tests.test_faults import accuracy_gate, findings
 
 ROOT = Path(__file__).resolve().parents[2]
 TOY = Path(__file__).parent / "extension"
@@ -140,6 +142,18 @@ def test_a_suite_of_ours_is_extended_and_a_case_of_ours_is_asked(here: Path) -> 
     assert "more_verification" not in catalog.suite_names()
     assert [case.name for case in catalog.cases_of("toy_springs")] == ["toy_spring", "square_plate"]
     assert catalog.named_case("square_plate").suites[-1] == "toy_springs"
+
+
+def test_a_study_is_judged_only_if_it_is_named(here: Path, tmp_path: Path) -> None:
+    """Its solvers may stand on what is not installed: whoever lacks it is judged without them."""
+    findings(Store(tmp_path), "fem", "square_plate")
+
+    def solvers(*suites: str) -> set[str]:
+        return {row.solver for row in (f.row for f in accuracy_gate(Store(tmp_path), Scope(suites)).accuracy)}
+
+    assert solvers() >= {"fem"}
+    assert "hooke" not in solvers()
+    assert "hooke" in solvers("toy_springs")
 
 
 def clash_of_cases(site: Path) -> None:
