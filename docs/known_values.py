@@ -30,7 +30,7 @@ A **judge** decides under the theory of its case. An **origin** is an independen
 A case without a judge is not gated: its solvers are held against each other.
 
 Kratos's figures come from whole shells, or from parts between planes of symmetry that are cases stated by hand
-(`tests/solvers/kratos/test_known_values.py`). No code that looks for symmetry is shared with the solvers that are judged.
+(`plugins/kratos/tests/test_known_values.py`). No code that looks for symmetry is shared with the solvers that are judged.
 
 For the sleeves beyond buckling and the paper's napkins the second origin is the extrapolation of `fem` itself. For them only the judge is independent
 of that solver.
