@@ -61,8 +61,7 @@ from shellbench.solvers.ndf.refinement import (
     unsettled,
 )
 from shellbench.solvers.ndf.ritz_field import with_settings
-from shellbench.solvers.ndf.ritz_settings import RitzSettings
-from shellbench.solvers.ndf.ritz_solver import RitzSolver
+from shellbench.solvers.ndf.ritz_settings import NAME, RitzSettings
 from shellbench.solvers.ndf.signs import Signs, jitter_share, refusal, rounding_energy, unseen_turning
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.solve import JITTER, HeldInverse, OutputLayer, held_part, potential_energy, spread
@@ -361,7 +360,7 @@ def _answer(
     )
     solution = NdfSolution(
         case=case,
-        solver=RitzSolver.name,
+        solver=NAME,
         spec=spec,
         field=field,
         rule=fine_spec,

@@ -32,8 +32,7 @@ from shellbench.solvers.ndf.continuation import PathEndsError, load_steps
 from shellbench.solvers.ndf.equilibrium import MOST_ITERATIONS, NotConvergedError, PathProblem
 from shellbench.solvers.ndf.jets import VALUE, Array
 from shellbench.solvers.ndf.newton import PathState
-from shellbench.solvers.ndf.ritz_settings import RitzSettings
-from shellbench.solvers.ndf.ritz_solver import RitzSolver
+from shellbench.solvers.ndf.ritz_settings import NAME, RitzSettings
 from shellbench.solvers.ndf.rungs import Rung, disagreement, state_solution
 from shellbench.solvers.ndf.signs import Signs
 from shellbench.solvers.ndf.solution import PathSolution
@@ -180,7 +179,7 @@ def answer(case: Case, spec: FieldSpec, settings: RitzSettings, level: Resolutio
     for state in (state for state in states if state.t in case.states):
         certified = judge.deform(state.weights, state.t)
         gap = max(gap, disagreement(state.deformed, certified, problem.unstrained))
-        solution = state_solution(problem, rung, RitzSolver.name, state)
+        solution = state_solution(problem, rung, NAME, state)
         membrane, bending = certified.membrane, certified.bending
         kept.append(replace(solution, membrane=membrane, bending=bending, touching=touches[state.t]))
     path = PathSolution(

@@ -17,8 +17,8 @@ from shellbench.solvers.ndf.corners import held_corners
 from shellbench.solvers.ndf.factors import turns
 from shellbench.solvers.ndf.field import Field
 from shellbench.solvers.ndf.jets import D1, D2, VALUE, Placement, from_derivatives
-from shellbench.solvers.ndf.large_displacement import is_path, why_not_followed
 from shellbench.solvers.ndf.network import random_features
+from shellbench.solvers.ndf.paths import is_path, why_not_followed
 from shellbench.solvers.ndf.reaction import Virtual
 from shellbench.solvers.ndf.soft import why_not_soft
 from shellbench.solvers.ndf.supports import TANGENTIAL, EdgeSupport, edge_samples, edge_supports

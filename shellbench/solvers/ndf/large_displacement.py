@@ -16,11 +16,9 @@ from torch import Tensor
 from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import RIGID_MOTIONS, MomentLoad, Value
 from shellbench.problems.shell.edit import between
 from shellbench.problems.shell.path_end import cut_short
-from shellbench.problems.shell.quantities import CriticalPoint, DisplacementQuantity
-from shellbench.problems.shell.rigid import free_motions
+from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.solvers.ndf.buckling import follow_steps
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
 from shellbench.solvers.ndf.continuation import (
@@ -32,7 +30,7 @@ from shellbench.solvers.ndf.continuation import (
 from shellbench.solvers.ndf.edited import states_of_edit
 from shellbench.solvers.ndf.energy import exploits
 from shellbench.solvers.ndf.equilibrium import Deformed, NotConvergedError, PathProblem
-from shellbench.solvers.ndf.factors import turns, why_not_turned
+from shellbench.solvers.ndf.factors import turns
 from shellbench.solvers.ndf.newton import PathState, equilibrium
 from shellbench.solvers.ndf.path_challenge import challenged, prescribed
 from shellbench.solvers.ndf.quadrature import area_rule
@@ -41,47 +39,6 @@ from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.supports import check_balance
 
 SETTLED = 2e-4  # relative change of the certified energy from rung to rung; the finer one lacks far less
-RIGID = 1e-6  # component of a rotation among the rigid motions left free that is rounding
-
-
-def why_not_followed(case: Case) -> str | None:
-    """Return why a field can't follow a non-linear case, as one clause, or None if it can."""
-    if case.obstacles and (reason := _why_not_touched(case)) is not None:
-        return reason
-    for support in case.supports:
-        if support.clamped and isinstance(support.motion, Value):
-            return f"it can't tell how far the clamped support '{support.name}' turns"
-    if (reason := why_not_turned(case)) is not None:
-        return reason
-    moved = next((support for support in case.supports if support.motion is not None), None)
-    if case.path.quantity is not None and moved is not None:
-        return f"it can't move support '{moved.name}' on a path with control = '{case.path.control}'"
-    free = free_motions(case)
-    if case.following and (case.path.quantity is not None or case.path.after_buckling == "follow"):
-        return "it follows a pressure along the deformed normal by load steps before buckling only"
-    if case.following and free.size:
-        return "it needs supports against all rigid motions where a pressure follows the shell"
-    if free.size and np.abs(free[3:]).max() > RIGID:
-        name = RIGID_MOTIONS[3 + int(np.argmax(np.abs(free[3:]).max(axis=1)))]
-        return f"it needs supports against {name} at finite strain"
-    return None
-
-
-def _why_not_touched(case: Case) -> str | None:
-    if case.path.control != "load" or case.path.after_buckling == "follow":
-        return "it touches obstacles by load steps before buckling only"
-    if any(isinstance(q, CriticalPoint) for q in case.quantities):
-        return "it tells of no critical points where there are obstacles"
-    if case.following or any(isinstance(load, MomentLoad) for load in case.loads) or turns(case):
-        return "it touches obstacles at finite strain under dead forces alone, without moments or edges that turn"
-    return None
-
-
-def is_path(case: Case) -> bool:
-    """Tell whether a case is solved along a path: in linear theory where all is prescribed, or edge moments act."""
-    if not case.linear or any(isinstance(load, MomentLoad) for load in case.loads):
-        return True
-    return case.prescribed
 
 
 def solve(

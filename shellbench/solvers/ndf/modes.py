@@ -44,8 +44,7 @@ from shellbench.solvers.ndf.network import deep_random_features
 from shellbench.solvers.ndf.quadrature import area_rule
 from shellbench.solvers.ndf.refinement import SAFETY, SLOWEST, Level, first_level, next_level, unsettled
 from shellbench.solvers.ndf.ritz_field import with_settings
-from shellbench.solvers.ndf.ritz_settings import RitzSettings
-from shellbench.solvers.ndf.ritz_solver import RitzSolver
+from shellbench.solvers.ndf.ritz_settings import NAME, RitzSettings
 from shellbench.solvers.ndf.sampled import elastic_form
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.solve import SAME_ROW
@@ -86,7 +85,7 @@ class _Found:
 class Recipe:
     """Whose field finds modes: a solver's name, and the widths of hidden layers before the last, if there are any."""
 
-    solver: str = RitzSolver.name
+    solver: str = NAME
     inner: tuple[int, ...] = ()
 
 

@@ -53,8 +53,7 @@ from shellbench.solvers.ndf.published_network import (
     published_ansatz,
 )
 from shellbench.solvers.ndf.published_samples import Sampler, expected_displacement, usual_modulus_factor
-from shellbench.solvers.ndf.published_settings import PublishedSettings, own_checkpoint, training_key
-from shellbench.solvers.ndf.published_solver import PublishedSolver
+from shellbench.solvers.ndf.published_settings import NAME, PublishedSettings, own_checkpoint, training_key
 from shellbench.solvers.ndf.published_training import (
     CERTIFIED,
     LossNotFinite,
@@ -138,7 +137,7 @@ def solve(
     if case.dynamics is None:
         training = _Training.from_case(case, settings)
     else:
-        training = MotionTraining.from_case(case, settings, PublishedSolver.name)
+        training = MotionTraining.from_case(case, settings, NAME)
     own = own_checkpoint(case, settings)
     if settings.keep == "best" and not settings.certify_every:
         raise InputError('setting keep = "best" needs certified energies, so certify_every must not be 0')
@@ -177,12 +176,12 @@ def _start(training: Training, iterations: int, start: Solution | Path | None) -
             raise InputError(f"{start}: has {found.iteration} iterations, more than the {iterations} asked for")
         return found
     if isinstance(start, Path):
-        start = load(start, PublishedSolver.name)
+        start = load(start, NAME)
     if start is None:
         return beginning(training.key, training.siren)
     lent = training.released(start)
     if lent is None:
-        raise InputError(f"{PublishedSolver.name} starts from a checkpoint or solution of its own only")
+        raise InputError(f"{NAME} starts from a checkpoint or solution of its own only")
     check_like(lent, training.siren)
     return beginning(training.key, lent)
 
@@ -252,7 +251,7 @@ class _Training:
         if not isinstance(primary, DisplacementQuantity):
             return {}
         field = self.field(siren, self.sampler.placement.dtype)
-        solution = NdfSolution(self.case, PublishedSolver.name, self.spec, field, RIGID_RULE, 0.0, 0.0, 0)
+        solution = NdfSolution(self.case, NAME, self.spec, field, RIGID_RULE, 0.0, 0.0, 0)
         return {primary.name: measure(solution, primary)}
 
     def certify(self, siren: Siren) -> dict[str, float]:
@@ -275,7 +274,7 @@ class _Training:
 
     def released(self, solution: Solution) -> Siren | None:
         """Return the network of an earlier solution; None if it is no field of this recipe."""
-        if not isinstance(solution, NdfSolution) or solution.solver != PublishedSolver.name:
+        if not isinstance(solution, NdfSolution) or solution.solver != NAME:
             return None
         place = self.siren.tensors[0]
         moved = solution.field.features.network.to(place)
@@ -296,7 +295,7 @@ class _Training:
             last = replace(last, gap=gap, quantities={**last.quantities, **energies})
         return NdfSolution(
             case=self.case,
-            solver=PublishedSolver.name,
+            solver=NAME,
             spec=self.spec,
             field=field,
             rule=fine,

@@ -14,6 +14,8 @@ from shellbench.problem import SeededSettings
 from shellbench.problems.shell.case import Case
 from shellbench.solvers.ndf.choices import Components, PeriodicInput, Pins, StrainName
 
+NAME = "ndf-published"  # of the solver, in records and files
+
 NOT_OF_THE_TRAINING = {"device", "checkpoint", "checkpoint_every"}
 OF_FIXED_LENGTH = "cosine"  # a schedule whose steps depend on the iterations asked for
 

@@ -16,7 +16,7 @@ import torch
 from shellbench.errors import InputError
 from shellbench.problem import ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf import contact, contact_at_finite_strain, large_displacement, modes, motion, static
+from shellbench.solvers.ndf import contact, contact_at_finite_strain, large_displacement, modes, motion, paths, static
 from shellbench.solvers.ndf.build import (
     FieldSpec,
     Resolution,
@@ -34,8 +34,7 @@ from shellbench.solvers.ndf.network import Network, random_features
 from shellbench.solvers.ndf.path_challenge import SETTLED
 from shellbench.solvers.ndf.products import product_features, why_no_products
 from shellbench.solvers.ndf.ritz_field import field_spec, with_settings
-from shellbench.solvers.ndf.ritz_settings import RitzSettings
-from shellbench.solvers.ndf.ritz_solver import RitzSolver
+from shellbench.solvers.ndf.ritz_settings import NAME, RitzSettings
 from shellbench.solvers.ndf.rungs import Rung
 from shellbench.solvers.ndf.sampled import LONG_ORDER, LONG_SHARE, placed_features, scales
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
@@ -47,13 +46,13 @@ def solve(
 ) -> NdfSolution | PathSolution | MotionSolution:
     """Solve a case; see `shellbench.solvers.ndf.ritz_solver.RitzSolver`."""
     spec = field_spec(case, settings)
-    anew = case.dynamics is None and (case.obstacles or not large_displacement.is_path(case))
+    anew = case.dynamics is None and (case.obstacles or not paths.is_path(case))
     if start is not None and anew:
         what = "it trains nothing, and solves linear shells and those in contact anew"
-        raise InputError(f"{RitzSolver.name} can't go on from an earlier solution in {case.name}: {what}")
-    begin = load_solution(start, RitzSolver.name) if isinstance(start, Path) else start
+        raise InputError(f"{NAME} can't go on from an earlier solution in {case.name}: {what}")
+    begin = load_solution(start, NAME) if isinstance(start, Path) else start
     if begin is not None:
-        checked_start(begin, case, RitzSolver.name)
+        checked_start(begin, case, NAME)
     with torch.no_grad():
         if case.dynamics is not None:
             return _move(case, spec, settings, progress)
@@ -61,7 +60,7 @@ def solve(
             return modes.solve(case, spec, settings, progress)
         if case.obstacles and not case.linear:
             return contact.solve(case, spec, settings, progress, contact_at_finite_strain.answer, SETTLED)
-        if large_displacement.is_path(case):
+        if paths.is_path(case):
             return _follow(case, spec, settings, begin, progress)
         if case.obstacles:
             return contact.solve(case, spec, settings, progress)
@@ -87,11 +86,11 @@ def _follow(
     builds = [partial(build, chosen) for chosen in tried]
     path = None
     if begin is not None:
-        path, first = start_of_path(begin, case, RitzSolver.name, [chosen.neurons for chosen in tried])
+        path, first = start_of_path(begin, case, NAME, [chosen.neurons for chosen in tried])
         kept = path.states[-1].field.features.network
         builds = [partial(build, tried[first], kept), *builds[first + 1 :]]
     told = (settings.largest_gap, settings.seed, progress, path)
-    return large_displacement.solve(case, spec, RitzSolver.name, builds, *told)
+    return large_displacement.solve(case, spec, NAME, builds, *told)
 
 
 def _move(case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback) -> MotionSolution:
@@ -118,4 +117,4 @@ def _move(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
 
     rungs = motion.rungs_of(case, None if settings.neurons is None else (settings.neurons,), settings.degrees)
     builds = [partial(build, degree, width) for degree, width in rungs]
-    return motion.solve(case, spec, RitzSolver.name, builds, settings.largest_gap, progress)
+    return motion.solve(case, spec, NAME, builds, settings.largest_gap, progress)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf import large_displacement
+from shellbench.solvers.ndf import paths
 from shellbench.solvers.ndf.build import FieldSpec, Resolution
 from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.jets import activation, smooth_activation
@@ -23,7 +23,7 @@ def field_spec(case: Case, settings: RitzSettings) -> FieldSpec:
         raise InputError("setting neurons says of which degree a motion is; it does not go with degrees")
     if settings.hidden == "placed" and settings.activation != "sine":
         raise InputError(f"setting hidden = \"placed\" places sines, but found activation = '{settings.activation}'")
-    path = case.dynamics is not None or large_displacement.is_path(case)
+    path = case.dynamics is not None or paths.is_path(case)
     (smooth_activation if path else activation)(settings.activation)
     return FieldSpec(
         activation=settings.activation,

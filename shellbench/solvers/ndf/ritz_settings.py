@@ -18,6 +18,8 @@ from shellbench.solvers.ndf.choices import (
     Supports,
 )
 
+NAME = "ndf-ritz"  # of the solver, in records and files
+
 
 class RitzSettings(SeededSettings):
     """Settings of `ndf-ritz`; what is None follows from the case.

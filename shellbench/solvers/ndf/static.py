@@ -52,8 +52,7 @@ from shellbench.solvers.ndf.refinement import (
     unsettled,
 )
 from shellbench.solvers.ndf.ritz_field import with_settings
-from shellbench.solvers.ndf.ritz_settings import RitzSettings
-from shellbench.solvers.ndf.ritz_solver import RitzSolver
+from shellbench.solvers.ndf.ritz_settings import NAME, RitzSettings
 from shellbench.solvers.ndf.signs import Signs, jitter_share, refusal, rounding_energy, taken_up, unseen_turning
 from shellbench.solvers.ndf.soft import Springs, support_error
 from shellbench.solvers.ndf.solution import NdfSolution
@@ -241,7 +240,7 @@ def _solve_level(
         field = Field(ansatz, features, share * output, output.new_zeros(6))
         solution = NdfSolution(
             case=case,
-            solver=RitzSolver.name,
+            solver=NAME,
             spec=spec,
             field=field.less_rigid(rigid_part(field, rule)),
             rule=chosen.fine,

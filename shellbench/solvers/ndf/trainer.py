@@ -26,7 +26,7 @@ from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Solution, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad
-from shellbench.solvers.ndf import large_displacement, modes, motion
+from shellbench.solvers.ndf import large_displacement, modes, motion, paths
 from shellbench.solvers.ndf.answer import displacement_values
 from shellbench.solvers.ndf.build import (
     FieldSpec,
@@ -56,8 +56,7 @@ from shellbench.solvers.ndf.sampled import scales
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.solve import point_constraints
 from shellbench.solvers.ndf.supports import check_balance, point_supports
-from shellbench.solvers.ndf.trainer_settings import TrainerSettings
-from shellbench.solvers.ndf.trainer_solver import NdfSolver
+from shellbench.solvers.ndf.trainer_settings import NAME, TrainerSettings
 from shellbench.solvers.ndf.training import (
     CERTIFICATE,
     MIRRORED_SCALES,
@@ -163,9 +162,9 @@ def solve(
 ) -> NdfSolution | PathSolution | MotionSolution:
     """Train a field; see `shellbench.solvers.ndf.trainer_solver.NdfSolver`."""
     strain = strain_of(case, settings.strain)
-    begin = load_solution(start, NdfSolver.name) if isinstance(start, Path) else start
+    begin = load_solution(start, NAME) if isinstance(start, Path) else start
     if begin is not None:
-        checked_start(begin, case, NdfSolver.name)
+        checked_start(begin, case, NAME)
     with torch.no_grad():
         if case.dynamics is not None:
             smooth_activation(settings.activation)
@@ -178,9 +177,9 @@ def solve(
                 neurons=settings.widths[-1] if settings.widths else None,
                 largest_gap=settings.largest_gap,
             )
-            recipe = modes.Recipe(NdfSolver.name, settings.inner)
+            recipe = modes.Recipe(NAME, settings.inner)
             return modes.solve(case, field_spec(settings, strain), chosen, tell, recipe)
-        if not large_displacement.is_path(case):
+        if not paths.is_path(case):
             return _Run(case, settings, begin, tell).solve(begin)
         smooth_activation(settings.activation)
         return follow(
@@ -190,7 +189,7 @@ def solve(
             Placement.on(settings.device),
             point_constraints,
             settings.largest_gap,
-            NdfSolver.name,
+            NAME,
             tell,
             begin,
         )
@@ -233,7 +232,7 @@ def _move(case: Case, settings: TrainerSettings, strain: StrainName, tell: Progr
 
     rungs = motion.rungs_of(case, settings.widths)
     builds = [partial(build, degree, width) for degree, width in rungs]
-    solution = motion.solve(case, spec, NdfSolver.name, builds, settings.largest_gap, tell)
+    solution = motion.solve(case, spec, NAME, builds, settings.largest_gap, tell)
     return replace(solution, diagnostics={**solution.diagnostics, "hidden_layers": "as drawn"})
 
 
@@ -305,7 +304,7 @@ class _Run:
             return first_state(self.problem, self.plan)
         inputs = self.problem.features.inputs.count
         if not isinstance(start, NdfSolution) or start.field.features.network.weights[0].shape[1] != inputs:
-            raise InputError(f"the start is no solution of '{NdfSolver.name}' with the {inputs} inputs of this case")
+            raise InputError(f"the start is no solution of '{NAME}' with the {inputs} inputs of this case")
         network = start.field.features.network
         points = Quadratures.for_width(self.problem, network.width)
         return points.evaluate(self.problem, network), points
@@ -340,7 +339,7 @@ class _Run:
         rule = self.problem.rule_spec(CERTIFICATE, FINAL_ORDER)
         return NdfSolution(
             case=self.case,
-            solver=NdfSolver.name,
+            solver=NAME,
             spec=self.spec,
             field=field,
             rule=rule,

@@ -10,6 +10,8 @@ from shellbench.model import Positive
 from shellbench.problem import SeededSettings
 from shellbench.solvers.ndf.choices import LARGEST_GAP, Components, PeriodicInput, StrainName
 
+NAME = "ndf"  # of the solver, in records and files
+
 LAYER = 2.2  # l of stretched inputs in sqrt(h R): between 2 and 2.5 the certified energy of pinched cylinders is flat
 MULTIPLIERS = 4  # singular features a point force; more gained under a tenth of the remaining error
 INNER = (8, 8)  # hidden layers before the last; wider ones gained nothing certified

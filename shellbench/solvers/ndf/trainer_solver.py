@@ -9,7 +9,7 @@ from shellbench.problem import Capabilities, ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import Beyond, why_not_plain
 from shellbench.solvers.ndf.field_solver import FieldSolver
-from shellbench.solvers.ndf.trainer_settings import TrainerSettings
+from shellbench.solvers.ndf.trainer_settings import NAME, TrainerSettings
 
 if TYPE_CHECKING:
     from shellbench.solvers.ndf.motion_solution import MotionSolution
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class NdfSolver(FieldSolver):
     """The trainer; see `shellbench.problem.Solver`."""
 
-    name: ClassVar[str] = "ndf"
+    name: ClassVar[str] = NAME
     capabilities: ClassVar[Capabilities] = Capabilities(
         theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"),
         label="neural field: deep sine network, all weights trained in linear theory (variable projection,"

@@ -8,8 +8,8 @@ from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features
 from shellbench.solvers.ndf.declines import why_not_moved
 from shellbench.solvers.ndf.equilibrium import PathProblem
 from shellbench.solvers.ndf.jets import Placement
-from shellbench.solvers.ndf.large_displacement import why_not_followed
 from shellbench.solvers.ndf.network import random_features
+from shellbench.solvers.ndf.paths import why_not_followed
 from shellbench.solvers.ndf.quadrature import RuleSpec
 from tests.solvers.ndf.test_large_displacement import STRIP, UP, WALL, solve, strip
 
