@@ -39,6 +39,7 @@ Array = NDArray[np.float64]
 
 NEUTRAL = 1e-3  # least mu, relative to the stiffness of the softest mode at rest
 BRACKET = 1e-6  # of the load factor: how closely the critical state is bracketed
+EASY_WITH_OLD = 2  # times as many iterations count as easy as by new tangents: old ones make more, and cheaper ones
 BEYOND = 0.01  # of the critical load factor: how far beyond it the shell is left to itself
 INVERSE_STEPS = 12  # of inverse iteration for the softest mode, at most
 SETTLED = 1e-6  # relative change of its stiffness that ends them: its square root is the error of the mode
@@ -106,7 +107,7 @@ def following_steps(
                     continue
                 step = max(BEYOND * state.t, shortest)  # far enough for the instability to show
                 found = _left_to_itself(buckling, state, min(mark, state.t + step))
-            elif found.iterations <= EASY:
+            elif found.iterations <= EASY_WITH_OLD * EASY:
                 step = max(step, (target - state.t) * GROWTH)
             state = found
             yield state

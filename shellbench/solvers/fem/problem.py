@@ -385,6 +385,7 @@ class FiniteProblem:
             factor, before = known.factor, known.work
         elif self._stays(start, step):
             factor = start.factor  # at the start itself the tangent is known
+        hold = None if factor is None else Hold.from_ties(ties, factor, waves)
         pressed = pressing.at(q) if pressing else None
         membrane = self.case.material.membrane_stiffness
         for iteration in range(1, (MOST_IN_CONTACT if pressing else MOST_ITERATIONS) + 1):
@@ -397,8 +398,8 @@ class FiniteProblem:
             unbalanced, moved = _size(ties, right), UNSTRAINED * float(np.abs(q).max())
             residuals.append(unbalanced / max(largest, np.finfo(float).tiny))
             aged = frugal and not pressing and factor is not None and before < np.inf
-            if aged and factor is not None:
-                step, change = self._step(ties, factor, right, q, t, constraint, waves)
+            if aged and factor is not None and hold is not None:
+                step, change = self._step(ties, factor, right, q, t, constraint, hold)
                 aged = abs(float(np.sum(right * step))) <= SLOW * before
             if not aged:
                 if iteration > 1 or factor is None or known is not None:
@@ -407,8 +408,10 @@ class FiniteProblem:
                         factor = self._factorised(q, t, strained, predicted(), contact)
                     except NotPositiveDefiniteError:
                         raise NotConvergedError from None
+                    hold = Hold.from_ties(ties, factor, waves)
                 assert factor is not None
-                step, change = self._step(ties, factor, right, q, t, constraint, waves)
+                assert hold is not None
+                step, change = self._step(ties, factor, right, q, t, constraint, hold)
             t += change
             decrement = abs(float(np.sum(right * step)))
             predicted = partial(self.energy.predicted_stresses, strained, step)
@@ -434,8 +437,8 @@ class FiniteProblem:
                     pressing, settled = pressing.next_round(pressed), False
                     pressed = pressing.at(q)
             if settled:
-                assert factor is not None
-                angles, forgiven = self._angles(q, start), int(Hold.from_ties(ties, factor, waves).negative)
+                assert hold is not None
+                angles, forgiven = self._angles(q, start), int(hold.negative)
                 found = FiniteState(t, q, strained, angles, factor, iteration, tuple(residuals), forgiven=forgiven)
                 return replace(found, pressure=pressed.pressure, touch=pressed.forces) if pressed else found
         raise NotConvergedError
@@ -448,12 +451,12 @@ class FiniteProblem:
         q: Array,
         t: float,
         constraint: Constraint | None,
-        waves: Array | None,
+        hold: Hold,
     ) -> tuple[Array, float]:
         """Return a step (nodes, 12) by a tangent, and that of the load factor."""
         if constraint is not None:
             return self._bordered(ties, factor, right, q, t, constraint)
-        return Hold.from_ties(ties, factor, waves).step(on_free(ties, factor, right)), 0.0
+        return hold.step(on_free(ties, factor, right)), 0.0
 
     def _bordered(
         self, ties: Ties, factor: TangentFactor, right: Array, q: Array, t: float, constraint: Constraint
