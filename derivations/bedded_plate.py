@@ -23,7 +23,7 @@ from numpy.polynomial import legendre
 from scipy.optimize import minimize_scalar
 
 from shellbench.problems.shell.case import Case, read_case
-from shellbench.problems.shell.conditions import AreaLoad, PressureLoad
+from shellbench.problems.shell.question.loads import AreaLoad, PressureLoad
 
 from .estimate import Estimate
 from .manufactured import CASES, exact_formulas

@@ -15,7 +15,7 @@ import torch
 from scipy.optimize import minimize
 
 from derivations.estimate import Estimate
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.solvers.field.mesh_solver import MeshField, meshed
 
 RADIUS, GAP = 0.2, 0.002

@@ -35,7 +35,7 @@ from numpy.polynomial import chebyshev
 from scipy.optimize import minimize
 
 from shellbench.problems.shell.case import Case, read_case
-from shellbench.problems.shell.quantities import FieldError
+from shellbench.problems.shell.quantities.quantities import FieldError
 from shellbench.problems.taylor import Taylor
 
 from .estimate import Estimate

@@ -17,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from shellbench.problems.shell.case import Case, read_case
-from shellbench.problems.shell.conditions import AreaLoad, Value
+from shellbench.problems.shell.question.conditions import Value
+from shellbench.problems.shell.question.loads import AreaLoad
 
 from .estimate import Estimate
 from .linear_splines import Answer, Field, LinearShell, elasticity

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from shellbench.problems.shell.case import read_case
-from shellbench.problems.shell.conditions import AreaLoad, PressureLoad
+from shellbench.problems.shell.question.loads import AreaLoad, PressureLoad
 
 from .estimate import Estimate
 from .manufactured import CASES

@@ -23,7 +23,7 @@ from itertools import pairwise
 import numpy as np
 
 from shellbench.problems.shell.case import Case, read_case
-from shellbench.problems.shell.places import Edge
+from shellbench.problems.shell.question.places import Edge
 
 from . import pulled_ring
 from .clamped_plate import solve_clamped

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.integrate import simpson
 
 from shellbench.problems.shell.case import read_case
-from shellbench.problems.shell.conditions import AreaLoad
+from shellbench.problems.shell.question.loads import AreaLoad
 
 from .estimate import Estimate
 from .manufactured import CASES

@@ -16,29 +16,31 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from shellbench.bench.facts import attributes
-from shellbench.model import LARGEST, Model
+from shellbench.bench.plugins.facts import attributes
 from shellbench.problem import Problem
 from shellbench.problems import obstacle
 from shellbench.problems.conditioned import case as conditioned
 from shellbench.problems.conditioned import quantities as of_materials
 from shellbench.problems.editing import case as editing
 from shellbench.problems.editing.quantities import EditedDisplacement
-from shellbench.problems.expression import CONSTANTS, FUNCTIONS, MAX_LENGTH
+from shellbench.problems.expression import MAX_LENGTH
 from shellbench.problems.field import body as ball
 from shellbench.problems.field import case as field
 from shellbench.problems.field import quantities as of_fields
+from shellbench.problems.formula_functions import CONSTANTS, FUNCTIONS
 from shellbench.problems.rope import case as rope
 from shellbench.problems.rope import quantities as asked
-from shellbench.problems.shell import quantities, surface
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.quantities import quantities
+from shellbench.problems.shell.question import surface
 from shellbench.problems.skinning import body, cape
 from shellbench.problems.skinning import case as skinning
 from shellbench.problems.skinning import quantities as skinned
+from shellbench.protocol.schema import LARGEST, Model
 
 PAGE = Path(__file__).with_name("case_format.md")
 CASES = PAGE.parents[1] / "cases"
-SHOWN = "shellbench.problems", "shellbench.known"
+SHOWN = "shellbench.problems", "shellbench.protocol.known_value"
 """Modules of the models that case files are read into."""
 Schema = Mapping[str, Any]
 

@@ -16,18 +16,19 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from shellbench.bench import catalog, compare
-from shellbench.bench.about import about, question, tolerance_words
-from shellbench.bench.current import current_runs
-from shellbench.bench.kinds import portrait_of_named
-from shellbench.bench.row import Row
-from shellbench.bench.store import Store
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.about import about, question, tolerance_words
+from shellbench.bench.judge import compare
+from shellbench.bench.judge.row import Row
+from shellbench.bench.plugins.kinds import portrait_of_named
+from shellbench.bench.store.current import current_runs
+from shellbench.bench.store.store import Store
 from shellbench.problem import Problem
-from shellbench.report.document import Source, read_bibliography
-from shellbench.report.exhibit import style
-from shellbench.report.notation import escape_markdown
-from shellbench.report.pictures import held_lines, point_forces, shell
-from shellbench.report.shells import Camera, Shell, colour_bar, draw_deformed, draw_reference, scale_words
+from shellbench.report.data.document import Source, read_bibliography
+from shellbench.report.data.exhibit import style
+from shellbench.report.data.notation import escape_markdown
+from shellbench.report.figures.pictures import held_lines, point_forces, shell
+from shellbench.report.figures.shells import Camera, Shell, colour_bar, draw_deformed, draw_reference, scale_words
 
 ROOT = Path(__file__).parents[1]
 FOLDER = Path(__file__).with_name("cases")

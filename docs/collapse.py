@@ -11,13 +11,13 @@ import argparse
 
 import torch
 
-from shellbench.bench.catalog import named_case
+from shellbench.bench.catalogue.catalog import named_case
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf.published import _Training
-from shellbench.solvers.ndf.published_network import Siren
-from shellbench.solvers.ndf.published_samples import Sample, stratified_samples
+from shellbench.solvers.ndf.published.published import _Training
+from shellbench.solvers.ndf.published.published_network import Siren
+from shellbench.solvers.ndf.published.published_samples import Sample, stratified_samples
+from shellbench.solvers.ndf.published.published_training import Plan, beginning, train
 from shellbench.solvers.ndf.published_solver import PublishedSettings
-from shellbench.solvers.ndf.published_training import Plan, beginning, train
 
 CASE, RATE = "pinched_cylinder_free", 1e-4
 

@@ -8,7 +8,7 @@ takes the two pages of some 60 MB that `nox -s example` has built under reports/
 - the pictures that are shown.
 
 `python docs/evidence.py resolution [STORE [REMARK]]` makes reports/resolution.json from the runs of the suite `resolution` on
-the shells of the obstacle course (see `shellbench.report.kept_resolution`); `nox -s evidence` does both.
+the shells of the obstacle course (see `shellbench.report.sections.kept_resolution`); `nox -s evidence` does both.
 
 `tests/test_readme.py` holds README and docs against these files.
 """
@@ -74,9 +74,9 @@ def reduce_table(source: Path, target: Path) -> None:
 
 def keep_resolution(store: str = "reports/runs", remark: str = "") -> None:
     """Replace the summary of the suite `resolution` by that of a store's runs; a remark is for its readers."""
-    from shellbench.bench import catalog
-    from shellbench.bench.store import Store
-    from shellbench.report.kept_resolution import as_text, of_store
+    from shellbench.bench.catalogue import catalog
+    from shellbench.bench.store.store import Store
+    from shellbench.report.sections.kept_resolution import as_text, of_store
 
     cases = catalog.find_suite("obstacle_course").order
     kept = of_store(Store(ROOT / store), cases)

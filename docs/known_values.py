@@ -6,10 +6,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-from shellbench.bench import catalog
-from shellbench.bench.reference import KnownValue
-from shellbench.model import read_toml
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.reference import KnownValue
 from shellbench.problem import Problem, Quantity
+from shellbench.protocol.schema import read_toml
 
 ROOT = Path(__file__).parents[1]
 PAGE = Path(__file__).with_name("known_values.md")

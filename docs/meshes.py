@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from shellbench.bench import catalog
-from shellbench.bench.registry import find_solver, load_solver
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.plugins.registry import find_solver, load_solver
 
 CASES = Path(__file__).parents[1] / "cases"
 POINTS, DIGITS = 60, 10

@@ -26,8 +26,8 @@ from typing import Any
 
 import numpy as np
 
-from shellbench.bench import catalog
-from shellbench.bench.registry import find_solver, load_solver
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.plugins.registry import find_solver, load_solver
 from shellbench.cli import app
 
 ROOT = Path(__file__).parents[1]

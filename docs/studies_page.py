@@ -14,8 +14,8 @@ from typing import Any
 
 from matplotlib.axes import Axes
 
-from shellbench.report.exhibit import DASHES, inks, style
-from shellbench.report.panel import add_legend, entry, finish, open_figure
+from shellbench.report.data.exhibit import DASHES, inks, style
+from shellbench.report.figures.panel import add_legend, entry, finish, open_figure
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/studies.md"

@@ -28,17 +28,19 @@ import pandas as pd
 from pydantic import ValidationError
 from rich.console import Console
 
-from shellbench.bench import catalog, environment, local
-from shellbench.bench.compare import as_json, rows_and_notes
-from shellbench.bench.display import Silent, display
-from shellbench.bench.execute import execute
-from shellbench.bench.plan import Request, make_plan
-from shellbench.bench.registry import find_solver, load_solver
-from shellbench.bench.row import Row
-from shellbench.bench.store import Store
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.compare import as_json, rows_and_notes
+from shellbench.bench.judge.row import Row
+from shellbench.bench.plugins.registry import find_solver, load_solver
+from shellbench.bench.run import local
+from shellbench.bench.run.display import Silent, display
+from shellbench.bench.run.execute import execute
+from shellbench.bench.run.plan import Request, make_plan
+from shellbench.bench.store import environment
+from shellbench.bench.store.store import Store
 from shellbench.errors import InputError
-from shellbench.model import one_sentence
 from shellbench.problem import Problem, Solution, answerable, why_declined
+from shellbench.protocol.schema import one_sentence
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -170,9 +172,9 @@ def picture(solution: Solution) -> Picture:
     InputError
         If nothing can be drawn of such a problem, or the answer has no finite field.
     """
-    from shellbench.report.exhibit import style
-    from shellbench.report.pictures import shell_of
-    from shellbench.report.shells import shell_figure
+    from shellbench.report.data.exhibit import style
+    from shellbench.report.figures.pictures import shell_of
+    from shellbench.report.figures.shells import shell_figure
 
     found = shell_of(solution)
     if found is None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.problem import Problem
 
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.problems.shell.measure import measure_all
+from shellbench.bench.catalogue import catalog
+from shellbench.problems.shell.quantities.measure import measure_all
 
 
 def wrapped(owner: Any, name: str, change: Callable) -> Callable[[pytest.MonkeyPatch], None]:

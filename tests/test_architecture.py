@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 import shellbench
-from shellbench.bench import catalog
-from shellbench.bench.registry import solver_entries
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.plugins.registry import solver_entries
 from tests.patience import GUARD
 
 PACKAGE = Path(shellbench.__file__).parent
@@ -129,7 +129,7 @@ def test_no_modules_import_each_other_in_a_circle():
 
 DECLARE = """
 import sys
-from shellbench.bench.registry import load_solver, solver_entries
+from shellbench.bench.plugins.registry import load_solver, solver_entries
 from shellbench.errors import InputError
 for entry in solver_entries().values():
     try:

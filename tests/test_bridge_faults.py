@@ -6,9 +6,10 @@ As in tests/test_faults.py: the fault is injected, the case is solved and judged
 import numpy as np
 import pytest
 
-from shellbench.problems.shell.conditions import Material
-from shellbench.solvers.fem import kinematics
-from shellbench.solvers.ndf import bspline, bspline_solution, energy, splines
+from shellbench.problems.shell.question.conditions import Material
+from shellbench.solvers.fem.mechanics import kinematics
+from shellbench.solvers.ndf.bspline import bspline, bspline_solution, splines
+from shellbench.solvers.ndf.strains import energy
 from tests.test_faults import Fault, must_be_green, must_be_red, stop_early, wrapped
 
 BRIDGE, PLATE, ROOF = "bridge_plate", "square_plate", "scordelis_lo"

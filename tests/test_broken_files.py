@@ -8,13 +8,13 @@ import re
 import pytest
 from pydantic_core._pydantic_core import list_all_errors
 
-from shellbench.bench import catalog
-from shellbench.bench.baseline import read_baseline
-from shellbench.bench.reference import read_known_values
-from shellbench.bench.suite import read_suite
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.reference import read_known_values
+from shellbench.bench.catalogue.suite import read_suite
+from shellbench.bench.judge.baseline import read_baseline
 from shellbench.errors import InputError
-from shellbench.model import read_toml
 from shellbench.problems.shell.case import build_case
+from shellbench.protocol.schema import read_toml
 
 PLACEHOLDER = re.compile(r"\\\{[a-z_]+\\\}")
 RAW = [

@@ -7,8 +7,8 @@ import pytest
 
 from docs import case_format
 from shellbench.errors import InputError
-from shellbench.model import Model
 from shellbench.problems.shell.case import Case, build_case
+from shellbench.protocol.schema import Model
 
 MODELS = Case.model_json_schema()["$defs"]
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from docs import cases, contents
-from shellbench.bench import catalog
-from shellbench.bench.store import Store
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.store.store import Store
 from tests.bench.conftest import full, made_once, plugin, store, toys  # noqa: F401 - fixtures
 
 

@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 from shellbench import __version__, cli
-from shellbench.bench import local
-from shellbench.bench.planned import FOLDER
-from shellbench.bench.store import Store
+from shellbench.bench.run import local
+from shellbench.bench.store.planned import FOLDER
+from shellbench.bench.store.store import Store
 from shellbench.errors import Interrupted
-from shellbench.problems.shell import self_intersection
-from shellbench.report import sections
+from shellbench.problems.shell.records import self_intersection
+from shellbench.report.page import sections
 from tests.bench import strip
 from tests.bench.conftest import made_once, own_case, plugin, store, toys  # noqa: F401 - fixtures
 from tests.bench.running import InThisProcess

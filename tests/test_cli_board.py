@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench import pack as packs
-from shellbench.bench.board import AGREES, read_board
-from shellbench.bench.pack import MANIFEST, read_pack
-from shellbench.bench.store import Store
+from shellbench.bench.judge.board import AGREES, read_board
+from shellbench.bench.store import pack as packs
+from shellbench.bench.store.pack import MANIFEST, read_pack
+from shellbench.bench.store.store import Store
 from shellbench.errors import InputError
 from tests.bench.conftest import with_plugin, with_toys
 from tests.bench.running import changed, run

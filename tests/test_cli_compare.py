@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench.store import Store
+from shellbench.bench.store.store import Store
 from tests.bench.conftest import full, made_once, own_case, plugin, store, toys  # noqa: F401 - fixtures
 from tests.bench.running import changed, run
 from tests.test_cli import shellbench  # noqa: F401 - fixture

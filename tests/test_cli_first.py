@@ -23,13 +23,14 @@ from rich.console import Console
 
 from shellbench import __main__ as program
 from shellbench import cli
-from shellbench.bench import catalog, doctor, templates
-from shellbench.bench.display import Lines, display
-from shellbench.bench.store import Store
+from shellbench.bench.catalogue import catalog, templates
+from shellbench.bench.judge import doctor
+from shellbench.bench.run.display import Lines, display
+from shellbench.bench.store.store import Store
 from shellbench.cli import first
 from shellbench.errors import InputError, Interrupted
-from shellbench.nearest import did_you_mean
 from shellbench.problem import Progress
+from shellbench.protocol.spelling import did_you_mean
 from tests.bench.conftest import plugin, toys  # noqa: F401 - fixtures
 from tests.bench.running import InThisProcess
 from tests.patience import GUARD
@@ -51,7 +52,7 @@ class Here(InThisProcess):
 @pytest.fixture
 def here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Start no processes."""
-    monkeypatch.setattr("shellbench.bench.local.LocalProcesses", Here)
+    monkeypatch.setattr("shellbench.bench.run.local.LocalProcesses", Here)
     monkeypatch.setattr(doctor, "LocalProcesses", Here)
 
 
@@ -146,7 +147,7 @@ def test_a_disk_that_is_full_is_bad(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.usefixtures("here")
 def test_a_quick_look_solves_prints_and_judges(shellbench, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
-    monkeypatch.setattr("shellbench.bench.plan.DEFAULT_SUITE", "toys")
+    monkeypatch.setattr("shellbench.bench.run.plan.DEFAULT_SUITE", "toys")
     monkeypatch.setattr(first, "QUICK_SOLVERS", ("toy", "toy-noisy"))
     monkeypatch.setenv("COLUMNS", "80")
     code, out, err = shellbench("quick")

@@ -12,12 +12,14 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import Case, build_case
-from shellbench.problems.shell.measure import measure_all
-from shellbench.solvers.fem import constraints, generalised_alpha, kinematics, problem, strain_energy, time_step
-from shellbench.solvers.fem.block_matrix import BlockMatrix
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix
+from shellbench.solvers.fem.mechanics import constraints, kinematics, strain_energy
+from shellbench.solvers.fem.motion import generalised_alpha, time_step
+from shellbench.solvers.fem.path import problem
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.test_faults import stiffness
 

@@ -14,28 +14,20 @@ import pytest
 import torch
 from torch import Tensor
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.case import Case, build_case
-from shellbench.problems.shell.measure import measure_all
-from shellbench.solvers.ndf import (
-    buckling,
-    equilibrium,
-    factors,
-    integration,
-    large_displacement,
-    motion,
-    motion_problem,
-    motion_solution,
-    newton,
-    strain_measures,
-)
-from shellbench.solvers.ndf.field import Ansatz
-from shellbench.solvers.ndf.jets import VALUE
-from shellbench.solvers.ndf.quadrature import RuleSpec
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.solvers.ndf.field import factors
+from shellbench.solvers.ndf.field.field import Ansatz
+from shellbench.solvers.ndf.field.jets import VALUE
+from shellbench.solvers.ndf.field.quadrature import RuleSpec
+from shellbench.solvers.ndf.field.supports import Factors
+from shellbench.solvers.ndf.motion import integration, motion, motion_problem, motion_solution
+from shellbench.solvers.ndf.path import buckling, equilibrium, large_displacement, newton
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
-from shellbench.solvers.ndf.sampled import widest
-from shellbench.solvers.ndf.supports import Factors
+from shellbench.solvers.ndf.strains import strain_measures
+from shellbench.solvers.ndf.strains.sampled import widest
 from tests.test_faults import more_poisson, stiffness, wrapped
 from tests.test_large_displacement_faults import ndf_strain
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from shellbench.problems.conditioned.case import Material, Ranges
-from shellbench.solvers.ndf import conditioned, reduced
-from shellbench.solvers.ndf.reduced import Reduced, stiffness_rates, stiffnesses
+from shellbench.solvers.ndf.conditioned import conditioned, reduced
+from shellbench.solvers.ndf.conditioned.reduced import Reduced, stiffness_rates, stiffnesses
 from tests.solvers.ndf.conditioned import missed, small_field
 
 
@@ -20,7 +20,7 @@ def broken(monkeypatch):
 
 
 def everywhere(broken, name, value):
-    from shellbench.solvers.ndf import affine
+    from shellbench.solvers.ndf.conditioned import affine
 
     broken((reduced, affine, conditioned), name, value)
 

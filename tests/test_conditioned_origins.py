@@ -4,7 +4,7 @@ import pytest
 
 from derivations import conditioned
 from derivations.conditioned import COUNT, QUESTIONS
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 
 FORMS = {"judge": 0, "origin": 1}
 FIRST = range(1)  # materials of the quick test

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import SolveFailure
-from shellbench.problems.shell.measure import measure_all
-from shellbench.solvers.fem import contact_at_finite_strain as touching
-from shellbench.solvers.fem import problem as newton
+from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.solvers.fem import solving
-from shellbench.solvers.fem.contact_points import ContactPoints
-from shellbench.solvers.fem.mesh import TensorMesh
-from shellbench.solvers.fem.problem import FiniteProblem
-from shellbench.solvers.fem.quadrature import Quadrature
+from shellbench.solvers.fem.mechanics.contact_points import ContactPoints
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
+from shellbench.solvers.fem.mesh.quadrature import Quadrature
+from shellbench.solvers.fem.path import contact_at_finite_strain as touching
+from shellbench.solvers.fem.path import problem as newton
+from shellbench.solvers.fem.path.problem import FiniteProblem
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
 from tests.test_contact_faults import errors

@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import build_case
-from shellbench.problems.shell.contact import gaps
-from shellbench.problems.shell.measure import measure_all
-from shellbench.solvers.ndf import contact_at_finite_strain as touching
-from shellbench.solvers.ndf.build import resolution
-from shellbench.solvers.ndf.contact import ALONG_SLENDER, drawn
-from shellbench.solvers.ndf.contact_forces import SMOOTH, contact_points, least_forces, smoothest
-from shellbench.solvers.ndf.continuation import PathEndsError, load_steps
-from shellbench.solvers.ndf.equilibrium import PathProblem
-from shellbench.solvers.ndf.quadrature import RuleSpec
-from shellbench.solvers.ndf.ritz_field import field_spec
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.problems.shell.question.contact import gaps
+from shellbench.solvers.ndf.field.build import resolution
+from shellbench.solvers.ndf.field.quadrature import RuleSpec
+from shellbench.solvers.ndf.linear.contact import ALONG_SLENDER, drawn
+from shellbench.solvers.ndf.linear.contact_forces import SMOOTH, contact_points, least_forces, smoothest
+from shellbench.solvers.ndf.linear.ritz_field import field_spec
+from shellbench.solvers.ndf.path import contact_at_finite_strain as touching
+from shellbench.solvers.ndf.path.continuation import PathEndsError, load_steps
+from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from tests.injecting import shares_of_tolerances
 

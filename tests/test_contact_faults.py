@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from derivations import contact as derived
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems import obstacle
 from shellbench.problems.shell.case import build_case
 from shellbench.solvers.cst.solver import CstSolver
-from shellbench.solvers.fem import contact, contact_points
+from shellbench.solvers.fem.linear import contact
+from shellbench.solvers.fem.mechanics import contact_points
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from shellbench.solvers.ndf.trainer_solver import NdfSolver
 from tests.injecting import shares_of_tolerances

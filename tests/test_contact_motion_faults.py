@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import SolveFailure
 from shellbench.problems import obstacle
-from shellbench.problems.shell.measure import measure_all
-from shellbench.solvers.fem import contact_in_motion, time_step
-from shellbench.solvers.fem.contact_balance import APART, SLIPS, Balance
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.solvers.fem.motion import contact_in_motion, time_step
+from shellbench.solvers.fem.motion.contact_balance import APART, SLIPS, Balance
+from shellbench.solvers.fem.motion.time_step import MovingShell
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
-from shellbench.solvers.fem.time_step import MovingShell
 from tests.injecting import given, shares_of_tolerances, wrapped
 
 FALLS, SLIDES, BAR = "contact_patch_falls", "contact_patch_slides", "contact_bar"

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import SolveFailure
-from shellbench.problems.shell.measure import measure_all
-from shellbench.solvers.ndf import contact, solution
-from shellbench.solvers.ndf.build import resolution
-from shellbench.solvers.ndf.creases import Creases
-from shellbench.solvers.ndf.jets import D1, D11, VALUE, Placement
-from shellbench.solvers.ndf.refinement import first_level
-from shellbench.solvers.ndf.ritz_field import field_spec
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.solvers.ndf.field.build import resolution
+from shellbench.solvers.ndf.field.creases import Creases
+from shellbench.solvers.ndf.field.jets import D1, D11, VALUE, Placement
+from shellbench.solvers.ndf.linear import contact, solution
+from shellbench.solvers.ndf.linear.refinement import first_level
+from shellbench.solvers.ndf.linear.ritz_field import field_spec
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from tests.injecting import shares_of_tolerances
 

@@ -11,14 +11,14 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.expected import Scope
-from shellbench.bench.gate import Verdict
-from shellbench.bench.listing import gated_quantities
-from shellbench.bench.plan import Request, first_look, make_plan
-from shellbench.bench.record import Measured, Record
-from shellbench.bench.store import Contents, Store
-from shellbench.bench.task import Task
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.listing import gated_quantities
+from shellbench.bench.judge.expected import Scope
+from shellbench.bench.judge.gate import Verdict
+from shellbench.bench.run.plan import Request, first_look, make_plan
+from shellbench.bench.store.record import Measured, Record
+from shellbench.bench.store.store import Contents, Store
+from shellbench.bench.store.task import Task
 from tests.test_faults import accuracy_gate
 
 SUITE = "obstacle_course"

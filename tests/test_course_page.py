@@ -3,7 +3,7 @@
 import re
 
 from docs import course_page
-from shellbench.report.kept_data import Summary
+from shellbench.report.data.kept_data import Summary
 from tests.report.test_kept import CASE, summary
 
 

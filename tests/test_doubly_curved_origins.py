@@ -9,7 +9,7 @@ from derivations.linear_splines import LinearShell, cartesian
 from derivations.revolution_splines import SplineRevolution, minimiser
 from derivations.spline_shell import Splines
 from derivations.surface_strains import DERIVATIVES, first_variation
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 
 STEP = 1e-3  # of central differences: their error is a millionth of it squared, their rounding a hundredth of that
 

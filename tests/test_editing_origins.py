@@ -3,7 +3,7 @@
 import pytest
 
 from derivations.edits import EDITS
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 
 LONG = ("edit_roof_thickness", "edit_cantilever_force", "edit_cantilever_pose")
 

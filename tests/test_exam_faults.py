@@ -9,15 +9,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shellbench.bench.store import Store
-from shellbench.problems.shell.conditions import PressureLoad, Rotation
-from shellbench.problems.shell.quantities import DisplacementQuantity, PointQuantity
-from shellbench.problems.shell.shell import Shell
-from shellbench.solvers.fem import constraints, kinematics
-from shellbench.solvers.fem import loads as fem_loads
-from shellbench.solvers.fem.solution import FemSolution
-from shellbench.solvers.ndf import energy, geometry
-from shellbench.solvers.ndf.solution import NdfSolution
+from shellbench.bench.store.store import Store
+from shellbench.problems.shell.posed.shell import Shell
+from shellbench.problems.shell.quantities.quantities import DisplacementQuantity, PointQuantity
+from shellbench.problems.shell.question.conditions import Rotation
+from shellbench.problems.shell.question.loads import PressureLoad
+from shellbench.solvers.fem.mechanics import constraints, kinematics
+from shellbench.solvers.fem.mechanics import loads as fem_loads
+from shellbench.solvers.fem.mechanics.solution import FemSolution
+from shellbench.solvers.ndf.field import geometry
+from shellbench.solvers.ndf.linear.solution import NdfSolution
+from shellbench.solvers.ndf.strains import energy
 from tests.test_faults import Fault, findings, must_be_red, wrapped
 
 ROOF, OBLIQUE, SWAPPED = "scordelis_lo", "scordelis_lo@oblique", "scordelis_lo@swapped"

@@ -11,18 +11,24 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog, measuring, worker
-from shellbench.bench.expected import Scope
-from shellbench.bench.gate import Verdict, gate
-from shellbench.bench.kinds import find_kind, kind_name
-from shellbench.bench.lock import LockCheck
-from shellbench.bench.plan import Request, make_plan
-from shellbench.bench.store import Store
-from shellbench.bench.task import Task
-from shellbench.problems.shell.conditions import Material
-from shellbench.solvers.fem import constraints, kinematics, quadrature, solving
-from shellbench.solvers.fem import loads as fem_loads
-from shellbench.solvers.ndf import energy, factors, field, geometry, jets, network, refinement, static
+from shellbench.bench import worker
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.expected import Scope
+from shellbench.bench.judge.gate import Verdict, gate
+from shellbench.bench.judge.lock import LockCheck
+from shellbench.bench.plugins.kinds import find_kind, kind_name
+from shellbench.bench.run.plan import Request, make_plan
+from shellbench.bench.store import measuring
+from shellbench.bench.store.store import Store
+from shellbench.bench.store.task import Task
+from shellbench.problems.shell.question.conditions import Material
+from shellbench.solvers.fem import solving
+from shellbench.solvers.fem.mechanics import constraints, kinematics
+from shellbench.solvers.fem.mechanics import loads as fem_loads
+from shellbench.solvers.fem.mesh import quadrature
+from shellbench.solvers.ndf.field import factors, field, geometry, jets, network
+from shellbench.solvers.ndf.linear import refinement, static
+from shellbench.solvers.ndf.strains import energy
 from tests.injecting import wrapped
 
 PLATE, ROOF, PINCHED, RING = "square_plate", "scordelis_lo", "pinched_cylinder_diaphragm", "annular_plate"
@@ -41,7 +47,7 @@ def solve_and_keep(task: Task, store: Store) -> None:
 def accuracy_gate(store: Store, scope: Scope) -> Verdict:
     """Judge accuracy alone: the lock, for which all cases and variants are read, is tested elsewhere."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("shellbench.bench.gate.check_lock", lambda: LockCheck(0, 0))
+        patch.setattr("shellbench.bench.judge.gate.check_lock", lambda: LockCheck(0, 0))
         return gate(store, None, scope)
 
 

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.registry import load_solver, solver_entries
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.plugins.registry import load_solver, solver_entries
 from shellbench.errors import SolveFailure
 from shellbench.problems.field import solution, structure
 from shellbench.problems.field.body import Ball

@@ -5,7 +5,7 @@ import pytest
 
 from derivations.explicit_motion import motion
 from derivations.garments import DENSITY, GRAVITY, LENGTH, LOWER, SKIRT_WIND, UPPER, flag_of, skirt_of
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.problems.shell.case import build_case
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 

@@ -7,18 +7,19 @@ import tomllib
 import pytest
 
 from shellbench import cli
-from shellbench.bench import catalog, kinds, registry
-from shellbench.bench.baseline import read_baseline
-from shellbench.bench.pack import read_pack
-from shellbench.bench.reference import read_known_values
-from shellbench.bench.settings import make_settings, parse_setting
-from shellbench.bench.store import Store
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.reference import read_known_values
+from shellbench.bench.judge.baseline import read_baseline
+from shellbench.bench.plugins import kinds, registry
+from shellbench.bench.plugins.settings import make_settings, parse_setting
+from shellbench.bench.store.pack import read_pack
+from shellbench.bench.store.store import Store
 from shellbench.errors import InputError
 from shellbench.files import read_file
-from shellbench.model import Model, parse_toml, read_toml
 from shellbench.problem import Problem
 from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.mesh.surface import with_fit
+from shellbench.protocol.schema import Model, parse_toml, read_toml
 
 
 def pipe(path):

@@ -11,9 +11,9 @@ import pandas as pd
 import pytest
 
 import shellbench
-from shellbench.bench import catalog
-from shellbench.bench.compare import as_json, rows
-from shellbench.bench.store import Store
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.compare import as_json, rows
+from shellbench.bench.store.store import Store
 from shellbench.errors import InputError
 from tests.bench import strip
 from tests.bench.conftest import (  # noqa: F401 - fixtures

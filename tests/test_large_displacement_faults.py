@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shellbench.problems.shell.shell import Shell
-from shellbench.solvers.fem import following as fem_following
-from shellbench.solvers.fem import kinematics, loads, problem
-from shellbench.solvers.ndf import equilibrium, reaction, strain_measures
+from shellbench.problems.shell.posed.shell import Shell
+from shellbench.solvers.fem.mechanics import kinematics, loads
+from shellbench.solvers.fem.path import following as fem_following
+from shellbench.solvers.fem.path import problem
+from shellbench.solvers.ndf.path import equilibrium
+from shellbench.solvers.ndf.strains import reaction, strain_measures
 from tests.test_faults import (
     Fault,
     leaking_factor,

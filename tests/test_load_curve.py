@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shellbench.load_curve import Curve
 from shellbench.problem import Step
+from shellbench.protocol.load_curve import Curve
 
 
 def history(factors, displacements, quantity="w", phase="path"):

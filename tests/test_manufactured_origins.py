@@ -12,10 +12,10 @@ from derivations.manufactured_splines import (
     spline_shell,
     surface_of,
 )
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.problem import VARIANT
-from shellbench.problems.shell.measure import measure
-from shellbench.problems.shell.variants import VARIANTS
+from shellbench.problems.shell.quantities.measure import measure
+from shellbench.problems.shell.variants.variants import VARIANTS
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.test_doubly_curved_origins import derivatives
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from docs.meshes import cylinder, obj, roof
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError, SolveFailure
-from shellbench.model import read_toml
 from shellbench.problems.shell.case import build_case
-from shellbench.problems.shell.measure import measure_all
 from shellbench.problems.shell.mesh import fit, patch, spline
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.protocol.schema import read_toml
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 
 # A free tube is so soft in bending that a ripple of 1e-5 of its radius moves it by 2e-3: it gets a finer mesh.

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shellbench.problems.shell.conditions import Material
-from shellbench.solvers.fem import modes as fem
-from shellbench.solvers.ndf import equilibrium, sampled
+from shellbench.problems.shell.question.conditions import Material
+from shellbench.solvers.fem.linear import modes as fem
+from shellbench.solvers.ndf.path import equilibrium
+from shellbench.solvers.ndf.strains import sampled
 from tests.test_faults import Fault, must_be_green, must_be_red, wrapped
 
 

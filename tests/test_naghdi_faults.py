@@ -9,8 +9,8 @@ import pytest
 import torch
 from numpy.polynomial.legendre import legval
 
-from shellbench.bench import catalog
-from shellbench.problems.shell.measure import measure_all
+from shellbench.bench.catalogue import catalog
+from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.solvers.naghdi import network, solution, strains
 from shellbench.solvers.naghdi.network import Fields
 from shellbench.solvers.naghdi.solution import NaghdiSolution, Rule, gauss_points

@@ -62,8 +62,8 @@ def test_a_package_imports_what_is_public_only(package: Path) -> None:
         "import shellbench.solvers.fem.solver",
         "from shellbench.solvers.fem import solver",
         "from shellbench.problems import solving",
-        "def f():\n    from shellbench.bench.store import Store",
-        "importlib.import_module('shellbench.bench.gate')",
+        "def f():\n    from shellbench.bench.store.store import Store",
+        "importlib.import_module('shellbench.bench.judge.gate')",
     ],
 )
 def test_what_is_not_public_is_seen(tmp_path: Path, code: str) -> None:

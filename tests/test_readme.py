@@ -18,10 +18,10 @@ from pathlib import Path
 import pytest
 from scipy.stats import beta
 
-from shellbench.bench.row import Row
+from shellbench.bench.judge.row import Row
 from shellbench.problem import VARIANT
-from shellbench.report import tables
-from shellbench.report.notation import byte_size, duration, percent, quoted, rounded
+from shellbench.report.data.notation import byte_size, duration, percent, quoted, rounded
+from shellbench.report.sections import tables
 
 ROOT = Path(__file__).parents[1]
 FINDINGS = ROOT / "docs/findings"

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from shellbench.problems.shell import resultant_quantities
-from shellbench.problems.shell.resultant_quantities import TensorResultant
-from shellbench.solvers.fem import resultants as fem
-from shellbench.solvers.fem.kinematics import elasticity
-from shellbench.solvers.ndf import resultants as ndf
-from shellbench.solvers.ndf import supports
+from shellbench.problems.shell.quantities import resultant_quantities
+from shellbench.problems.shell.quantities.resultant_quantities import TensorResultant
+from shellbench.solvers.fem.mechanics import resultants as fem
+from shellbench.solvers.fem.mechanics.kinematics import elasticity
+from shellbench.solvers.ndf.field import supports
+from shellbench.solvers.ndf.strains import resultants as ndf
 from tests.test_faults import Fault, must_be_green, must_be_red, wrapped
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import SolveFailure
 from shellbench.solvers.pendulum.solver import PendulumSolver
 from shellbench.solvers.rope import contact, pulls, stepping

@@ -24,7 +24,7 @@ from derivations.plate_series import levy, navier, plate_2_1_point
 from derivations.rhombic_elements import solve as by_elements
 from derivations.rhombic_plate import Fit, Rhombus
 from derivations.shapes_by_series import JUDGES, SECOND_FORMS
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 
 PLATE = Rectangle(100.0, 50.0, 1.0, 1e7, 0.3)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench.registry import solver_entries
+from shellbench.bench.plugins.registry import solver_entries
 from tests.report.test_without_solvers import runs  # noqa: F401 - a fixture
 
 SOLVES = {"torch", "skfem", "pypardiso", "threadpoolctl"}
@@ -72,7 +72,7 @@ def test_a_solver_says_what_it_is_before_anything_is_imported_that_solves(name: 
     entry = solver_entries()[name]
     program = (
         "import json, sys\n"
-        "from shellbench.bench.registry import SolverEntry, load_solver\n"
+        "from shellbench.bench.plugins.registry import SolverEntry, load_solver\n"
         "solver = load_solver(SolverEntry(*sys.argv[1:], '', ''))\n"
         "print(json.dumps([solver.capabilities.label, bool(solver.settings_type.model_json_schema()), [*sys.modules]]))"
     )
@@ -86,11 +86,11 @@ def test_a_solver_says_what_it_is_before_anything_is_imported_that_solves(name: 
 def test_a_fork_server_has_imported_what_solves(name: str, library: str) -> None:
     program = (
         "import sys\n"
-        "from shellbench.bench.server import import_what_solves\n"
+        "from shellbench.bench.run.server import import_what_solves\n"
         "import_what_solves(sys.argv[1])\n"
         "before = {module for module in sys.modules if module.startswith('shellbench.')}\n"
-        "from shellbench.bench import catalog\n"
-        "from shellbench.bench.registry import find_solver, load_solver\n"
+        "from shellbench.bench.catalogue import catalog\n"
+        "from shellbench.bench.plugins.registry import find_solver, load_solver\n"
         "solver = load_solver(find_solver(sys.argv[2]))\n"
         "solver.solve(catalog.named_case('square_plate'), solver.settings_type())\n"
         "late = {module for module in sys.modules if module.startswith('shellbench.' + sys.argv[3])} - before\n"
@@ -107,7 +107,7 @@ def test_a_fork_server_leaves_late_imports_to_a_plug_in(tmp_path: Path, monkeypa
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
     program = (
         "import sys\n"
-        "from shellbench.bench.server import import_what_solves\n"
+        "from shellbench.bench.run.server import import_what_solves\n"
         "import_what_solves('lazy_plug')\n"
         "print('lazy_plug_late' in sys.modules)"
     )

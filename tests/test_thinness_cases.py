@@ -11,7 +11,7 @@ from derivations import pinched_free as free
 from derivations.cylinder import strains_of_axial_harmonic
 from derivations.exponentials import edge_displacement_of_roof_harmonic
 from derivations.levy_roof import HALF_ANGLE, LOAD, roof, scordelis_lo, solve_roof
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 
 RATIOS = {
     "roof_thinness_1e_2": 1e-2,

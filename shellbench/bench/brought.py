@@ -19,10 +19,10 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-from shellbench.bench.reference import FOLDER, Tolerances, read_tolerances
-from shellbench.bench.registry import OWN, SolverEntry, registered, solver_entries
-from shellbench.bench.source import locate
-from shellbench.bench.suite import Suite, read_suite
+from shellbench.bench.catalogue.reference import FOLDER, Tolerances, read_tolerances
+from shellbench.bench.catalogue.suite import Suite, read_suite
+from shellbench.bench.plugins.registry import OWN, SolverEntry, registered, solver_entries
+from shellbench.bench.plugins.source import locate
 from shellbench.errors import InputError
 
 GROUP = "shellbench.data"

@@ -17,16 +17,16 @@ from typing import Any
 import psutil
 from pydantic import ValidationError
 
-from shellbench.account import finite
-from shellbench.bench.identity import current_source
-from shellbench.bench.kinds import kind_name, problem_of
-from shellbench.bench.measuring import DRAWS, measured, pass_on_full_disk, said, values_of, why_unsettled
-from shellbench.bench.record import NOT_SETTLED, Measured, Record, Status, document, readable, shortened
-from shellbench.bench.registry import SolverEntry, find_solver, load_solver
-from shellbench.bench.settled import why_uncertain, with_drifts
-from shellbench.bench.task import Task
+from shellbench.bench.plugins.kinds import kind_name, problem_of
+from shellbench.bench.plugins.registry import SolverEntry, find_solver, load_solver
+from shellbench.bench.store.identity import current_source
+from shellbench.bench.store.measuring import DRAWS, measured, pass_on_full_disk, said, values_of, why_unsettled
+from shellbench.bench.store.record import NOT_SETTLED, Measured, Record, Status, document, readable, shortened
+from shellbench.bench.store.settled import why_uncertain, with_drifts
+from shellbench.bench.store.task import Task
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Problem, Progress, Settings, Solution, Solver, answerable
+from shellbench.protocol.history import finite
 
 RECORD = "record.json"
 REFUSED = "refused.txt"

@@ -42,13 +42,13 @@ class CommandsOfOthers(TyperGroup):
 
 
 def _entries() -> dict[str, Any]:
-    from shellbench.bench.registry import registered
+    from shellbench.bench.plugins.registry import registered
 
     return registered("shellbench.commands", "command")
 
 
 def _loaded(name: str) -> Any:
-    from shellbench.bench.registry import load
+    from shellbench.bench.plugins.registry import load
 
     try:
         command = load(_entries()[name], "command", _as_command)

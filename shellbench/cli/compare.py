@@ -87,9 +87,9 @@ def compare_command(
 
         shellbench compare main HEAD --format markdown --seconds 1.5
     """
-    from shellbench.bench.changes import Limits, as_json, compare_sides
-    from shellbench.bench.sides import Scope, read_sides
-    from shellbench.bench.store import Store
+    from shellbench.bench.judge.changes import Limits, as_json, compare_sides
+    from shellbench.bench.judge.sides import Scope, read_sides
+    from shellbench.bench.store.store import Store
 
     scope = Scope(tuple(case or ()), tuple(suite or ()), tuple(solver or ()))
     before, after = read_sides(a, b, Store(Path(store)), scope)
@@ -98,7 +98,7 @@ def compare_command(
     if format is ComparisonFormat.json:
         typer.echo(as_json(found))
     else:
-        from shellbench.report import changes
+        from shellbench.report.page import changes
 
         shown = (
             changes.as_markdown(found)

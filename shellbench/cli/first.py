@@ -35,13 +35,14 @@ def quick(store: StoreOption = DEFAULT_STORE, wide: WideOption = False) -> None:
     It takes half a minute. Its four shells at rest are asked as they are declared, with seed 0; `run --suite
     obstacle_course` asks all of the suite. What has a record already is not solved again.
     """
-    from shellbench.bench import compare, environment, verdicts
-    from shellbench.bench.expected import Scope
-    from shellbench.bench.gate import gate
-    from shellbench.bench.local import LocalProcesses
-    from shellbench.bench.plan import FIRST_SEED, Request, first_look
-    from shellbench.bench.store import Store
-    from shellbench.report import tables
+    from shellbench.bench.judge import compare, verdicts
+    from shellbench.bench.judge.expected import Scope
+    from shellbench.bench.judge.gate import gate
+    from shellbench.bench.run.local import LocalProcesses
+    from shellbench.bench.run.plan import FIRST_SEED, Request, first_look
+    from shellbench.bench.store import environment
+    from shellbench.bench.store.store import Store
+    from shellbench.report.sections import tables
 
     began, where, width = time.monotonic(), Store(store), text_width(wide)
     cases = first_look()
@@ -64,8 +65,8 @@ def doctor(store: StoreOption = DEFAULT_STORE) -> None:
     The answer of the solve is held against its known value. A line begins with ok, note (it works, and there is
     something to know) or BAD. The exit code is 1 if something is BAD.
     """
-    from shellbench.bench.doctor import examine
-    from shellbench.bench.store import Store
+    from shellbench.bench.judge.doctor import examine
+    from shellbench.bench.store.store import Store
 
     bad, width = 0, text_width(wide=False)
     for line in examine(Store(store), *DOCTORED):
@@ -108,7 +109,7 @@ def new_case(
 
         shellbench new-case vault --mesh vault.obj
     """
-    from shellbench.bench.templates import write_case
+    from shellbench.bench.catalogue.templates import write_case
     from shellbench.errors import InputError
 
     if like is not None and mesh is not None:
@@ -129,7 +130,7 @@ def new_solver(
 
     Its mechanics are there to be replaced by yours; the rest can stay. The README of the folder says which is which.
     """
-    from shellbench.bench.templates import write_solver
+    from shellbench.bench.catalogue.templates import write_solver
 
     folder = write_solver(name, Path())
     typer.echo(f"{folder}/ is written. What next:")

@@ -49,9 +49,9 @@ def table(
     JSON is a list of objects, one for each case, solver, settings, seed and quantity; the other formats print the
     headline quantity of each case.
     """
-    from shellbench.bench import compare
-    from shellbench.bench.gate import check_filled
-    from shellbench.bench.store import Store
+    from shellbench.bench.judge import compare
+    from shellbench.bench.judge.gate import check_filled
+    from shellbench.bench.store.store import Store
 
     check_filled(Store(store))
     rows, notes = compare.rows_and_notes(Store(store), tuple(suite or ()), tuple(cases or ()))
@@ -59,7 +59,7 @@ def table(
     if format is Format.json:
         typer.echo(compare.as_json(rows))
         return
-    from shellbench.report import tables
+    from shellbench.report.sections import tables
 
     if not rows:
         say(f"store {store} has no records that count of what was asked for: make some by `shellbench run`")
@@ -91,11 +91,12 @@ def gate_command(
     Cost compares seconds, memory and parameters with the baseline's, between runs on like hardware. The latter two
     are reported, and count only if asked for.
     """
-    from shellbench.bench import catalog, verdicts
-    from shellbench.bench.baseline import read_baseline
-    from shellbench.bench.expected import Scope
-    from shellbench.bench.gate import gate
-    from shellbench.bench.store import Store
+    from shellbench.bench.catalogue import catalog
+    from shellbench.bench.judge import verdicts
+    from shellbench.bench.judge.baseline import read_baseline
+    from shellbench.bench.judge.expected import Scope
+    from shellbench.bench.judge.gate import gate
+    from shellbench.bench.store.store import Store
 
     scope = Scope(
         tuple(dict.fromkeys(suite or ())),
@@ -129,11 +130,11 @@ def baseline_command(
     Only runs whose gated rows all hold can be remembered. Runs outside of --suite and --solver stay as they were.
     What values differ by from those of --like widens what the regression gate allows.
     """
-    from shellbench.bench import baseline as baselines
-    from shellbench.bench import verdicts
-    from shellbench.bench.expected import Scope
-    from shellbench.bench.gate import move_baseline
-    from shellbench.bench.store import Store
+    from shellbench.bench.judge import baseline as baselines
+    from shellbench.bench.judge import verdicts
+    from shellbench.bench.judge.expected import Scope
+    from shellbench.bench.judge.gate import move_baseline
+    from shellbench.bench.store.store import Store
 
     scope = Scope(tuple(suite or ()), tuple(solver or ()))
     where, old = Store(store), baselines.read_baseline(baseline)
@@ -165,10 +166,10 @@ def report(
 
     It is about what was run; with --suite, about that suite. Records are all it needs: no solver has to be installed.
     """
-    from shellbench.bench import compare
-    from shellbench.bench.gate import check_filled, missing_rows
-    from shellbench.bench.store import Store
-    from shellbench.report import page
+    from shellbench.bench.judge import compare
+    from shellbench.bench.judge.gate import check_filled, missing_rows
+    from shellbench.bench.store.store import Store
+    from shellbench.report.page import page
 
     check_filled(Store(store))
     rows, notes = compare.rows_and_notes(Store(store), tuple(suite or ()), tuple(cases or ()))
@@ -179,7 +180,7 @@ def report(
     if paper is not None:
         if out != DEFAULT_REPORT:
             raise typer.BadParameter("name one folder: --out for the page, or --paper", param_hint="'--paper'")
-        from shellbench.report.paper import write_paper
+        from shellbench.report.page.paper import write_paper
 
         typer.echo(f"written to {write_paper(Store(store), rows, paper, whole=bool(suite), say=note)}")
         return
@@ -240,9 +241,9 @@ def export(
 
         shellbench export skirt --solver fem --out skirt.pvd --resolution 201 --frames 100
     """
-    from shellbench.bench import export as exports
-    from shellbench.bench import frames as series
-    from shellbench.bench.store import Store
+    from shellbench.bench.store import export as exports
+    from shellbench.bench.store import frames as series
+    from shellbench.bench.store.store import Store
 
     many = frames is not None or out.suffix in series.SERIES
     if many and at is not None:

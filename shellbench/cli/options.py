@@ -37,19 +37,19 @@ class Format(StrEnum):
 
 
 def _complete_cases(incomplete: str) -> list[str]:
-    from shellbench.bench import catalog
+    from shellbench.bench.catalogue import catalog
 
     return [name for name in catalog.case_names() if name.startswith(incomplete)]
 
 
 def _complete_suites(incomplete: str) -> list[str]:
-    from shellbench.bench import catalog
+    from shellbench.bench.catalogue import catalog
 
     return [name for name in catalog.suite_names() if name.startswith(incomplete)]
 
 
 def _complete_solvers(incomplete: str) -> list[str]:
-    from shellbench.bench.registry import solver_entries
+    from shellbench.bench.plugins.registry import solver_entries
 
     return [name for name in solver_entries() if name.startswith(incomplete)]
 
@@ -120,7 +120,7 @@ def warn(sentences: tuple[str, ...]) -> None:
 
 def settings_of(texts: Sequence[str] | None) -> dict[str, dict[str, Any]]:
     """Return settings by solver from what `--set` was given; InputError if one is malformed."""
-    from shellbench.bench.settings import parse_setting
+    from shellbench.bench.plugins.settings import parse_setting
 
     given: dict[str, dict[str, Any]] = {}
     for text in texts or ():

@@ -37,12 +37,13 @@ def passport_command(
 
         shellbench passport mine --set mine.cells=64
     """
-    from shellbench.bench import compare, environment
-    from shellbench.bench.local import LocalProcesses
-    from shellbench.bench.passport import SUITE
-    from shellbench.bench.plan import Request
-    from shellbench.bench.store import Store
-    from shellbench.report.passport import table
+    from shellbench.bench.judge import compare
+    from shellbench.bench.judge.passport import SUITE
+    from shellbench.bench.run.local import LocalProcesses
+    from shellbench.bench.run.plan import Request
+    from shellbench.bench.store import environment
+    from shellbench.bench.store.store import Store
+    from shellbench.report.studies.passport import table
 
     where = Store(store)
     request = Request(suites=(SUITE,), solvers=(solver,), settings=settings_of(settings), threads=1)

@@ -35,9 +35,9 @@ def pack(
     --------
         shellbench pack mine --suite obstacle_course --install "python -m pip install mine==1.2"
     """
-    from shellbench.bench.pack import SUFFIX, write_pack
-    from shellbench.bench.registry import find_solver
-    from shellbench.bench.store import Store
+    from shellbench.bench.plugins.registry import find_solver
+    from shellbench.bench.store.pack import SUFFIX, write_pack
+    from shellbench.bench.store.store import Store
     from shellbench.errors import InputError
 
     entry = find_solver(solver)
@@ -71,10 +71,10 @@ def board(
     --------
         shellbench board submissions --store reports/runs --out site/board
     """
-    from shellbench.bench.board import read_board
-    from shellbench.bench.gate import check_filled
-    from shellbench.bench.store import Store
-    from shellbench.report.board import write_board
+    from shellbench.bench.judge.board import read_board
+    from shellbench.bench.judge.gate import check_filled
+    from shellbench.bench.store.store import Store
+    from shellbench.report.page.board import write_board
 
     own = None if store is None else Store(store)
     if own is not None:

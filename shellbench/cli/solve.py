@@ -28,9 +28,9 @@ from shellbench.cli.options import (
 from shellbench.errors import InputError, Interrupted, PluginError
 
 if TYPE_CHECKING:
-    from shellbench.bench.execute import Executor, Outcome
-    from shellbench.bench.plan import Plan, Request
-    from shellbench.bench.store import Store
+    from shellbench.bench.run.execute import Executor, Outcome
+    from shellbench.bench.run.plan import Plan, Request
+    from shellbench.bench.store.store import Store
 
 
 QUICK_SOLVERS = ("fem", "ndf-ritz")  # of either kind the one that takes seconds
@@ -57,7 +57,7 @@ def list_command(
 
         shellbench list scordelis_lo@oblique --json
     """
-    from shellbench.bench import about, listing
+    from shellbench.bench.catalogue import about, listing
 
     with plugins_are_input():
         if name is None:
@@ -165,9 +165,9 @@ def run(
 
         shellbench run my_shell_thicker.toml --start my_shell-ndf-s0-20260101T120000-0a1b2c3d
     """
-    from shellbench.bench.earlier import find_earlier
-    from shellbench.bench.plan import DEFAULT_SUITE, Request, first_look
-    from shellbench.bench.store import Store
+    from shellbench.bench.run.plan import DEFAULT_SUITE, Request, first_look
+    from shellbench.bench.store.earlier import find_earlier
+    from shellbench.bench.store.store import Store
 
     if timeout is not None and not 0 < timeout < float("inf"):
         raise typer.BadParameter("must be a positive number of seconds", param_hint="'--timeout'")
@@ -193,9 +193,9 @@ def carry_out(request: Request, where: Store, executor: Executor, *, force: bool
     """Plan, run and tell; return the exit code."""
     from rich.console import Console
 
-    from shellbench.bench.display import display
-    from shellbench.bench.execute import execute
-    from shellbench.bench.plan import make_plan
+    from shellbench.bench.run.display import display
+    from shellbench.bench.run.execute import execute
+    from shellbench.bench.run.plan import make_plan
 
     contents = where.read()
     warn(contents.damaged)
@@ -218,8 +218,8 @@ def carry_out(request: Request, where: Store, executor: Executor, *, force: bool
 
 def _print_logs(where: Store, outcomes: list[Outcome]) -> None:
     """Print what runs wrote that did not end well."""
-    from shellbench.bench.display import run_name
-    from shellbench.bench.store import LOG
+    from shellbench.bench.run.display import run_name
+    from shellbench.bench.store.store import LOG
 
     for outcome in outcomes:
         record = outcome.record
@@ -231,11 +231,11 @@ def _print_logs(where: Store, outcomes: list[Outcome]) -> None:
 
 def _executor(scheduler: str | None, jobs: int | None, threads: int | None, timeout: float | None) -> Executor:
     if scheduler is not None:
-        from shellbench.bench.cluster import DaskCluster
+        from shellbench.bench.run.cluster import DaskCluster
 
         return DaskCluster(scheduler, jobs, threads, timeout, say)
-    from shellbench.bench import environment
-    from shellbench.bench.local import LocalProcesses
+    from shellbench.bench.run.local import LocalProcesses
+    from shellbench.bench.store import environment
 
     each = threads or environment.threads()
     return LocalProcesses(jobs or max(1, environment.cores() // each), each, timeout)
@@ -243,8 +243,8 @@ def _executor(scheduler: str | None, jobs: int | None, threads: int | None, time
 
 def _summary(plan: Plan, outcomes: list[Outcome]) -> int:
     """Print how the runs ended, and return the exit code."""
-    from shellbench.bench.display import run_name
-    from shellbench.bench.record import NOT_SETTLED
+    from shellbench.bench.run.display import run_name
+    from shellbench.bench.store.record import NOT_SETTLED
 
     refused = [outcome for outcome in outcomes if outcome.record is None]
     bad = [outcome.record for outcome in outcomes if outcome.record and outcome.record.status != "ok"]

@@ -24,20 +24,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shellbench.errors import InputError, without_middle
-from shellbench.problems.interval import Interval, Undecided, interval_of
+from shellbench.problems.formula_functions import CONSTANTS, FUNCTIONS, PIECEWISE
+from shellbench.problems.interval import Interval, interval_of
 from shellbench.problems.taylor import (
     Array,
     Taylor,
-    cos_terms,
-    cosh_terms,
-    exp_terms,
-    integrated,
-    log_terms,
-    one,
-    sin_terms,
-    sinh_terms,
-    square_root,
-    tangent_terms,
 )
 
 MAX_LENGTH = 100_000  # characters: the longest formula that is read
@@ -45,51 +36,6 @@ MAX_DEPTH = 200  # deepest nesting of a formula that is read
 LONG, LOW = 500, 4  # nodes of a formula that is looked at by its parts, and powers that make nothing narrow
 
 
-Function = Callable[[Taylor], Taylor]
-
-FUNCTIONS: dict[str, Function] = {
-    "sin": lambda x: x.compose(sin_terms),
-    "cos": lambda x: x.compose(cos_terms),
-    "tan": lambda x: x.compose(tangent_terms(np.tan, 1.0)),
-    "exp": lambda x: x.compose(exp_terms),
-    "log": lambda x: x.compose(log_terms),
-    "sqrt": square_root,
-    "sinh": lambda x: x.compose(sinh_terms),
-    "cosh": lambda x: x.compose(cosh_terms),
-    "tanh": lambda x: x.compose(tangent_terms(np.tanh, -1.0)),
-    "asin": lambda x: x.compose(integrated(np.arcsin, lambda s: one(s) / square_root(one(s) - s * s))),
-    "acos": lambda x: x.compose(integrated(np.arccos, lambda s: -one(s) / square_root(one(s) - s * s))),
-    "atan": lambda x: x.compose(integrated(np.arctan, lambda s: one(s) / (one(s) + s * s))),
-    "asinh": lambda x: x.compose(integrated(np.arcsinh, lambda s: one(s) / square_root(one(s) + s * s))),
-}
-
-CONSTANTS = {"pi": math.pi}
-
-
-def _least(arguments: list[Taylor]) -> Taylor:
-    least, *others = arguments
-    for other in others:
-        first = least.value <= other.value
-        chosen = least.chosen(other, first, (least, other), known=1)
-        if isinstance(first, Undecided):
-            chosen.terms[0, 0] = np.minimum(least.value, other.value)
-        least = chosen
-    return least
-
-
-def _magnitude(arguments: list[Taylor]) -> Taylor:
-    (argument,) = arguments
-    found = argument.chosen(-argument, argument.value >= 0, arguments, known=1)
-    found.terms[0, 0] = np.abs(argument.value)
-    return found
-
-
-PIECEWISE: dict[str, Callable[[list[Taylor]], Taylor]] = {
-    "min": _least,
-    "max": lambda arguments: -_least([-argument for argument in arguments]),
-    "abs": _magnitude,
-}
-"""Functions with kinks, of as many arguments as `_FEWEST` and `_MOST` say; `where` is read by itself."""
 _FEWEST = {"min": 2, "max": 2, "abs": 1}
 _MOST = {"min": math.inf, "max": math.inf, "abs": 1}
 _COMPARISONS: dict[type[ast.cmpop], Callable[[Array, Array], NDArray[np.bool_]]] = {

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator
 
 from shellbench.errors import InputError
-from shellbench.model import Finite
 from shellbench.problems.expression import Expression
 from shellbench.problems.taylor import Taylor
+from shellbench.protocol.schema import Finite
 
 Array = NDArray[np.float64]
 SECOND = 2  # order of the series: position, velocity, acceleration

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
 from shellbench.errors import InputError
-from shellbench.model import Finite, Model, Positive, Vector
 from shellbench.problems.expression import Expression
 from shellbench.problems.moving import Path, moved
 from shellbench.problems.taylor import Taylor
+from shellbench.protocol.schema import Finite, Model, Positive, Vector
 
 Array = NDArray[np.float64]
 TINY = 1e-300  # keeps directions at a centre finite

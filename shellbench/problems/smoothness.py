@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from shellbench.model import LARGEST
 from shellbench.problems.expression import Expression
 from shellbench.problems.features import FARTHER, FIRST, NAMES, Array, Box, Dividing, Place, boxes_of, grid, place
+from shellbench.protocol.schema import LARGEST
 
 JUMP, COARSER = 1e-6, 1e3  # relative change that is a jump, between points that are further apart than rounding tells
 MOST_LOOKED_AT = 1024  # cells whose bounds do not tell whether a formula is finite

@@ -9,10 +9,10 @@ from typing import Any, get_args
 
 from numpy.typing import NDArray
 
-from shellbench.model import Model
-from shellbench.portrait import Portrait
+from shellbench.protocol.picture import Portrait
 from shellbench.protocol.problem import Problem
-from shellbench.sample import Sample
+from shellbench.protocol.sample import Sample
+from shellbench.protocol.schema import Model
 
 Account = Callable[[Any, Any, Mapping[str, float]], Sequence[Model]]
 """What makes one field of a record (see `shellbench.account`) of a solution, its problem and its values by name."""

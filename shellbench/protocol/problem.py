@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 from pydantic import Field, ValidationError, model_validator
 
 from shellbench.errors import InputError
-from shellbench.known import Known, check_known
-from shellbench.model import LONGEST_TITLE, Model, Name, check_sizes, one_sentence, read_toml
+from shellbench.protocol.known_value import Known, check_known
+from shellbench.protocol.notebook import case_html
 from shellbench.protocol.quantity import FULL, Quantity
-from shellbench.shown import case_html
+from shellbench.protocol.schema import LONGEST_TITLE, Model, Name, check_sizes, one_sentence, read_toml
 
 VARIANT = "@"  # between a case's name and its variant's
 CaseName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*(@[a-z]+)?$", max_length=80)]

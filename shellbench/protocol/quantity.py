@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field
 
-from shellbench.model import Finite, Flag, Model, Name, Positive
+from shellbench.protocol.schema import Finite, Flag, Model, Name, Positive
 
 FULL = 1.0  # the mark of a figure of which nothing else is said
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
-from shellbench.account import Phase
+from shellbench.protocol.history import Phase
 
 NumberFormat = Literal["float64", "float32", "float16"]
 FIELDS = ("membrane_strain", "bending_strain", "membrane_energy_density", "bending_energy_density")

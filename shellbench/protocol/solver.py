@@ -9,8 +9,8 @@ from typing import Any, ClassVar, Literal, Protocol
 from pydantic import Field, ValidationInfo, field_validator
 from pydantic_core import PydanticKnownError
 
-from shellbench.model import Model
 from shellbench.protocol.problem import Problem
+from shellbench.protocol.schema import Model
 from shellbench.protocol.solution import ProgressCallback, Solution
 
 Device = Literal["cpu", "cuda"]

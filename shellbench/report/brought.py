@@ -13,12 +13,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 
-from shellbench.bench.registry import SolverEntry, load, registered
-from shellbench.bench.store import Say
+from shellbench.bench.plugins.registry import SolverEntry, load, registered
+from shellbench.bench.store.store import Say
 from shellbench.errors import InputError
-from shellbench.report.evidence import Evidence, Section
-from shellbench.report.exhibit import Exhibit
-from shellbench.report.table import Table
+from shellbench.report.data.evidence import Evidence, Section
+from shellbench.report.data.exhibit import Exhibit
+from shellbench.report.data.table import Table
 
 GROUP = "shellbench.sections"
 

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from shellbench.bench.subject import Lost, NoAnswer, Raised, Refused, SolveFailed, UnknownName
-from shellbench.bench.task import case_data
-from shellbench.engine import ENGINE
+from shellbench.bench.plugins.subject import Lost, NoAnswer, Raised, Refused, SolveFailed, UnknownName
+from shellbench.bench.store.task import case_data
 from shellbench.problem import FIELDS, Problem
 from shellbench.problems.shell.case import Case
+from shellbench.protocol.engine import ENGINE
 from shellbench.testing.examination import (
     Examination,
     Findings,

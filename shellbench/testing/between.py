@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from shellbench.bench.current import CurrentRun
-from shellbench.bench.record import ANSWERED
-from shellbench.bench.registry import SolverEntry, find_solver
-from shellbench.bench.store import Store
-from shellbench.bench.subject import NoAnswer, Respondent
-from shellbench.bench.task import case_data
+from shellbench.bench.plugins.registry import SolverEntry, find_solver
+from shellbench.bench.plugins.subject import NoAnswer, Respondent
+from shellbench.bench.store.current import CurrentRun
+from shellbench.bench.store.record import ANSWERED
+from shellbench.bench.store.store import Store
+from shellbench.bench.store.task import case_data
 from shellbench.problems.shell.case import Case
 from shellbench.testing.examination import scattered
 from shellbench.testing.subject import load_in, solve_in

@@ -15,11 +15,10 @@ from typing import Any, get_args
 import numpy as np
 from pydantic import ValidationError
 
-from shellbench.bench.inside import said, serve
-from shellbench.bench.kinds import find_kind, kind_entries, problem_of
-from shellbench.bench.registry import SolverEntry, load_solver
+from shellbench.bench.plugins.inside import said, serve
+from shellbench.bench.plugins.kinds import find_kind, kind_entries, problem_of
+from shellbench.bench.plugins.registry import SolverEntry, load_solver
 from shellbench.errors import InputError
-from shellbench.model import one_sentence
 from shellbench.problem import (
     Capabilities,
     Device,
@@ -31,6 +30,7 @@ from shellbench.problem import (
     answerable,
     why_declined,
 )
+from shellbench.protocol.schema import one_sentence
 
 DEVICES: tuple[str, ...] = get_args(Device)
 METHODS = {"shell": ("displacement", "velocity", "evaluate", "energies", "reaction"), "rope": ("state",)}

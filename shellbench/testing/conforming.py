@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from shellbench.bench.conformance import note_conformance
-from shellbench.bench.kinds import DEFAULT
-from shellbench.bench.registry import SolverEntry
-from shellbench.bench.store import Store
+from shellbench.bench.plugins.kinds import DEFAULT
+from shellbench.bench.plugins.registry import SolverEntry
+from shellbench.bench.store.conformance import note_conformance
+from shellbench.bench.store.store import Store
 from shellbench.testing.examination import Verdict
 
 NONLINEAR = "kirchhoff-love-nonlinear"  # the one theory of shells in which answers do not follow the load

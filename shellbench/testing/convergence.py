@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.problem import Problem
 from shellbench.problems.shell.case import Case
 from shellbench.testing.examination import Examination, Findings, Verdict, not_applicable, not_shown

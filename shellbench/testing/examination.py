@@ -15,11 +15,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.bench import catalog
-from shellbench.bench.kinds import kinds_of_theories
-from shellbench.bench.registry import SolverEntry
-from shellbench.bench.subject import NoAnswer, Respondent
-from shellbench.bench.task import case_data
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.plugins.kinds import kinds_of_theories
+from shellbench.bench.plugins.registry import SolverEntry
+from shellbench.bench.plugins.subject import NoAnswer, Respondent
+from shellbench.bench.store.task import case_data
 from shellbench.problem import Problem
 from shellbench.problems.shell.case import Case
 from shellbench.testing.subject import Answer, solve_in

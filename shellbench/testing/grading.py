@@ -12,18 +12,19 @@ from typing import Any
 
 from rich.console import Console
 
-from shellbench.bench import catalog, environment
-from shellbench.bench.classes import CLASSES, strangers
-from shellbench.bench.conformance import read_conformance, why_unchecked
-from shellbench.bench.display import display
-from shellbench.bench.exam import Sitting, is_judged, missed_words, plan_of, questions, sit, suites_for
-from shellbench.bench.execute import Observer, Outcome
-from shellbench.bench.local import LocalProcesses
-from shellbench.bench.outside import asked
-from shellbench.bench.plan import Plan
-from shellbench.bench.registry import SolverEntry
-from shellbench.bench.store import Store
-from shellbench.bench.task import Task
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.classes import CLASSES, strangers
+from shellbench.bench.judge.exam import Sitting, is_judged, missed_words, plan_of, questions, sit, suites_for
+from shellbench.bench.plugins.outside import asked
+from shellbench.bench.plugins.registry import SolverEntry
+from shellbench.bench.run.display import display
+from shellbench.bench.run.execute import Observer, Outcome
+from shellbench.bench.run.local import LocalProcesses
+from shellbench.bench.run.plan import Plan
+from shellbench.bench.store import environment
+from shellbench.bench.store.conformance import read_conformance, why_unchecked
+from shellbench.bench.store.store import Store
+from shellbench.bench.store.task import Task
 from shellbench.problem import Problem, Progress
 from shellbench.testing.between import Between
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.bench.subject import Lost, NoAnswer, Respondent
+from shellbench.bench.plugins.subject import Lost, NoAnswer, Respondent
 from shellbench.problem import Problem
 from shellbench.problems.shell.case import Case
 from shellbench.testing.convergence import refinements

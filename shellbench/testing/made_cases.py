@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from shellbench.bench.catalog import named_case
+from shellbench.bench.catalogue.catalog import named_case
 from shellbench.problems.formula_text import times
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.placing import Rotation, placed_data
-from shellbench.problems.shell.units import Units, converted_data
-from shellbench.problems.shell.variants import size
+from shellbench.problems.shell.variants.placing import Rotation, placed_data
+from shellbench.problems.shell.variants.units import Units, converted_data
+from shellbench.problems.shell.variants.variants import size
 
 STATIC = (
     "square_plate",

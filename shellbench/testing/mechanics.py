@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import EdgeLoad, MomentLoad, PointLoad
-from shellbench.problems.shell.directions import in_space
-from shellbench.problems.shell.measure import load_density
-from shellbench.problems.shell.places import Edge, Point
-from shellbench.problems.shell.placing import turning
-from shellbench.problems.shell.units import MILLIMETRES_KILONEWTONS, converted_points
-from shellbench.problems.shell.variants import SHIFT, size
+from shellbench.problems.shell.quantities.measure import load_density
+from shellbench.problems.shell.question.directions import in_space
+from shellbench.problems.shell.question.loads import EdgeLoad, MomentLoad, PointLoad
+from shellbench.problems.shell.question.places import Edge, Point
+from shellbench.problems.shell.variants.placing import turning
+from shellbench.problems.shell.variants.units import MILLIMETRES_KILONEWTONS, converted_points
+from shellbench.problems.shell.variants.variants import SHIFT, size
 from shellbench.testing.examination import MOST as MOST_EXCUSED
 from shellbench.testing.examination import (
     OWN,

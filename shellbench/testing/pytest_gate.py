@@ -13,12 +13,12 @@ from typing import Any
 
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.outside import asked, settings_of
-from shellbench.bench.plan import FIRST_SEED
-from shellbench.bench.registry import find_solver
-from shellbench.bench.settings import parse_setting
-from shellbench.bench.store import Store
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.plugins.outside import asked, settings_of
+from shellbench.bench.plugins.registry import find_solver
+from shellbench.bench.plugins.settings import parse_setting
+from shellbench.bench.run.plan import FIRST_SEED
+from shellbench.bench.store.store import Store
 from shellbench.errors import InputError, ShellbenchError
 from shellbench.testing.pytest_judging import Answers, Judgement, Question, Tolerances, positive, questions, table
 

@@ -14,20 +14,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from shellbench.bench import catalog
-from shellbench.bench.compare import near_zero, row_of, without_record
-from shellbench.bench.current import CurrentRun, newest, run_key
-from shellbench.bench.display import Silent
-from shellbench.bench.environment import cores, threads
-from shellbench.bench.execute import execute
-from shellbench.bench.listing import gated_quantities
-from shellbench.bench.local import LocalProcesses
-from shellbench.bench.plan import FIRST_SEED, Request, make_plan
-from shellbench.bench.record import ANSWERED, Record
-from shellbench.bench.reference import KnownValue, Tolerance
-from shellbench.bench.row import Colour, Finding, Row
-from shellbench.bench.store import Store
-from shellbench.bench.task import Task
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.listing import gated_quantities
+from shellbench.bench.catalogue.reference import KnownValue, Tolerance
+from shellbench.bench.judge.compare import near_zero, row_of, without_record
+from shellbench.bench.judge.row import Colour, Finding, Row
+from shellbench.bench.run.display import Silent
+from shellbench.bench.run.execute import execute
+from shellbench.bench.run.local import LocalProcesses
+from shellbench.bench.run.plan import FIRST_SEED, Request, make_plan
+from shellbench.bench.store.current import CurrentRun, newest, run_key
+from shellbench.bench.store.environment import cores, threads
+from shellbench.bench.store.record import ANSWERED, Record
+from shellbench.bench.store.store import Store
+from shellbench.bench.store.task import Task
 from shellbench.disk import said_plainly
 from shellbench.errors import InputError, ShellbenchError
 from shellbench.problem import Problem, Quantity

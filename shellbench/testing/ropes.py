@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.bench.catalog import named_case
+from shellbench.bench.catalogue.catalog import named_case
 from shellbench.problem import Problem
 from shellbench.problems.moving import moved
 from shellbench.problems.rope.case import RopeCase

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shellbench.bench.registry import SolverEntry
-from shellbench.bench.subject import Respondent, Subject
-from shellbench.bench.task import case_data
+from shellbench.bench.plugins.registry import SolverEntry
+from shellbench.bench.plugins.subject import Respondent, Subject
+from shellbench.bench.store.task import case_data
 from shellbench.problem import Problem
 
 Array = NDArray[np.float64]

@@ -18,12 +18,12 @@ from rich.console import Console
 from rich.status import Status as Spinner
 from rich.text import Text
 
-from shellbench.bench.catalog import find_case
-from shellbench.bench.kinds import DEFAULT
-from shellbench.bench.registry import SolverEntry, find_solver
-from shellbench.bench.settings import parse_setting
-from shellbench.bench.store import Store
-from shellbench.bench.subject import NoAnswer, Refused, Respondent
+from shellbench.bench.catalogue.catalog import find_case
+from shellbench.bench.plugins.kinds import DEFAULT
+from shellbench.bench.plugins.registry import SolverEntry, find_solver
+from shellbench.bench.plugins.settings import parse_setting
+from shellbench.bench.plugins.subject import NoAnswer, Refused, Respondent
+from shellbench.bench.store.store import Store
 from shellbench.errors import InputError
 from shellbench.problem import Problem
 from shellbench.problems.rope.case import RopeCase

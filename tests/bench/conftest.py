@@ -11,9 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench import catalog, registry
-from shellbench.bench.lock import write_lock
-from shellbench.bench.store import Store
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.lock import write_lock
+from shellbench.bench.plugins import registry
+from shellbench.bench.store.store import Store
 from tests.bench import strip
 from tests.bench.running import run
 

@@ -14,15 +14,15 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench import current
-from shellbench.bench.compare import as_json, rows_and_notes
-from shellbench.bench.expected import Scope
-from shellbench.bench.gate import gate
-from shellbench.bench.registry import SolverEntry
-from shellbench.bench.store import Store
-from shellbench.bench.verdicts import as_text
+from shellbench.bench.judge.compare import as_json, rows_and_notes
+from shellbench.bench.judge.expected import Scope
+from shellbench.bench.judge.gate import gate
+from shellbench.bench.judge.verdicts import as_text
+from shellbench.bench.plugins.registry import SolverEntry
+from shellbench.bench.store import current
+from shellbench.bench.store.store import Store
 from shellbench.errors import InputError
-from shellbench.report.tables import render
+from shellbench.report.sections.tables import render
 
 PUBLISHED = Path(__file__).parents[2] / "reports/published"
 ARCHIVE = Path(os.environ.get("SHELLBENCH_ARCHIVE", PUBLISHED))

@@ -6,13 +6,13 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from shellbench.bench.display import Silent
-from shellbench.bench.execute import Ended, Event, Executor, Outcome, execute
-from shellbench.bench.local import LocalProcesses
-from shellbench.bench.plan import Request, make_plan
-from shellbench.bench.record import Record, document, read_document
-from shellbench.bench.store import Store
-from shellbench.bench.task import Task
+from shellbench.bench.run.display import Silent
+from shellbench.bench.run.execute import Ended, Event, Executor, Outcome, execute
+from shellbench.bench.run.local import LocalProcesses
+from shellbench.bench.run.plan import Request, make_plan
+from shellbench.bench.store.record import Record, document, read_document
+from shellbench.bench.store.store import Store
+from shellbench.bench.store.task import Task
 from shellbench.bench.worker import RECORD, work
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench import about as module
-from shellbench.bench import catalog
-from shellbench.bench.about import about, as_text
-from shellbench.bench.registry import solver_entries
+from shellbench.bench.catalogue import about as module
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.about import about, as_text
+from shellbench.bench.plugins.registry import solver_entries
 from shellbench.errors import InputError
 from tests.families import with_something_new
 

@@ -6,11 +6,18 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.baseline import REPEATS, Baseline, BaselineValue, make_baseline, read_baseline, regression_finding
-from shellbench.bench.compare import with_known_values
-from shellbench.bench.reference import KnownValue, KnownValues
-from shellbench.bench.row import Row
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.reference import KnownValue, KnownValues
+from shellbench.bench.judge.baseline import (
+    REPEATS,
+    Baseline,
+    BaselineValue,
+    make_baseline,
+    read_baseline,
+    regression_finding,
+)
+from shellbench.bench.judge.compare import with_known_values
+from shellbench.bench.judge.row import Row
 from shellbench.errors import InputError
 
 

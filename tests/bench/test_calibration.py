@@ -6,14 +6,14 @@ import math
 
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.calibration import ASKED_SHARE, MOST, WITHIN, calibrations, judged_figure
-from shellbench.bench.expected import Scope
-from shellbench.bench.gate import gate
-from shellbench.bench.lock import write_lock
-from shellbench.bench.row import Row
-from shellbench.bench.store import Store
-from shellbench.bench.verdicts import as_text
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.calibration import ASKED_SHARE, MOST, WITHIN, calibrations, judged_figure
+from shellbench.bench.judge.expected import Scope
+from shellbench.bench.judge.gate import gate
+from shellbench.bench.judge.lock import write_lock
+from shellbench.bench.judge.row import Row
+from shellbench.bench.judge.verdicts import as_text
+from shellbench.bench.store.store import Store
 from tests.bench import strip
 from tests.bench.conftest import tolerances_of
 from tests.bench.test_classes import figure, strangers  # noqa: F401 - a fixture

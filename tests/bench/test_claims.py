@@ -8,16 +8,16 @@ import threading
 
 import pytest
 
-from shellbench.bench.claims import NAME, Claims
-from shellbench.bench.current import run_key
-from shellbench.bench.display import Silent
-from shellbench.bench.execute import Outcome, execute
-from shellbench.bench.plan import Request, make_plan
-from shellbench.bench.store import Store
+from shellbench.bench.run.display import Silent
+from shellbench.bench.run.execute import Outcome, execute
+from shellbench.bench.run.plan import Request, make_plan
+from shellbench.bench.store.claims import NAME, Claims
+from shellbench.bench.store.current import run_key
+from shellbench.bench.store.store import Store
 from tests.bench.running import InThisProcess, run
 from tests.patience import GUARD, until
 
-HOLD = "import sys; from pathlib import Path; from shellbench.bench.claims import Claims; c = Claims(Path(sys.argv[1]))\nprint(c.take('k'), flush=True); input()"
+HOLD = "import sys; from pathlib import Path; from shellbench.bench.store.claims import Claims; c = Claims(Path(sys.argv[1]))\nprint(c.take('k'), flush=True); input()"
 
 
 @pytest.mark.usefixtures("toys")

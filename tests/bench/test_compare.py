@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.compare import Row, as_json, held_against_each_other, row_of, rows
-from shellbench.bench.current import current_runs
-from shellbench.bench.store import Store
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.compare import Row, as_json, held_against_each_other, row_of, rows
+from shellbench.bench.store.current import current_runs
+from shellbench.bench.store.store import Store
 from shellbench.errors import InputError
 from shellbench.problem import Quantity
 from tests.bench import strip

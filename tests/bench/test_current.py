@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.baseline import Baseline
-from shellbench.bench.compare import rows, rows_and_notes
-from shellbench.bench.current import current_runs
-from shellbench.bench.expected import Scope
-from shellbench.bench.export import stored_run
-from shellbench.bench.gate import gate, move_baseline
-from shellbench.bench.store import Contents, Store
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.baseline import Baseline
+from shellbench.bench.judge.compare import rows, rows_and_notes
+from shellbench.bench.judge.expected import Scope
+from shellbench.bench.judge.gate import gate, move_baseline
+from shellbench.bench.store.current import current_runs
+from shellbench.bench.store.export import stored_run
+from shellbench.bench.store.store import Contents, Store
 from shellbench.errors import InputError, PluginError, ShellbenchError
 from tests.bench.running import changed, run, run_here
 from tests.bench.test_compare import edit
@@ -38,7 +38,7 @@ def test_records_of_a_kind_that_does_not_answer_are_left_out(recorded: Store, mo
 
     contents = recorded.read()
     own = contents.records[0].model_copy(update={"own_case": True})
-    monkeypatch.setattr("shellbench.bench.current.problem_of", dead)
+    monkeypatch.setattr("shellbench.bench.store.current.problem_of", dead)
     found = current_runs(Contents((own,)))
     assert not found.runs
     assert [reason for _, reason in found.stale.values()] == ["its case can't be read any more"]

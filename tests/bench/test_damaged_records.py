@@ -11,13 +11,13 @@ from typing import Any
 
 import pytest
 
-from shellbench.bench import record as records
-from shellbench.bench.compare import rows
-from shellbench.bench.current import current_runs
-from shellbench.bench.record import SEAL, Record, document, leaves, read_document
-from shellbench.bench.store import Store
+from shellbench.bench.judge.compare import rows
+from shellbench.bench.store import record as records
+from shellbench.bench.store.current import current_runs
+from shellbench.bench.store.record import SEAL, Record, document, leaves, read_document
+from shellbench.bench.store.store import Store
 from shellbench.errors import InputError
-from shellbench.report import sections
+from shellbench.report.page import sections
 from tests.bench import strip
 from tests.bench.conftest import with_plugin, with_toys
 from tests.bench.running import run_here

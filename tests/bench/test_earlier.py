@@ -5,9 +5,9 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from shellbench.bench import catalog
-from shellbench.bench.current import question
-from shellbench.bench.store import Store
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.store.current import question
+from shellbench.bench.store.store import Store
 from shellbench.cli import app
 from shellbench.errors import InputError
 

@@ -6,8 +6,8 @@ from importlib.metadata import version
 
 import pytest
 
-from shellbench.bench import environment as environments
-from shellbench.bench.environment import engine_distribution, environment
+from shellbench.bench.store import environment as environments
+from shellbench.bench.store.environment import engine_distribution, environment
 
 
 @pytest.mark.parametrize(

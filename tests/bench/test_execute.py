@@ -11,13 +11,13 @@ import numpy as np
 import psutil
 import pytest
 
-from shellbench.bench.display import Silent
-from shellbench.bench.execute import execute
-from shellbench.bench.local import LocalProcesses
-from shellbench.bench.plan import Request, make_plan
-from shellbench.bench.planned import FOLDER
-from shellbench.bench.record import Record
-from shellbench.bench.store import Store
+from shellbench.bench.run.display import Silent
+from shellbench.bench.run.execute import execute
+from shellbench.bench.run.local import LocalProcesses
+from shellbench.bench.run.plan import Request, make_plan
+from shellbench.bench.store.planned import FOLDER
+from shellbench.bench.store.record import Record
+from shellbench.bench.store.store import Store
 from shellbench.disk import StoreError
 from tests.bench import strip
 from tests.bench.conftest import with_plugin, with_toys
@@ -193,7 +193,7 @@ def test_timeout_stops_that_run_only(store: Store, monkeypatch: pytest.MonkeyPat
             return time.monotonic() + 2 * GUARD * ({"hang goes on", "exact ended"} <= happened)
 
     clock = Clock()
-    monkeypatch.setattr("shellbench.bench.local.time", clock)
+    monkeypatch.setattr("shellbench.bench.run.local.time", clock)
     plans = [
         make_plan(Request(("strip",), (), ("toy",), {"toy": {"behaviour": behaviour}}), store.read())
         for behaviour in ("hang", "exact")
@@ -218,12 +218,12 @@ def test_a_run_that_others_keep_from_computing_is_not_stopped(store: Store, monk
             self.looks += 1
             return 2 * GUARD * self.looks
 
-    monkeypatch.setattr("shellbench.bench.local.time", Clock())
-    monkeypatch.setattr("shellbench.bench.process.MOST_WAITED", float("inf"))
-    monkeypatch.setattr("shellbench.bench.process.COMPUTES", 0.0)
-    monkeypatch.setattr("shellbench.bench.process.ServerProcess.worked", lambda _: GUARD / 2)
+    monkeypatch.setattr("shellbench.bench.run.local.time", Clock())
+    monkeypatch.setattr("shellbench.bench.plugins.process.MOST_WAITED", float("inf"))
+    monkeypatch.setattr("shellbench.bench.plugins.process.COMPUTES", 0.0)
+    monkeypatch.setattr("shellbench.bench.plugins.process.ServerProcess.worked", lambda _: GUARD / 2)
     assert behave(store, "exact", timeout=GUARD).status == "ok"
-    monkeypatch.setattr("shellbench.bench.process.ServerProcess.worked", lambda _: GUARD)
+    monkeypatch.setattr("shellbench.bench.plugins.process.ServerProcess.worked", lambda _: GUARD)
     assert behave(store, "hang", timeout=GUARD).status == "timeout"
 
 

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.export import Sample, export, quadrilaterals, sample, stored_run
-from shellbench.bench.store import Store
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.store.export import Sample, export, quadrilaterals, sample, stored_run
+from shellbench.bench.store.store import Store
 from shellbench.disk import StoreError
 from shellbench.errors import InputError
 from shellbench.problem import FIELDS

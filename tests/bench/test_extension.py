@@ -11,14 +11,16 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench import about, brought, catalog, kinds, listing
-from shellbench.bench.expected import Scope
-from shellbench.bench.lock import check_lock
-from shellbench.bench.registry import find_solver
-from shellbench.bench.store import Store
+from shellbench.bench import brought
+from shellbench.bench.catalogue import about, catalog, listing
+from shellbench.bench.judge.expected import Scope
+from shellbench.bench.judge.lock import check_lock
+from shellbench.bench.plugins import kinds
+from shellbench.bench.plugins.registry import find_solver
+from shellbench.bench.store.store import Store
 from shellbench.errors import InputError
 from shellbench.report import brought as sections_of_others
-from shellbench.report.evidence import Evidence
+from shellbench.report.data.evidence import Evidence
 from tests.patience import GUARD
 from tests.test_faults import accuracy_gate, findings
 
@@ -253,7 +255,7 @@ def test_a_claim_of_its_own_solver_is_none_of_our_tolerances(here: Path) -> None
 )
 def test_a_broken_section_is_left_out_with_a_sentence(here: Path, tmp_path: Path, body: str, words: str) -> None:
     file = here / "toy_springs" / "report.py"
-    file.write_text(f"from shellbench.report.evidence import Section\ndef section(found):\n    {body}\n")
+    file.write_text(f"from shellbench.report.data.evidence import Section\ndef section(found):\n    {body}\n")
     for name in [name for name in sys.modules if name.partition(".")[0] == "toy_springs"]:
         del sys.modules[name]
     said: list[str] = []

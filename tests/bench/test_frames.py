@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shellbench.bench.export import Sample, sample, samples, stored_run
-from shellbench.bench.frames import as_pvd, export_series, numbered
-from shellbench.bench.store import Store
+from shellbench.bench.store.export import Sample, sample, samples, stored_run
+from shellbench.bench.store.frames import as_pvd, export_series, numbered
+from shellbench.bench.store.store import Store
 from shellbench.errors import InputError
-from shellbench.report.film import film
-from shellbench.report.shells import Camera, Shell
+from shellbench.report.figures.film import film
+from shellbench.report.figures.shells import Camera, Shell
 from tests.bench.test_export import formula_sample
 
 TIMES = (0.0, 0.25, 1.0)
@@ -69,7 +69,7 @@ def test_a_film_moves_and_stops() -> None:
 
 
 def test_a_series_needs_several_states(recorded: Store, toys: None) -> None:
-    from shellbench.bench.export import marks_of
+    from shellbench.bench.store.export import marks_of
 
     with pytest.raises(InputError, match="strip has one state only"):
         marks_of(stored_run(recorded, "strip", "toy", None), 5)

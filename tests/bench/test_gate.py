@@ -7,16 +7,16 @@ from typing import Any
 
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.baseline import DEVIATIONS, REPEATS, Baseline, BaselineValue, read_baseline, write_baseline
-from shellbench.bench.compare import rows
-from shellbench.bench.expected import Scope
-from shellbench.bench.gate import Verdict, gate, missing_rows, move_baseline
-from shellbench.bench.lock import write_lock
-from shellbench.bench.plan import Request, make_plan
-from shellbench.bench.planned import FOLDER, note_planned
-from shellbench.bench.store import Store
-from shellbench.bench.verdicts import as_text, changes
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.baseline import DEVIATIONS, REPEATS, Baseline, BaselineValue, read_baseline, write_baseline
+from shellbench.bench.judge.compare import rows
+from shellbench.bench.judge.expected import Scope
+from shellbench.bench.judge.gate import Verdict, gate, missing_rows, move_baseline
+from shellbench.bench.judge.lock import write_lock
+from shellbench.bench.judge.verdicts import as_text, changes
+from shellbench.bench.run.plan import Request, make_plan
+from shellbench.bench.store.planned import FOLDER, note_planned
+from shellbench.bench.store.store import Store
 from shellbench.errors import InputError, ShellbenchError
 from tests.bench import strip
 from tests.bench.conftest import tolerances_of

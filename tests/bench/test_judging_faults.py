@@ -6,15 +6,16 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench import catalog, source
-from shellbench.bench.calibration import judged_figure
-from shellbench.bench.classes import grades
-from shellbench.bench.compare import with_known_values
-from shellbench.bench.exam import is_judged
-from shellbench.bench.identity import current_source
-from shellbench.bench.reference import KnownValue, KnownValues
-from shellbench.bench.registry import SolverEntry
-from shellbench.bench.row import Row
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.reference import KnownValue, KnownValues
+from shellbench.bench.judge.calibration import judged_figure
+from shellbench.bench.judge.classes import grades
+from shellbench.bench.judge.compare import with_known_values
+from shellbench.bench.judge.exam import is_judged
+from shellbench.bench.judge.row import Row
+from shellbench.bench.plugins import source
+from shellbench.bench.plugins.registry import SolverEntry
+from shellbench.bench.store.identity import current_source
 from shellbench.testing.grading import Graded
 from tests.bench.test_classes import figure
 
@@ -88,7 +89,7 @@ def test_a_grade_that_was_not_given_is_data_too() -> None:
     assert (data["grade"], data["exam"]["worst"], data["exam"]["why"]) == (None, None, "why there is none")
 
 
-@pytest.mark.parametrize("module", ["shellbench.bench.worker", "shellbench.problems.shell.measure"])
+@pytest.mark.parametrize("module", ["shellbench.bench.worker", "shellbench.problems.shell.quantities.measure"])
 def test_the_source_of_a_solver_counts_what_measures_it(
     module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.compare import rows
-from shellbench.bench.expected import Scope
-from shellbench.bench.gate import Verdict, gate
-from shellbench.bench.kinds import read_problem
-from shellbench.bench.store import Store
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.compare import rows
+from shellbench.bench.judge.expected import Scope
+from shellbench.bench.judge.gate import Verdict, gate
+from shellbench.bench.plugins.kinds import read_problem
+from shellbench.bench.store.store import Store
 from shellbench.errors import InputError
 from tests.bench.running import run
 from tests.bench.strip import CENTRE

@@ -40,8 +40,8 @@ from derivations.pinched_free import diaphragm_by_polynomials, pinched_cylinder_
 from derivations.rolled_plate import sampled_plate, sampled_rotation
 from derivations.sleeve_layers import sleeve_compression_thin_by_collocation
 from derivations.torsion import sleeve_torque, sleeve_twist_thin_by_torsion
-from shellbench.bench import catalog
-from shellbench.bench.compare import near_zero
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.compare import near_zero
 
 TWIST = math.radians(0.2)  # the relative twist that cases/sleeve_torque.toml prescribes
 

@@ -6,11 +6,12 @@ from types import SimpleNamespace
 import pytest
 from pydantic import Field
 
-from shellbench.bench import listing, outside, registry
-from shellbench.bench.registry import SolverEntry
-from shellbench.engine import engine_version, need
+from shellbench.bench.catalogue import listing
+from shellbench.bench.plugins import outside, registry
+from shellbench.bench.plugins.registry import SolverEntry
 from shellbench.errors import InputError
 from shellbench.problem import Settings
+from shellbench.protocol.engine import engine_version, need
 
 VERSION = engine_version("numpy")  # a distribution that is surely installed
 

@@ -10,12 +10,12 @@ from types import ModuleType
 
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.expected import Scope
-from shellbench.bench.gate import Verdict, gate
-from shellbench.bench.lock import JUDGING, check_lock, lock_path, main, read_lock, todays_lock, write_lock
-from shellbench.bench.store import Store
-from shellbench.bench.verdicts import as_text
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.expected import Scope
+from shellbench.bench.judge.gate import Verdict, gate
+from shellbench.bench.judge.lock import JUDGING, check_lock, lock_path, main, read_lock, todays_lock, write_lock
+from shellbench.bench.judge.verdicts import as_text
+from shellbench.bench.store.store import Store
 from tests.bench import strip
 from tests.bench.conftest import forget, tolerances_of
 from tests.bench.test_compare import edit
@@ -291,7 +291,7 @@ def test_the_committed_lock_is_that_of_the_committed_files() -> None:
 @pytest.mark.long
 def test_the_lock_needs_no_solver() -> None:
     program = (
-        "import sys; from shellbench.bench.lock import check_lock; check_lock();"
+        "import sys; from shellbench.bench.judge.lock import check_lock; check_lock();"
         "print(*sorted({m.partition('.')[0] for m in sys.modules} & {'torch', 'skfem', 'pandas', 'matplotlib'}))"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

@@ -1,6 +1,6 @@
 """Marks: which state a figure belongs to, and in what words."""
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from tests.bench import spring
 
 

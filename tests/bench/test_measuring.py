@@ -11,19 +11,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shellbench.account import HistoryStep, ResolutionStep
 from shellbench.bench import worker
-from shellbench.bench.environment import environment
-from shellbench.bench.measuring import FIELDS, measured, values_of, without_values, write_fields
-from shellbench.bench.record import LARGEST_RECORD, LONGEST_REASON, Identity, Record, read_document
-from shellbench.bench.store import Store
-from shellbench.bench.task import Task, case_data
+from shellbench.bench.store.environment import environment
+from shellbench.bench.store.measuring import FIELDS, measured, values_of, without_values, write_fields
+from shellbench.bench.store.record import LARGEST_RECORD, LONGEST_REASON, Identity, Record, read_document
+from shellbench.bench.store.store import Store
+from shellbench.bench.store.task import Task, case_data
 from shellbench.bench.worker import RECORD, run, work
 from shellbench.errors import SolveFailure
 from shellbench.problem import Capabilities, Settings, Step
-from shellbench.problems.shell import self_intersection
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.sampling import PICTURE, RESOLUTIONS, energies_of_states, resolution_study
+from shellbench.problems.shell.records import self_intersection
+from shellbench.problems.shell.records.sampling import PICTURE, RESOLUTIONS, energies_of_states, resolution_study
+from shellbench.protocol.history import HistoryStep, ResolutionStep
 from tests.bench import spring
 from tests.bench.spring import END, FIRST, REASON, SECOND, SpringSolution
 
@@ -430,7 +430,7 @@ def test_no_record_is_written_that_can_not_be_read(
     store = Store(tmp_path / "runs")
     partial = store.begin(record.run_id)
     assert store.commit(partial, record).reason == FOLDS
-    monkeypatch.setattr("shellbench.bench.store.catalog.case_names", lambda: [case.name])
+    monkeypatch.setattr("shellbench.bench.store.store.catalog.case_names", lambda: [case.name])
     contents = store.read()
     assert contents.damaged == ()
     assert contents.records[0].reason == FOLDS

@@ -11,11 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench import catalog, kinds, outside
-from shellbench.bench.line import Line
-from shellbench.bench.registry import SolverEntry
-from shellbench.bench.store import Store
-from shellbench.bench.subject import Subject
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.plugins import kinds, outside
+from shellbench.bench.plugins.line import Line
+from shellbench.bench.plugins.registry import SolverEntry
+from shellbench.bench.plugins.subject import Subject
+from shellbench.bench.store.store import Store
 from shellbench.errors import InputError, PluginError, ShellbenchError
 from tests.bench.running import run
 from tests.patience import GUARD

@@ -8,17 +8,18 @@ from typing import Any
 
 import pytest
 
-from shellbench.bench import catalog, environment
-from shellbench.bench.kinds import problem_of
-from shellbench.bench.plan import Plan, Request, make_plan, wanted_runs
-from shellbench.bench.registry import find_solver, load_solver, solver_entries
-from shellbench.bench.remote import unfit
-from shellbench.bench.settings import parse_setting
-from shellbench.bench.store import Contents, Store
-from shellbench.bench.task import Task
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.plugins.kinds import problem_of
+from shellbench.bench.plugins.registry import find_solver, load_solver, solver_entries
+from shellbench.bench.plugins.settings import parse_setting
+from shellbench.bench.run.plan import Plan, Request, make_plan, wanted_runs
+from shellbench.bench.run.remote import unfit
+from shellbench.bench.store import environment
+from shellbench.bench.store.store import Contents, Store
+from shellbench.bench.store.task import Task
 from shellbench.errors import InputError
-from shellbench.model import read_toml
 from shellbench.problems.shell.case import Case, build_case, read_case
+from shellbench.protocol.schema import read_toml
 from tests.bench import strip
 from tests.bench.running import run
 from tests.families import with_something_new
@@ -189,7 +190,7 @@ def test_two_packages_with_one_name_are_refused(plugin: Path) -> None:
 
 @pytest.mark.parametrize("name", with_something_new(catalog.case_names()))
 def test_a_case_survives_the_way_to_another_process(name: str) -> None:
-    from shellbench.bench.task import case_data
+    from shellbench.bench.store.task import case_data
 
     case = catalog.named_case(name)
     again = problem_of(case_data(case))
@@ -197,7 +198,7 @@ def test_a_case_survives_the_way_to_another_process(name: str) -> None:
 
 
 def test_symmetry_survives_the_way_to_another_process() -> None:
-    from shellbench.bench.task import case_data
+    from shellbench.bench.store.task import case_data
     from tests.bench import strip
 
     data = read_toml_text(strip.CASE)
@@ -248,7 +249,7 @@ def test_threads_that_are_asked_for_are_in_the_environment_of_each_task(toys: Pa
 
 def test_a_solver_whose_extra_is_missing_names_the_extra(toys: Path, plugin: Path) -> None:
     source = plugin / "toy_shells" / "solver.py"
-    need = 'from shellbench.engine import need\n\nneed("kratos", ["no-such-engine"])\n'
+    need = 'from shellbench.protocol.engine import need\n\nneed("kratos", ["no-such-engine"])\n'
     text = source.read_text(encoding="utf-8")
     source.write_text(text.replace("from toy_shells import strip\n", f"{need}from toy_shells import strip\n"))
     with pytest.raises(InputError) as caught:
@@ -264,7 +265,9 @@ def test_the_version_of_an_engine_is_in_identity_and_environment(toys: Path, plu
     text = source.read_text(encoding="utf-8").replace(
         "    seconds: float = 0.0\n", f"    seconds: float = 0.0\n{setting}"
     )
-    source.write_text(text.replace("from toy_shells", "from shellbench.engine import engine_version\nfrom toy_shells"))
+    source.write_text(
+        text.replace("from toy_shells", "from shellbench.protocol.engine import engine_version\nfrom toy_shells")
+    )
     (task,) = plan("strip", solvers=("toy",), settings={"toy": {"factor": 2.0}}).tasks
     assert task.identity.settings["engine"] == f"psutil {version('psutil')}"
     assert task.environment.versions["psutil"] == version("psutil")

@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from shellbench.bench.process import is_overdue, worked
+from shellbench.bench.plugins.process import is_overdue, worked
 from tests.patience import until
 
 COMPUTE = "import time\nwhile time.process_time() < 0.3: pass\nprint(time.process_time(), flush=True)\ninput()"

@@ -10,12 +10,12 @@ from typing import Any
 
 import pytest
 
-from shellbench.bench.display import Lines
-from shellbench.bench.expected import Scope
-from shellbench.bench.gate import gate
-from shellbench.bench.record import Measured
-from shellbench.bench.settled import why_uncertain, with_drifts
-from shellbench.bench.store import Store
+from shellbench.bench.judge.expected import Scope
+from shellbench.bench.judge.gate import gate
+from shellbench.bench.run.display import Lines
+from shellbench.bench.store.record import Measured
+from shellbench.bench.store.settled import why_uncertain, with_drifts
+from shellbench.bench.store.store import Store
 from tests.bench.running import run
 from tests.bench.strip import CENTRE
 from tests.bench.test_known_in_files import known

@@ -7,13 +7,21 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench import source
-from shellbench.bench.identity import MEASURING, current_source
-from shellbench.bench.kinds import module_of
-from shellbench.bench.registry import find_solver, solver_entries
-from shellbench.bench.source import import_closure, locate, remember, source_digest, statements_of, what_was_seen
+from shellbench.bench.plugins import source
+from shellbench.bench.plugins.kinds import module_of
+from shellbench.bench.plugins.registry import find_solver, solver_entries
+from shellbench.bench.plugins.source import (
+    import_closure,
+    locate,
+    remember,
+    source_digest,
+    statements_of,
+    what_was_seen,
+)
+from shellbench.bench.store.identity import MEASURING, current_source
 from shellbench.errors import InputError
-from shellbench.problems.shell import measure, quantities, sampling
+from shellbench.problems.shell.quantities import measure, quantities
+from shellbench.problems.shell.records import sampling
 
 
 def edit(path: Path, old: str, new: str) -> None:
@@ -222,18 +230,20 @@ def test_own_solvers_count_with_their_own_mechanics_only() -> None:
     ndf = set(import_closure(find_solver("ndf-ritz").module))
     assert not any(name.startswith("shellbench.solvers.ndf") for name in fem)
     assert not any(name.startswith("shellbench.solvers.fem") for name in ndf)
-    assert "shellbench.problems.shell.surface" in fem & ndf
+    assert "shellbench.problems.shell.question.surface" in fem & ndf
 
 
 def test_the_closure_of_another_package_goes_on_through_ours(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (package / "solver.py").write_text("from shellbench.nearest import nearest\n", encoding="utf-8")
-    assert {"pack.solver", "shellbench.nearest"} <= import_closure("pack.solver").keys()
+    (package / "solver.py").write_text("from shellbench.protocol.spelling import nearest\n", encoding="utf-8")
+    assert {"pack.solver", "shellbench.protocol.spelling"} <= import_closure("pack.solver").keys()
     before = source_digest(["pack.solver"])
     changed = package.parent / "nearest.py"
-    own = import_closure("pack.solver")["shellbench.nearest"]
+    own = import_closure("pack.solver")["shellbench.protocol.spelling"]
     changed.write_text(own.read_text(encoding="utf-8") + "\nMORE = 1\n", encoding="utf-8")
     found = source.locate
-    monkeypatch.setattr(source, "locate", lambda name: changed if name == "shellbench.nearest" else found(name))
+    monkeypatch.setattr(
+        source, "locate", lambda name: changed if name == "shellbench.protocol.spelling" else found(name)
+    )
     monkeypatch.setattr(source, "_DIGESTS", {})
     assert source_digest(["pack.solver"]) != before
 

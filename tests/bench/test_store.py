@@ -17,11 +17,11 @@ from pathlib import Path
 import psutil
 import pytest
 
-from shellbench.bench import store as stores
-from shellbench.bench.current import newest
-from shellbench.bench.planned import FOLDER
-from shellbench.bench.record import Record, document
-from shellbench.bench.store import Store
+from shellbench.bench.store import store as stores
+from shellbench.bench.store.current import newest
+from shellbench.bench.store.planned import FOLDER
+from shellbench.bench.store.record import Record, document
+from shellbench.bench.store.store import Store
 from shellbench.disk import StoreError
 from shellbench.errors import InputError
 from tests.bench.running import run, run_here

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.suite import read_suite
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.suite import read_suite
 from shellbench.errors import InputError
 
 

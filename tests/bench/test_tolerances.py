@@ -6,18 +6,18 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.classes import LOOSEST, judged_by_class
-from shellbench.bench.compare import rows
-from shellbench.bench.conformance import note_conformance
-from shellbench.bench.expected import Scope
-from shellbench.bench.gate import gate
-from shellbench.bench.lock import write_lock
-from shellbench.bench.reference import Tolerance, read_tolerances
-from shellbench.bench.registry import find_solver
-from shellbench.bench.row import Row
-from shellbench.bench.store import Store
-from shellbench.bench.verdicts import as_text
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.reference import Tolerance, read_tolerances
+from shellbench.bench.judge.classes import LOOSEST, judged_by_class
+from shellbench.bench.judge.compare import rows
+from shellbench.bench.judge.expected import Scope
+from shellbench.bench.judge.gate import gate
+from shellbench.bench.judge.lock import write_lock
+from shellbench.bench.judge.row import Row
+from shellbench.bench.judge.verdicts import as_text
+from shellbench.bench.plugins.registry import find_solver
+from shellbench.bench.store.conformance import note_conformance
+from shellbench.bench.store.store import Store
 from shellbench.errors import InputError
 from tests.bench import strip
 from tests.bench.conftest import forget, tolerances_of

@@ -9,8 +9,8 @@ import time
 
 import pytest
 
-from shellbench.bench.compare import held_against_each_other
-from shellbench.bench.row import Row
+from shellbench.bench.judge.compare import held_against_each_other
+from shellbench.bench.judge.row import Row
 
 FEW, MANY = 500, 5000
 ROUNDS = 5

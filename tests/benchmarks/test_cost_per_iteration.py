@@ -11,8 +11,8 @@ from itertools import cycle
 import pytest
 import torch
 
-from shellbench.bench.catalog import named_case
-from shellbench.solvers.ndf.published_samples import stratified_samples
+from shellbench.bench.catalogue.catalog import named_case
+from shellbench.solvers.ndf.published.published_samples import stratified_samples
 from tests.solvers.ndf.nested import diaphragm_factor, nested_loss, plate_factor
 from tests.solvers.ndf.trainings import sampler_of
 

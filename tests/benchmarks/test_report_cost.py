@@ -9,12 +9,12 @@ import time
 
 import pytest
 
-from shellbench.bench import store as bench
-from shellbench.problems.shell.sampling import PICTURE
-from shellbench.report.evidence import Evidence
-from shellbench.report.page import write_report
-from shellbench.report.pictures import PICTURE as SHELL
-from shellbench.report.sections import exhibits
+from shellbench.bench.store import store as bench
+from shellbench.problems.shell.records.sampling import PICTURE
+from shellbench.report.data.evidence import Evidence
+from shellbench.report.figures.pictures import PICTURE as SHELL
+from shellbench.report.page.page import write_report
+from shellbench.report.page.sections import exhibits
 from tests.report import conftest
 
 ROUNDS = 3

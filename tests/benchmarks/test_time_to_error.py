@@ -10,8 +10,8 @@ import time
 
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.problems.shell.measure import measure_all
+from shellbench.bench.catalogue import catalog
+from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 
 SHELLS = ["square_plate", "scordelis_lo", "pinched_cylinder_diaphragm", "pinched_cylinder_free"]

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shellbench.errors import InputError
-from shellbench.problems.expression import FUNCTIONS, MAX_LENGTH, Expression
+from shellbench.problems.expression import MAX_LENGTH, Expression
+from shellbench.problems.formula_functions import FUNCTIONS
 from shellbench.problems.kinks import kink_lines
 
 # Coordinates in the interior of every function's domain.

@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shellbench.problems.expression import FUNCTIONS, Expression
+from shellbench.problems.expression import Expression
 from shellbench.problems.features import MOST_CELLS, boxes_of, divided
+from shellbench.problems.formula_functions import FUNCTIONS
 from shellbench.problems.kinks import kink_lines
 from shellbench.problems.smoothness import bad_place
 

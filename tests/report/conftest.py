@@ -11,16 +11,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shellbench.account import HistoryStep, ResolutionStep
-from shellbench.bench import catalog
-from shellbench.bench.record import Environment, Identity, Measured, Record
-from shellbench.bench.reference import KnownValue, KnownValues
-from shellbench.bench.row import Row
-from shellbench.bench.store import Store as Records
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.reference import KnownValue, KnownValues
+from shellbench.bench.judge.row import Row
+from shellbench.bench.store.record import Environment, Identity, Measured, Record
+from shellbench.bench.store.store import Store as Records
 from shellbench.problem import Problem
 from shellbench.problems.shell.case import Case
-from shellbench.report import exhibit, kept_data, paper, shells, trace_exhibits
-from shellbench.report.page import write_report
+from shellbench.protocol.history import HistoryStep, ResolutionStep
+from shellbench.report.data import exhibit, kept_data
+from shellbench.report.figures import shells
+from shellbench.report.page import paper
+from shellbench.report.page.page import write_report
+from shellbench.report.studies import trace_exhibits
 
 COURSE = ("square_plate", "scordelis_lo", "pinched_cylinder_diaphragm", "pinched_cylinder_free")
 TRUTH = {  # round figures in the neighbourhood of the real ones

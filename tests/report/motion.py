@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.compare import row_of
-from shellbench.bench.current import CurrentRun
-from shellbench.bench.measuring import measured
-from shellbench.bench.record import Record
-from shellbench.bench.reference import KnownValue, KnownValues
-from shellbench.bench.row import Row
-from shellbench.bench.task import case_data
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.reference import KnownValue, KnownValues
+from shellbench.bench.judge.compare import row_of
+from shellbench.bench.judge.row import Row
+from shellbench.bench.store.current import CurrentRun
+from shellbench.bench.store.measuring import measured
+from shellbench.bench.store.record import Record
+from shellbench.bench.store.task import case_data
 from shellbench.errors import InputError
 from shellbench.problem import Step
-from shellbench.problems.shell import sampling, self_intersection
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.records import sampling, self_intersection
 from tests.report.conftest import ENVIRONMENT, Store, identity
 
 THEORY = "kirchhoff-love-nonlinear"

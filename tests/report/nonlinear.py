@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from shellbench.account import HistoryStep, StateEnergies
-from shellbench.bench import catalog
-from shellbench.bench.compare import row_of
-from shellbench.bench.current import CurrentRun
-from shellbench.bench.record import Measured, Record
-from shellbench.bench.reference import KnownCurve, KnownValue, KnownValues
-from shellbench.bench.row import Row
-from shellbench.bench.task import case_data
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.reference import KnownCurve, KnownValue, KnownValues
+from shellbench.bench.judge.compare import row_of
+from shellbench.bench.judge.row import Row
+from shellbench.bench.store.current import CurrentRun
+from shellbench.bench.store.record import Measured, Record
+from shellbench.bench.store.task import case_data
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.quantities import DisplacementQuantity
+from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
+from shellbench.protocol.history import HistoryStep, StateEnergies
 from tests.report.conftest import ENVIRONMENT, Store, identity
 
 THEORY = "kirchhoff-love-nonlinear"

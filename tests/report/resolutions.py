@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from shellbench.account import FrameRateStep, HistoryStep, PrecisionStep, ResolutionStep
-from shellbench.bench import catalog
-from shellbench.bench.record import Measured, Record
-from shellbench.bench.row import Row
-from shellbench.report.evidence import Evidence
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.row import Row
+from shellbench.bench.store.record import Measured, Record
+from shellbench.protocol.history import FrameRateStep, HistoryStep, PrecisionStep, ResolutionStep
+from shellbench.report.data.evidence import Evidence
 from tests.report.conftest import ENVIRONMENT, identity
 
 PLATE, NAPKIN = "square_plate", "napkin_plane"

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from shellbench.account import HistoryStep
-from shellbench.bench import catalog
-from shellbench.bench.record import Record
-from shellbench.bench.row import Row
-from shellbench.bench.suite import value_words
-from shellbench.report.evidence import Evidence
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.suite import value_words
+from shellbench.bench.judge.row import Row
+from shellbench.bench.store.record import Record
+from shellbench.protocol.history import HistoryStep
+from shellbench.report.data.evidence import Evidence
 from tests.report.conftest import record, row
 
 IDLE = 200_000_000  # bytes before the solve

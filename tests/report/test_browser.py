@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shellbench.bench.store import Store as Records
-from shellbench.report import exhibit, page, sections, shells
-from shellbench.report.fields import read_fields
-from shellbench.report.pictures import lead_shells, pictured
-from shellbench.report.shells import AXES_TO_UP
+from shellbench.bench.store.store import Store as Records
+from shellbench.report.data import exhibit
+from shellbench.report.data.fields import read_fields
+from shellbench.report.figures import shells
+from shellbench.report.figures.pictures import lead_shells, pictured
+from shellbench.report.figures.shells import AXES_TO_UP
+from shellbench.report.page import page, sections
 from tests.patience import GUARD, until
 from tests.report.conftest import coarse_figures
 from tests.report.motion import BROKEN, OFFSET

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.calibration import MOST, calibrations
-from shellbench.report.calibration import calibration_figure, calibration_table, section
-from shellbench.report.evidence import Evidence
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.calibration import MOST, calibrations
+from shellbench.report.data.evidence import Evidence
+from shellbench.report.sections.calibration import calibration_figure, calibration_table, section
 from tests.report.conftest import COURSE, TRUTH, UNCERTAINTY, record, row
 
 

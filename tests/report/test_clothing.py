@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.kinds import portrait_of_named
-from shellbench.bench.row import Row
-from shellbench.report import clothing
-from shellbench.report.evidence import Evidence
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.row import Row
+from shellbench.bench.plugins.kinds import portrait_of_named
+from shellbench.report.data.evidence import Evidence
+from shellbench.report.studies import clothing
 
 CLIPS, FRAMES = "cape_clips", "cape_frames"
 FACTS = {"suite": "skinning", "at": 1.0, "status": "ok", "reference": None, "settings": {}}

@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from shellbench.report.columns import (
+from shellbench.report.data.columns import (
     VOCABULARY,
     column,
     error,
@@ -14,8 +14,8 @@ from shellbench.report.columns import (
     strong,
     words,
 )
-from shellbench.report.notation import HTML, LATEX_NOTATION, MARKDOWN, TEXT
-from shellbench.report.table import Table
+from shellbench.report.data.notation import HTML, LATEX_NOTATION, MARKDOWN, TEXT
+from shellbench.report.data.table import Table
 
 VALUES = {"solution": "fem, fine", "solver": "fem", "seeds": 3, "unknowns": 1827, "seconds": 1.234, "error": -0.0123}
 

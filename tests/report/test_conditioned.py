@@ -4,10 +4,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.row import Row
-from shellbench.report import conditioned
-from shellbench.report.conditioned import Conditioned, breakeven, rival
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.row import Row
+from shellbench.report.studies import conditioned
+from shellbench.report.studies.conditioned import Conditioned, breakeven, rival
 
 CASE = "conditioned_plate"
 

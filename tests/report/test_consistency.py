@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.report.consistency import consistency_table, section
-from shellbench.report.ladder import Probes, case_runs, difference, read_probes
-from shellbench.report.resolution import nominal_rates, yardstick_words
+from shellbench.bench.catalogue import catalog
+from shellbench.report.data.ladder import Probes, case_runs, difference, read_probes
+from shellbench.report.sections.consistency import consistency_table, section
+from shellbench.report.sections.resolution import nominal_rates, yardstick_words
 from tests.report.resolutions import (
     LENGTH,
     NAPKIN,

@@ -6,11 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.colors import to_hex
 
-from shellbench.report.accuracy import accuracies
-from shellbench.report.cost import LEVELS, cost_figure, cost_table, section
-from shellbench.report.evidence import Evidence
-from shellbench.report.exhibit import inks
-from shellbench.report.panel import SPACING, apart
+from shellbench.report.data.accuracy import accuracies
+from shellbench.report.data.evidence import Evidence
+from shellbench.report.data.exhibit import inks
+from shellbench.report.figures.panel import SPACING, apart
+from shellbench.report.sections.cost import LEVELS, cost_figure, cost_table, section
 from tests.report.conftest import TRUTH, UNCERTAINTY
 from tests.report.studied import (
     BYTES_AN_UNKNOWN,

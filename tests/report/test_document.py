@@ -2,10 +2,10 @@ import json
 
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.store import Store as Records
-from shellbench.report import exhibit, shells
-from shellbench.report.document import (
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.store.store import Store as Records
+from shellbench.report.data import exhibit
+from shellbench.report.data.document import (
     EXAM_SCORE,
     MANIFEST,
     exam_words,
@@ -14,9 +14,10 @@ from shellbench.report.document import (
     read_bibliography,
     remove_older,
 )
-from shellbench.report.page import write_report
-from shellbench.report.paper import write_paper
-from shellbench.report.runs import told_apart
+from shellbench.report.data.runs import told_apart
+from shellbench.report.figures import shells
+from shellbench.report.page.page import write_report
+from shellbench.report.page.paper import write_paper
 from tests.report.conftest import COURSE, record, row
 
 BIBTEX = r"""

@@ -4,14 +4,20 @@ from types import SimpleNamespace
 
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.record import Environment
-from shellbench.bench.suite import SuiteRun
-from shellbench.report import tables
-from shellbench.report.engines import cross_check_figure, lines_of, section
-from shellbench.report.engines_table import LEVELS, TOGETHER, checked_cases, cross_check_table, why_incomparable
-from shellbench.report.exhibit import inks
-from shellbench.report.runs import compared
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.suite import SuiteRun
+from shellbench.bench.store.record import Environment
+from shellbench.report.data.exhibit import inks
+from shellbench.report.data.runs import compared
+from shellbench.report.sections import tables
+from shellbench.report.sections.engines import cross_check_figure, lines_of, section
+from shellbench.report.sections.engines_table import (
+    LEVELS,
+    TOGETHER,
+    checked_cases,
+    cross_check_table,
+    why_incomparable,
+)
 from tests.report.conftest import ENVIRONMENT, TRUTH, UNCERTAINTY, synthetic_known
 from tests.report.studied import SECONDS_AN_UNKNOWN, UNKNOWNS_A_CELL, Run, evidence, studied
 from tests.report.test_sections_agree import assert_they_agree

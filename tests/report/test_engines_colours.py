@@ -1,8 +1,8 @@
 """Colours of the solvers of all suites: each has its own, and those that came later left the others what they were."""
 
-from shellbench.bench import catalog
-from shellbench.bench.suite import Suite, SuiteRun
-from shellbench.report.exhibit import COLOURS, MARKERS, OKABE_ITO, companies, declared_solvers, inks
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.suite import Suite, SuiteRun
+from shellbench.report.data.exhibit import COLOURS, MARKERS, OKABE_ITO, companies, declared_solvers, inks
 
 
 def test_every_solver_has_a_colour_and_a_marker_of_its_own_among_those_that_suites_join():

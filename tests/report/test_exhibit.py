@@ -8,8 +8,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from shellbench.errors import ShellbenchError
-from shellbench.report import exhibit
-from shellbench.report.exhibit import Exhibit, save_all
+from shellbench.report.data import exhibit
+from shellbench.report.data.exhibit import Exhibit, save_all
 
 
 class Killed(Figure):

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.report.evidence import Evidence
-from shellbench.report.fields import Fields, areas, differences
-from shellbench.report.whole_fields import field_table
+from shellbench.bench.catalogue import catalog
+from shellbench.report.data.evidence import Evidence
+from shellbench.report.data.fields import Fields, areas, differences
+from shellbench.report.sections.whole_fields import field_table
 from tests.report.conftest import Store
 
 

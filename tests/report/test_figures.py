@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from shellbench.bench import catalog
-from shellbench.model import read_toml
+from shellbench.bench.catalogue import catalog
 from shellbench.problems.shell.case import build_case
-from shellbench.problems.shell.portrait import ShellPortrait
-from shellbench.report.convergence import GAP_LABEL, iteration_figure, refinement_figure
-from shellbench.report.exhibit import COLOURS, inks, style
-from shellbench.report.panel import ERROR_LABEL
-from shellbench.report.pictures import picture_scale, pictured, shell
-from shellbench.report.rates import courses
-from shellbench.report.shells import Camera, Shell, course_figure, shell_figure, times, what_is_coloured
+from shellbench.problems.shell.records.portrait import ShellPortrait
+from shellbench.protocol.schema import read_toml
+from shellbench.report.data.exhibit import COLOURS, inks, style
+from shellbench.report.data.rates import courses
+from shellbench.report.figures.panel import ERROR_LABEL
+from shellbench.report.figures.pictures import picture_scale, pictured, shell
+from shellbench.report.figures.shells import Camera, Shell, course_figure, shell_figure, times, what_is_coloured
+from shellbench.report.sections.convergence import GAP_LABEL, iteration_figure, refinement_figure
 from tests.report.conftest import COURSE, TRUTH, Store
 
 

@@ -16,12 +16,12 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench import store as bench
-from shellbench.report.evidence import Evidence
-from shellbench.report.page import write_report
-from shellbench.report.resolution import mesh_table, resolution_table
-from shellbench.report.tables import displacement_tables, render
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.store import store as bench
+from shellbench.report.data.evidence import Evidence
+from shellbench.report.page.page import write_report
+from shellbench.report.sections.resolution import mesh_table, resolution_table
+from shellbench.report.sections.tables import displacement_tables, render
 from tests.report.conftest import COURSE, Store
 from tests.report.test_tables import lines, number
 

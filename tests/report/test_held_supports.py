@@ -1,6 +1,6 @@
 import pytest
 
-from shellbench.report.paper_studies import support_table, supports
+from shellbench.report.studies.paper_studies import support_table, supports
 from tests.report.studied import evidence, studied
 
 

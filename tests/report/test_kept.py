@@ -5,9 +5,10 @@ import json
 import pytest
 
 from shellbench.errors import InputError
-from shellbench.report import kept, kept_data
-from shellbench.report.evidence import Evidence
-from shellbench.report.exhibit import style
+from shellbench.report.data import kept_data
+from shellbench.report.data.evidence import Evidence
+from shellbench.report.data.exhibit import style
+from shellbench.report.sections import kept
 from tests.report.conftest import COURSE, TRUTH
 
 SIZES = (4, 8, 16, 32, 64)

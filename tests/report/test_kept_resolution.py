@@ -10,8 +10,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.report.kept_resolution import as_text, summary, turned_states
+from shellbench.bench.catalogue import catalog
+from shellbench.report.sections.kept_resolution import as_text, summary, turned_states
 from tests.report.resolutions import LENGTH, PLATE, evidence, plate_runs, unknowns
 
 ROOT = Path(__file__).parents[2]

@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.kinds import portrait_of_named
-from shellbench.bench.row import Row
-from shellbench.report import learned
-from shellbench.report.learned import Learned, table
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.row import Row
+from shellbench.bench.plugins.kinds import portrait_of_named
+from shellbench.report.studies import learned
+from shellbench.report.studies.learned import Learned, table
 
 COURSE = ((10, 2e-2), (20, 3e-3), (30, 4e-3), (40, 8e-4))
 

@@ -6,10 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.report.answers import LEVELS, answers, fewest
-from shellbench.report.ladder import case_runs
-from shellbench.report.memory import (
+from shellbench.bench.catalogue import catalog
+from shellbench.report.data.answers import LEVELS, answers, fewest
+from shellbench.report.data.ladder import case_runs
+from shellbench.report.data.notation import BYTES_A_POINT
+from shellbench.report.sections.memory import (
     NOT_KNOWN,
     NOT_REACHED,
     REACHED,
@@ -18,7 +19,6 @@ from shellbench.report.memory import (
     section,
     solve_table,
 )
-from shellbench.report.notation import BYTES_A_POINT
 from tests.report.resolutions import (
     HEADLINE,
     INTERPOLATION,

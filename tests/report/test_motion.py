@@ -3,17 +3,13 @@
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.problems.shell.portrait import ShellPortrait
-from shellbench.report.evidence import Evidence
-from shellbench.report.exhibit import inks, style
-from shellbench.report.fields import read_fields
-from shellbench.report.runs import leading_rows
-from shellbench.report.shells import shapes_figure
-from shellbench.report.trace_exhibits import CLOTH, MOST_FRAMES, is_cloth, motion_exhibits, path_exhibits
-from shellbench.report.trace_figure import TracePanel, trace_figure
-from shellbench.report.trace_tables import by_time_tables, motion_table
-from shellbench.report.traces import (
+from shellbench.bench.catalogue import catalog
+from shellbench.problems.shell.records.portrait import ShellPortrait
+from shellbench.report.data.evidence import Evidence
+from shellbench.report.data.exhibit import inks, style
+from shellbench.report.data.fields import read_fields
+from shellbench.report.data.runs import leading_rows
+from shellbench.report.data.traces import (
     BALANCE,
     Trace,
     TracedRun,
@@ -25,6 +21,10 @@ from shellbench.report.traces import (
     traced,
     yardstick,
 )
+from shellbench.report.figures.shells import shapes_figure
+from shellbench.report.figures.trace_figure import TracePanel, trace_figure
+from shellbench.report.studies.trace_exhibits import CLOTH, MOST_FRAMES, is_cloth, motion_exhibits, path_exhibits
+from shellbench.report.studies.trace_tables import by_time_tables, motion_table
 from tests.report.motion import BROKEN, CRITICAL, OFFSET, REASON, G, torque
 
 G_HALF = G / 8  # m fallen in half of a second
@@ -118,7 +118,7 @@ def test_differences_are_weighed_by_area():
     x = np.concatenate([np.linspace(0, 0.25, 41), np.linspace(0.25, 1, 41)[1:]])
     xi = np.stack(np.meshgrid(x, np.linspace(0, 1, 5), indexing="ij"), axis=-1)
     position = case.surface.position(xi)
-    from shellbench.report.fields import Fields
+    from shellbench.report.data.fields import Fields
 
     still = np.zeros((1, *position.shape))
     moved = still.copy()
@@ -247,7 +247,7 @@ def test_frames_have_one_view_one_scale_and_one_column_a_time(exhibits, motion):
 
 def test_a_strip_without_a_state_is_empty(motion):
     case = ShellPortrait(catalog.named_case("free_fall"))
-    from shellbench.report.pictures import shell
+    from shellbench.report.figures.pictures import shell
 
     one = shell(record_of(motion, case.name, "fem"), motion.folder)
     with style():
@@ -323,8 +323,8 @@ def test_frames_of_a_row_fit_a_page():
 
 
 def test_what_moves_as_a_block_is_coloured_evenly(motion):
-    from shellbench.report.pictures import shell
-    from shellbench.report.shells import shell_figure
+    from shellbench.report.figures.pictures import shell
+    from shellbench.report.figures.shells import shell_figure
 
     one = shell(record_of(motion, "free_fall", "fem"), motion.folder)
     one.displacement[...] += 1e-11 * np.random.default_rng(0).standard_normal(one.displacement.shape)

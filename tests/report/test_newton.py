@@ -7,14 +7,15 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import minimize
 
-from shellbench.bench import catalog
-from shellbench.bench.store import Store as Records
-from shellbench.problems.shell.portrait import ShellPortrait
-from shellbench.report import exhibit, shells
-from shellbench.report.evidence import Evidence, Formula
-from shellbench.report.exhibit import style
-from shellbench.report.newton import DERIVATION, findings, free_fall, newton_exhibits, newton_table, shown_cases
-from shellbench.report.page import write_report
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.store.store import Store as Records
+from shellbench.problems.shell.records.portrait import ShellPortrait
+from shellbench.report.data import exhibit
+from shellbench.report.data.evidence import Evidence, Formula
+from shellbench.report.data.exhibit import style
+from shellbench.report.figures import shells
+from shellbench.report.page.page import write_report
+from shellbench.report.studies.newton import DERIVATION, findings, free_fall, newton_exhibits, newton_table, shown_cases
 from tests.report.motion import REASON, G
 from tests.report.test_page import Page, pages_of
 

@@ -8,11 +8,11 @@ import sys
 
 import pytest
 
-from shellbench.bench.store import Store as Records
-from shellbench.report.evidence import Evidence
-from shellbench.report.page import write_report
-from shellbench.report.strains import strain_table
-from shellbench.report.trace_tables import effort_table
+from shellbench.bench.store.store import Store as Records
+from shellbench.report.data.evidence import Evidence
+from shellbench.report.page.page import write_report
+from shellbench.report.studies.strains import strain_table
+from shellbench.report.studies.trace_tables import effort_table
 from tests.report.conftest import Store, coarse_figures
 from tests.report.nonlinear import REASON
 from tests.report.test_page import Page, pages_of
@@ -115,10 +115,10 @@ def test_the_report_needs_records_and_rows_alone(nonlinear, tmp_path):
     rows = tmp_path / "rows.json"
     rows.write_text(json.dumps([row.model_dump(mode="json") for row in nonlinear.rows]), encoding="utf-8")
     code = (
-        "import json, sys; from pathlib import Path; from shellbench.report import page;"
-        "from shellbench.report import exhibit; from shellbench.report import shells;"
+        "import json, sys; from pathlib import Path; from shellbench.report.page import page;"
+        "from shellbench.report.data import exhibit; from shellbench.report.figures import shells;"
         "exhibit.PRINT_DPI = exhibit.SCREEN_DPI = 30; shells.CELLS = 8;"
-        "from shellbench.bench.row import Row; from shellbench.bench.store import Store;"
+        "from shellbench.bench.judge.row import Row; from shellbench.bench.store.store import Store;"
         "rows = [Row.model_validate(d) for d in json.loads(Path(sys.argv[2]).read_text())];"
         "page.write_report(Store(Path(sys.argv[1])), rows, Path(sys.argv[3]));"
         "print([name for name in ('torch', 'skfem', 'shellbench.solvers.fem', 'shellbench.solvers.ndf') if name in sys.modules])"

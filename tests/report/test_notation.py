@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shellbench.report.notation import (
+from shellbench.report.data.notation import (
     HTML,
     LATEX_NOTATION,
     MARKDOWN,

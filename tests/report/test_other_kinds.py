@@ -6,15 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog, kinds
-from shellbench.bench.kinds import find_kind, problem_of
-from shellbench.bench.record import Measured
-from shellbench.bench.reference import KnownValue, KnownValues
-from shellbench.bench.store import Store as Records
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.reference import KnownValue, KnownValues
+from shellbench.bench.plugins import kinds
+from shellbench.bench.plugins.kinds import find_kind, problem_of
+from shellbench.bench.store.record import Measured
+from shellbench.bench.store.store import Store as Records
 from shellbench.problem import Kind, Problem
-from shellbench.report.page import write_report
-from shellbench.report.paper import write_paper
-from shellbench.report.tables import render
+from shellbench.report.page.page import write_report
+from shellbench.report.page.paper import write_paper
+from shellbench.report.sections.tables import render
 from tests.report.conftest import record, refinement, row
 from tests.report.test_page import Page, pages_of
 

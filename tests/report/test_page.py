@@ -18,20 +18,20 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from shellbench.bench import catalog
-from shellbench.bench.row import Row
-from shellbench.bench.store import Store as Records
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.row import Row
+from shellbench.bench.store.store import Store as Records
 from shellbench.errors import InputError
-from shellbench.report import sections
-from shellbench.report.columns import Column
-from shellbench.report.document import command
-from shellbench.report.evidence import Evidence, Section
-from shellbench.report.exhibit import Exhibit, few_colours, lean
-from shellbench.report.page import write_report
-from shellbench.report.runs import rows_at_home, rows_of, suites_of
-from shellbench.report.solutions import overall, shortfalls, verdict
-from shellbench.report.table import Note, Table
-from shellbench.report.tables import render
+from shellbench.report.data.columns import Column
+from shellbench.report.data.document import command
+from shellbench.report.data.evidence import Evidence, Section
+from shellbench.report.data.exhibit import Exhibit, few_colours, lean
+from shellbench.report.data.runs import rows_at_home, rows_of, suites_of
+from shellbench.report.data.solutions import overall, shortfalls, verdict
+from shellbench.report.data.table import Note, Table
+from shellbench.report.page import sections
+from shellbench.report.page.page import write_report
+from shellbench.report.sections.tables import render
 from tests.report.conftest import COURSE, Store, coarse_figures
 
 MEGABYTE = 1_000_000
@@ -401,7 +401,7 @@ def test_a_file_in_the_way_is_said_in_one_sentence(store, tmp_path):
 def test_reports_need_records_alone(store):
     """No solver library is imported on the way from records to the page."""
     code = (
-        "import sys; from shellbench.report import page; from shellbench.report import tables; from shellbench.bench.store import Store;"
+        "import sys; from shellbench.report.page import page; from shellbench.report.sections import tables; from shellbench.bench.store.store import Store;"
         "from pathlib import Path; import tempfile;"
         "page.write_report(Store(Path(sys.argv[1])), [], Path(tempfile.mkdtemp()));"
         "print([name for name in ('torch', 'skfem', 'shellbench.solvers.fem', 'shellbench.solvers.ndf') if name in sys.modules])"

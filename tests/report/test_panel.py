@@ -3,8 +3,9 @@
 import pytest
 from matplotlib.figure import Figure
 
-from shellbench.report.exhibit import Ink, style
-from shellbench.report.panel import (
+from shellbench.report.data.exhibit import Ink, style
+from shellbench.report.data.rates import Rate
+from shellbench.report.figures.panel import (
     BELOW,
     FLOOR_SHOWN,
     FOR_SLOPES,
@@ -20,7 +21,6 @@ from shellbench.report.panel import (
     shade_start,
     step_words,
 )
-from shellbench.report.rates import Rate
 
 INK = Ink("#0072B2", "o")
 

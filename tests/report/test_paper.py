@@ -10,14 +10,14 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench import store as bench
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.store import store as bench
 from shellbench.errors import InputError
-from shellbench.report.columns import Column
-from shellbench.report.document import read_bibliography
-from shellbench.report.notation import quoted
-from shellbench.report.paper import write_paper
-from shellbench.report.table import PAGE_LINES, Note, Table, with_letters_of_latex, write_latex
+from shellbench.report.data.columns import Column
+from shellbench.report.data.document import read_bibliography
+from shellbench.report.data.notation import quoted
+from shellbench.report.data.table import PAGE_LINES, Note, Table, with_letters_of_latex, write_latex
+from shellbench.report.page.paper import write_paper
 from tests.patience import GUARD
 from tests.report.conftest import Store, coarse_figures
 

@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from shellbench.bench import catalog
-from shellbench.bench.reference import KnownCurve, KnownValue, KnownValues
-from shellbench.bench.task import case_data
-from shellbench.portrait import LoadAxis
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.reference import KnownCurve, KnownValue, KnownValues
+from shellbench.bench.store.task import case_data
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.portrait import ShellPortrait
-from shellbench.report.evidence import Evidence
-from shellbench.report.exhibit import inks, style
-from shellbench.report.trace_exhibits import path_exhibits
-from shellbench.report.trace_figure import TracePanel, trace_figure
-from shellbench.report.traces import Trace, known_paths, limit_loads, path_run, readable
+from shellbench.problems.shell.records.portrait import ShellPortrait
+from shellbench.protocol.picture import LoadAxis
+from shellbench.report.data.evidence import Evidence
+from shellbench.report.data.exhibit import inks, style
+from shellbench.report.data.traces import Trace, known_paths, limit_loads, path_run, readable
+from shellbench.report.figures.trace_figure import TracePanel, trace_figure
+from shellbench.report.studies.trace_exhibits import path_exhibits
 from tests.report.conftest import Store
 from tests.report.nonlinear import FIRST, LOADS, REACHED, REASON, SECOND, deflection, roof_load, shortening
 

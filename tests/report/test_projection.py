@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shellbench.report.grids import facet_means, facets, inward, refined, wires
-from shellbench.report.shells import AMBIENT, Camera, shading
+from shellbench.report.figures.grids import facet_means, facets, inward, refined, wires
+from shellbench.report.figures.shells import AMBIENT, Camera, shading
 
 cameras = st.builds(Camera, st.floats(-90, 90), st.floats(-360, 360), st.sampled_from("xyz"))
 

@@ -4,10 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shellbench.report.accuracy import accuracies
-from shellbench.report.cost import section
-from shellbench.report.rates import fitted_rate, known_yardstick, yardstick_of
-from shellbench.report.seeds import seed_spreads
+from shellbench.report.data.accuracy import accuracies
+from shellbench.report.data.rates import fitted_rate, known_yardstick, yardstick_of
+from shellbench.report.sections.cost import section
+from shellbench.report.sections.seeds import seed_spreads
 from tests.report.conftest import TRUTH, UNCERTAINTY
 from tests.report.studied import evidence, meshes
 

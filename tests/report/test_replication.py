@@ -4,10 +4,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from shellbench.account import HistoryStep
-from shellbench.bench import catalog
-from shellbench.bench.row import Row
-from shellbench.report import replication
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.row import Row
+from shellbench.protocol.history import HistoryStep
+from shellbench.report.sections import replication
 
 KNOWN = catalog.known_values("scordelis_lo")
 VALUE, ENERGY = (KNOWN.judge(name, "kirchhoff-love-linear").value for name in ("edge_deflection", "strain_energy"))

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench import store as bench
-from shellbench.problems.shell.sampling import PICTURE
-from shellbench.report.page import write_report
+from shellbench.bench.store import store as bench
+from shellbench.problems.shell.records.sampling import PICTURE
+from shellbench.report.page.page import write_report
 from tests.report import conftest
 
 LARGEST_PAGE = 8_000_000  # bytes; the promise of the report

@@ -1,7 +1,7 @@
 import pytest
 
-from shellbench.report.evidence import Evidence
-from shellbench.report.resolution import mesh_table, resolution_table
+from shellbench.report.data.evidence import Evidence
+from shellbench.report.sections.resolution import mesh_table, resolution_table
 from tests.report.conftest import COURSE, TRUTH, Store
 
 

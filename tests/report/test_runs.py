@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shellbench.report.runs import groups_alike, headlines, in_order_of_cases, run_ids, table_of_runs
+from shellbench.report.data.runs import groups_alike, headlines, in_order_of_cases, run_ids, table_of_runs
 from tests.report.conftest import TRUTH, UNCERTAINTY
 from tests.report.studied import BYTES_AN_UNKNOWN, evidence, studied
 

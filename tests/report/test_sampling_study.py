@@ -1,6 +1,6 @@
 import pytest
 
-from shellbench.report.paper_studies import points_of, sampled_runs, sampling, sampling_figure
+from shellbench.report.studies.paper_studies import points_of, sampled_runs, sampling, sampling_figure
 from tests.report.studied import evidence, studied
 
 SEEDS = (0, 1, 2)

@@ -6,8 +6,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.report import consistency, cost, memory, paper_studies, seeds
+from shellbench.bench.catalogue import catalog
+from shellbench.report.sections import consistency, cost, memory, seeds
+from shellbench.report.studies import paper_studies
 from tests.report import resolutions, studied
 from tests.report.test_formats_agree import lines, numbers_of, words
 

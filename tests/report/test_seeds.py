@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.report.evidence import Evidence
-from shellbench.report.seeds import naturally, section, seed_figure, seed_spreads, seed_table
+from shellbench.bench.catalogue import catalog
+from shellbench.report.data.evidence import Evidence
+from shellbench.report.sections.seeds import naturally, section, seed_figure, seed_spreads, seed_table
 from tests.report.conftest import TRUTH, UNCERTAINTY, record, row
 from tests.report.studied import evidence, studied
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from shellbench.report.evidence import Evidence
-from shellbench.report.exhibit import style
-from shellbench.report.fields import read_fields
-from shellbench.report.pictures import MOST_SHOWN, spread, states
-from shellbench.report.shells import shapes_figure
-from shellbench.report.trace_exhibits import path_exhibits
-from shellbench.report.whole_fields import field_table
+from shellbench.report.data.evidence import Evidence
+from shellbench.report.data.exhibit import style
+from shellbench.report.data.fields import read_fields
+from shellbench.report.figures.pictures import MOST_SHOWN, spread, states
+from shellbench.report.figures.shells import shapes_figure
+from shellbench.report.sections.whole_fields import field_table
+from shellbench.report.studies.trace_exhibits import path_exhibits
 from tests.report.test_paths import BEAM, run_of
 
 

@@ -7,9 +7,9 @@ import pytest
 
 from derivations import vibrating_strip
 from derivations.heavy_strip import heavy, hung
-from shellbench.bench import catalog
-from shellbench.bench.passport import PROPERTIES
-from shellbench.report.stiffnesses import gamma_of, passport
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.passport import PROPERTIES
+from shellbench.report.studies.stiffnesses import gamma_of, passport
 
 
 def rows(case, values, run_id="one", overrides=None, unknowns=100, doubts=None):

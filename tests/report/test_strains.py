@@ -8,11 +8,11 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from shellbench.bench import catalog
-from shellbench.problems.shell.portrait import ShellPortrait
-from shellbench.report.evidence import Evidence
-from shellbench.report.exhibit import style
-from shellbench.report.strains import (
+from shellbench.bench.catalogue import catalog
+from shellbench.problems.shell.records.portrait import ShellPortrait
+from shellbench.report.data.evidence import Evidence
+from shellbench.report.data.exhibit import style
+from shellbench.report.studies.strains import (
     CURVATURE,
     ENERGY,
     INKS,
@@ -26,7 +26,7 @@ from shellbench.report.strains import (
     strain_rows,
     strain_table,
 )
-from shellbench.report.trace_exhibits import path_exhibits
+from shellbench.report.studies.trace_exhibits import path_exhibits
 from tests.report.nonlinear import rolled_energy, seen_curvature
 
 ANGLES = [math.radians(degrees) for degrees in (1e-3, 30, 45, 90, 128.17, 135, 180)]

@@ -1,4 +1,4 @@
-from shellbench.report.runs import rows_of_study, studies_of
+from shellbench.report.data.runs import rows_of_study, studies_of
 from tests.report.studied import studied
 
 

@@ -11,9 +11,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shellbench.bench.reference import KnownValue, KnownValues
-from shellbench.report.table import Table
-from shellbench.report.tables import displacement_tables, render
+from shellbench.bench.catalogue.reference import KnownValue, KnownValues
+from shellbench.report.data.table import Table
+from shellbench.report.sections.tables import displacement_tables, render
 from tests.report.conftest import COURSE, TRUTH, UNCERTAINTY, Store, missing_row, row
 
 SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")

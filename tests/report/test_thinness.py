@@ -5,14 +5,14 @@ import json
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.record import Measured
-from shellbench.bench.reference import KnownValue, KnownValues
-from shellbench.bench.row import Row
-from shellbench.problems.shell.portrait import ShellPortrait
-from shellbench.report.evidence import Evidence
-from shellbench.report.table import WRITERS
-from shellbench.report.thinness import bending_share, findings, section, thinning
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.reference import KnownValue, KnownValues
+from shellbench.bench.judge.row import Row
+from shellbench.bench.store.record import Measured
+from shellbench.problems.shell.records.portrait import ShellPortrait
+from shellbench.report.data.evidence import Evidence
+from shellbench.report.data.table import WRITERS
+from shellbench.report.studies.thinness import bending_share, findings, section, thinning
 from tests.report.conftest import record
 from tests.report.test_tables import number
 

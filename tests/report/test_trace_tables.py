@@ -7,9 +7,9 @@ import io
 import numpy as np
 import pytest
 
-from shellbench.report.evidence import Evidence
-from shellbench.report.notation import byte_size
-from shellbench.report.trace_tables import effort_table
+from shellbench.report.data.evidence import Evidence
+from shellbench.report.data.notation import byte_size
+from shellbench.report.studies.trace_tables import effort_table
 from tests.report.nonlinear import REASON
 from tests.report.test_tables import MARKUP_FORMATS, lines, number
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from shellbench.account import HistoryStep
-from shellbench.bench import catalog
-from shellbench.report.paper_studies import training, training_stops, training_table
+from shellbench.bench.catalogue import catalog
+from shellbench.protocol.history import HistoryStep
+from shellbench.report.studies.paper_studies import training, training_stops, training_table
 from tests.report.conftest import GRID, TRUTH, field
 from tests.report.studied import evidence, studied
 

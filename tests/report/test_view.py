@@ -7,11 +7,11 @@ import json
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.report.evidence import Evidence
-from shellbench.report.fields import read_fields
-from shellbench.report.pictures import pictured
-from shellbench.report.view import (
+from shellbench.bench.catalogue import catalog
+from shellbench.report.data.evidence import Evidence
+from shellbench.report.data.fields import read_fields
+from shellbench.report.figures.pictures import pictured
+from shellbench.report.page.view import (
     COARSE,
     FINE,
     LARGEST,

@@ -16,9 +16,9 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.identity import current_source
-from shellbench.bench.registry import solver_entries
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.plugins.registry import solver_entries
+from shellbench.bench.store.identity import current_source
 from tests.patience import GUARD
 from tests.report.conftest import record
 

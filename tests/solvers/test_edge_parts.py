@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from derivations.partly_clamped_plate import partly_clamped_plate
-from shellbench.bench import catalog
-from shellbench.problems.shell.measure import measure_all
+from shellbench.bench.catalogue import catalog
+from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.solvers.cst.solver import CstSolver
-from shellbench.solvers.fem.corners import Rim, bending_exponent, break_exponents, membrane_exponent
-from shellbench.solvers.fem.grading import graded_mesh
+from shellbench.solvers.fem.mechanics.corners import Rim, bending_exponent, break_exponents, membrane_exponent
+from shellbench.solvers.fem.mesh.grading import graded_mesh
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from shellbench.solvers.ndf.published_solver import PublishedSolver
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver

@@ -7,8 +7,8 @@ import pytest
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import build_case
-from shellbench.problems.shell.measure import measure
-from shellbench.problems.shell.rigid import free_motions
+from shellbench.problems.shell.posed.rigid import free_motions
+from shellbench.problems.shell.quantities.measure import measure
 from shellbench.solvers.cst.solver import CstSolver
 from shellbench.solvers.fem.solver import FemSolver
 from shellbench.solvers.ndf.published_solver import PublishedSolver

@@ -3,23 +3,23 @@
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
-from shellbench.problems.shell.conditions import LOCAL
-from shellbench.problems.shell.directions import in_space, local_directions
-from shellbench.problems.shell.measure import load_density, measure_all
-from shellbench.problems.shell.places import Edge
-from shellbench.problems.shell.rigid import free_motions, rigid_modes
+from shellbench.problems.shell.posed.rigid import free_motions, rigid_modes
+from shellbench.problems.shell.quantities.measure import load_density, measure_all
+from shellbench.problems.shell.question.conditions import LOCAL
+from shellbench.problems.shell.question.directions import in_space, local_directions
+from shellbench.problems.shell.question.places import Edge
 from shellbench.solvers.cst.solver import CstSolver
-from shellbench.solvers.fem.grading import graded_mesh
-from shellbench.solvers.fem.kinematics import local_axes
-from shellbench.solvers.fem.loads import Loading
-from shellbench.solvers.fem.quadrature import Quadrature
+from shellbench.solvers.fem.mechanics.kinematics import local_axes
+from shellbench.solvers.fem.mechanics.loads import Loading
+from shellbench.solvers.fem.mesh.grading import graded_mesh
+from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
+from shellbench.solvers.ndf.field.quadrature import RuleSpec
+from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density
 from shellbench.solvers.ndf.published_solver import PublishedSolver
-from shellbench.solvers.ndf.quadrature import RuleSpec
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
-from shellbench.solvers.ndf.supports import concentrated_forces, force_density
 from shellbench.solvers.ndf.trainer_solver import NdfSolver
 from tests.solvers.fem.shells import EVERY_EDGE, EVERY_MOTION, SURFACES, shell
 

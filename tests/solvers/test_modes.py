@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from derivations import strip_on_edge
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import build_case
-from shellbench.problems.shell.measure import measure_all
+from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.solvers.fem.solver import FemSolver
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
 

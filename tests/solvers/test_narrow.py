@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from shellbench.bench.registry import find_solver, load_solver
-from shellbench.problems.shell.measure import measure_all
+from shellbench.bench.plugins.registry import find_solver, load_solver
+from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from tests.solvers.fem.shells import EVERY_EDGE, shell

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
-from shellbench.problems.shell.measure import measure_all
+from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.solvers.cst.solver import CstSolver
-from shellbench.solvers.fem.grading import graded_mesh
+from shellbench.solvers.fem.mesh.grading import graded_mesh
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from shellbench.solvers.ndf.published_solver import PublishedSolver
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import build_case
-from shellbench.problems.shell.measure import measure
-from shellbench.problems.shell.symmetry import part_of
-from shellbench.problems.shell.variants import VARIANTS
+from shellbench.problems.shell.quantities.measure import measure
+from shellbench.problems.shell.symmetry.symmetry import part_of
+from shellbench.problems.shell.variants.variants import VARIANTS
 from shellbench.solvers.cst.solver import CstSolver
 from shellbench.solvers.fem.solver import FemSolver
 from shellbench.solvers.ndf.published_solver import PublishedSolver

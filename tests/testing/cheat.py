@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
 from shellbench.problem import Capabilities, Settings, Step
 from shellbench.problems.shell.case import Case

@@ -21,7 +21,7 @@ from pydantic import ConfigDict, Field
 from shellbench.errors import InputError
 from shellbench.problem import FIELDS, Capabilities, Progress, SeededSettings, Settings, Step
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import AreaLoad
+from shellbench.problems.shell.question.loads import AreaLoad
 
 LENGTH = 0.1  # m^2: of the fault that depends on the unit of length
 LONG = 300.0  # m: of another such fault, which states so large an uncertainty that nothing would be a fault

@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from shellbench.bench.registry import SolverEntry
+from shellbench.bench.plugins.registry import SolverEntry
 from shellbench.cli import app
 from shellbench.errors import InputError
 from shellbench.testing import suite

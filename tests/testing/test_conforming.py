@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from shellbench.bench import catalog
-from shellbench.bench.conformance import FOLDER, note_conformance, read_conformance
-from shellbench.bench.current import current_runs
-from shellbench.bench.expected import Scope
-from shellbench.bench.gate import Verdict, gate
-from shellbench.bench.lock import write_lock
-from shellbench.bench.pack import read_pack, write_pack
-from shellbench.bench.registry import SolverEntry, find_solver
-from shellbench.bench.store import Store
-from shellbench.bench.verdicts import as_text
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.expected import Scope
+from shellbench.bench.judge.gate import Verdict, gate
+from shellbench.bench.judge.lock import write_lock
+from shellbench.bench.judge.verdicts import as_text
+from shellbench.bench.plugins.registry import SolverEntry, find_solver
+from shellbench.bench.store.conformance import FOLDER, note_conformance, read_conformance
+from shellbench.bench.store.current import current_runs
+from shellbench.bench.store.pack import read_pack, write_pack
+from shellbench.bench.store.store import Store
 from shellbench.problem import Problem
 from shellbench.testing import suite
 from shellbench.testing.between import POINTS, between_points
@@ -143,7 +143,7 @@ def test_a_case_of_ones_own_is_judged_by_its_file_and_not_by_class(toys: Path, s
 
 def test_a_changed_solver_is_not_checked_any_more(strangers: Store, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
     with monkeypatch.context() as patch:
-        patch.setattr("shellbench.bench.conformance.current_source", lambda *_: "0" * 64)
+        patch.setattr("shellbench.bench.store.conformance.current_source", lambda *_: "0" * 64)
         note_conformance(strangers, find_solver("toy-noisy"), SHELL, {}, ())
     (grade,) = judged(strangers, "toy-noisy").grades
     assert grade.unchecked == "its source has changed since it was checked"

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from shellbench.bench.catalog import named_case
+from shellbench.bench.catalogue.catalog import named_case
 from shellbench.testing.answers import continuity
 
 PLATE = named_case("square_plate")

@@ -11,13 +11,13 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from shellbench.bench import catalog
-from shellbench.bench.conformance import note_conformance
-from shellbench.bench.exam import is_judged, questions, suites_for
-from shellbench.bench.expected import Scope
-from shellbench.bench.gate import gate
-from shellbench.bench.registry import find_solver
-from shellbench.bench.store import Store
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.exam import is_judged, questions, suites_for
+from shellbench.bench.judge.expected import Scope
+from shellbench.bench.judge.gate import gate
+from shellbench.bench.plugins.registry import find_solver
+from shellbench.bench.store.conformance import note_conformance
+from shellbench.bench.store.store import Store
 from shellbench.errors import InputError
 from shellbench.testing import suite
 from shellbench.testing.grading import ExamOptions, Graded, Later, begun

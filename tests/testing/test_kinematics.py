@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shellbench.bench.catalog import named_case
+from shellbench.bench.catalogue.catalog import named_case
 from shellbench.testing.examination import scattered
 from shellbench.testing.mechanics import differences, energy_densities, strains
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from shellbench.bench.catalog import case_names, named_case
+from shellbench.bench.catalogue.catalog import case_names, named_case
 from shellbench.problems.formula_text import combined, substituted, times
-from shellbench.problems.shell.measure import load_density
-from shellbench.problems.shell.placing import ABOUT, CYCLE, turning
-from shellbench.problems.shell.units import MILLIMETRES_KILONEWTONS, converted_points
-from shellbench.problems.shell.variants import size
+from shellbench.problems.shell.quantities.measure import load_density
+from shellbench.problems.shell.variants.placing import ABOUT, CYCLE, turning
+from shellbench.problems.shell.variants.units import MILLIMETRES_KILONEWTONS, converted_points
+from shellbench.problems.shell.variants.variants import size
 from shellbench.testing.examination import scattered
 from shellbench.testing.made_cases import MOVING, SHORT, carried, converted, louder, placed, short_motion, slid
 from tests.alike import alike

@@ -5,7 +5,7 @@
 
 import pytest
 
-from shellbench.bench.registry import find_solver
+from shellbench.bench.plugins.registry import find_solver
 from shellbench.testing.suite import CheckOptions, examine
 
 pytestmark = pytest.mark.long

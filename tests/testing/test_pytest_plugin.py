@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench.store import Store
+from shellbench.bench.store.store import Store
 from shellbench.testing import pytest_gate  # noqa: F401 - imported once, for the runs within this process
 from shellbench.testing.pytest_plugin import REPEATABLE, SINGLE
 from tests.bench import strip
@@ -23,7 +23,7 @@ STRANGER = """
 class StrangerSolver(ExactSolver):
     name = "stranger"  # shellbench freezes no tolerance for it
 """
-NEEDY = 'from shellbench.engine import need\n\nneed("kratos", ["NoSuchEngine"])\n'
+NEEDY = 'from shellbench.protocol.engine import need\n\nneed("kratos", ["NoSuchEngine"])\n'
 HEADLINE = "shellbench::toys::strip::{}::centre"
 
 
@@ -321,7 +321,7 @@ def test_processes_of_xdist_solve_a_case_once(
     pytest.importorskip("xdist", reason="needs pytest-xdist")
     pytester.makeconftest(
         "import pathlib, sys\n"
-        "from shellbench.bench import catalog\n"
+        "from shellbench.bench.catalogue import catalog\n"
         f"sys.path.insert(0, {str(plugin)!r})\n"
         f"catalog.data_folder = lambda name: pathlib.Path({str(course)!r}) / name\n"
     )

@@ -5,7 +5,7 @@ import io
 import pytest
 from rich.console import Console
 
-from shellbench.bench.catalog import named_case
+from shellbench.bench.catalogue.catalog import named_case
 from shellbench.problem import Capabilities
 from shellbench.testing import ropes, suite
 from shellbench.testing.child import capability_faults

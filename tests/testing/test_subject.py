@@ -2,9 +2,9 @@
 
 import pytest
 
-from shellbench.bench.catalog import named_case
-from shellbench.bench.registry import SolverEntry
-from shellbench.bench.subject import Lost, NoAnswer
+from shellbench.bench.catalogue.catalog import named_case
+from shellbench.bench.plugins.registry import SolverEntry
+from shellbench.bench.plugins.subject import Lost, NoAnswer
 from shellbench.errors import InputError
 from shellbench.testing.child import solution_faults
 from shellbench.testing.subject import solve_in, subject_of

@@ -5,11 +5,11 @@ from functools import cache
 
 import pytest
 
-from shellbench.bench import kinds
-from shellbench.bench.catalog import named_case
-from shellbench.bench.inside import answer
-from shellbench.bench.registry import SolverEntry, load_solver
-from shellbench.bench.subject import outcome
+from shellbench.bench.catalogue.catalog import named_case
+from shellbench.bench.plugins import kinds
+from shellbench.bench.plugins.inside import answer
+from shellbench.bench.plugins.registry import SolverEntry, load_solver
+from shellbench.bench.plugins.subject import outcome
 from shellbench.testing import child
 from shellbench.testing.child import Child
 from shellbench.testing.suite import OF_CASE, OF_SOLVER, CheckOptions, examine

@@ -76,7 +76,7 @@ def examine(mutant: Mutant | None, questions: Sequence[Question], modules: Seque
         start = time.process_time()
         with _noted(modules) as lines:
             try:
-                import shellbench.bench.gate
+                import shellbench.bench.judge.gate
                 import shellbench.problems.shell.kind  # noqa: F401
 
                 start = time.process_time()
@@ -96,11 +96,11 @@ def first_red(question: Question) -> str:
 
     The lock is not asked: it notices that a question changed, whatever a solver answers, and would examine nothing.
     """
-    from shellbench.bench import gate as gates
-    from shellbench.bench.expected import Scope
-    from shellbench.bench.lock import LockCheck
-    from shellbench.bench.plan import Request, make_plan
-    from shellbench.bench.store import Store
+    from shellbench.bench.judge import gate as gates
+    from shellbench.bench.judge.expected import Scope
+    from shellbench.bench.judge.lock import LockCheck
+    from shellbench.bench.run.plan import Request, make_plan
+    from shellbench.bench.store.store import Store
     from shellbench.bench.worker import run
 
     _look_at_nothing_else(question)
@@ -143,7 +143,11 @@ def _told(finding: Any) -> str:
 
 def _look_at_nothing_else(question: Question) -> None:
     """Read no case but the one that is asked, and digest no source: no file changes while an exam lasts."""
-    from shellbench.bench import catalog, classes, current, gate, identity, registry, worker
+    from shellbench.bench import worker
+    from shellbench.bench.catalogue import catalog
+    from shellbench.bench.judge import classes, gate
+    from shellbench.bench.plugins import registry
+    from shellbench.bench.store import current, identity
 
     for module in (identity, current, worker):
         module.current_source = lambda *_: UNCHANGED

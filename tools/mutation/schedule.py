@@ -161,7 +161,7 @@ def reaches(solver: str, folder: Path, longest: float, only: Collection[str], pr
 def _cases(solver: str, longest: float, only: Collection[str]) -> list[str]:
     """Return the cases of the suites that hold a solver to a figure, without those that are known to take longer."""
     # The baseline's machine knows what a case takes; of a variant, what its case takes.
-    from shellbench.bench import catalog
+    from shellbench.bench.catalogue import catalog
 
     costs = json.loads((ROOT / "reports" / "baseline.json").read_text(encoding="utf-8"))["costs"]
     seconds = {cost["case"]: cost["seconds"] for cost in costs if cost["solver"] == solver}

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from shellbench.bench.reference import Tolerance
-from shellbench.bench.row import Finding
+from shellbench.bench.catalogue.reference import Tolerance
+from shellbench.bench.judge.row import Finding
 from tests.bench.test_classes import figure
 from tools.mutation.draw import Mutant, all_mutants, draw, mutants_of, mutated
 from tools.mutation.exam import CONFIDENT, VALUE, finds_a_mistake, first_mistake
@@ -145,9 +145,9 @@ def test_every_target_has_mechanics() -> None:
 
 
 def test_a_function_is_what_the_first_entry_says_of_it_and_mechanics_otherwise() -> None:
-    assert kind_of("shellbench.solvers.ndf.signs", "rounding_energy") == STATEMENT
-    assert kind_of("shellbench.solvers.ndf.signs", "jitter_share") == CHECK
-    assert kind_of("shellbench.solvers.fem.mesh", "TensorMesh.locate") == MECHANICS
+    assert kind_of("shellbench.solvers.ndf.linear.signs", "rounding_energy") == STATEMENT
+    assert kind_of("shellbench.solvers.ndf.linear.signs", "jitter_share") == CHECK
+    assert kind_of("shellbench.solvers.fem.mesh.mesh", "TensorMesh.locate") == MECHANICS
     source = "class A:\n    def f(self, x):\n        def inner():\n            return x + 1\n        return inner()\n"
     assert {part.function for part in parts(ast.parse(source))} == {"A.f"}
 
@@ -185,12 +185,12 @@ def planted(module: str, statement: str, becomes: str) -> Mutant:
 
 PLATE = Question("fem", "square_plate")
 NONE_OF_A_PLATE = (  # the coordinate lines of a plate are straight: what is dropped is zero, and the other terms stay
-    "shellbench.solvers.fem.kinematics",
+    "shellbench.solvers.fem.mechanics.kinematics",
     "tangential = (surface.second - curvature * surface.normal[:, None]) / surface.area[:, None, None]",
     "tangential = surface.second / surface.area[:, None, None]",
 )
 HALF_THE_BENDING = (
-    "shellbench.problems.shell.conditions",
+    "shellbench.problems.shell.question.conditions",
     "return self.bending_factor * self.membrane_stiffness * self.thickness ** 2 / 12",
     "return self.bending_factor * self.membrane_stiffness * self.thickness ** 2 / 24",
 )

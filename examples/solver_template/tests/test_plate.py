@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case, build_case
-from shellbench.problems.shell.measure import measure_all
+from shellbench.problems.shell.quantities.measure import measure_all
 
 from plate_series.solver import PlateSeriesSolver, PlateSettings
 

@@ -19,7 +19,7 @@ from typing import Any
 
 from shellbench.errors import SolveFailure
 from shellbench.problem import Solution
-from shellbench.problems.shell.history import failing_with
+from shellbench.problems.shell.records.history import failing_with
 from shellbench_kratos.settings import APPLICATIONS, DISTRIBUTION
 
 BELOW_WARNINGS = -1  # of Kratos' severities, of which a warning is the gravest and has number 0

@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import EdgeLoad, Support
-from shellbench.problems.shell.measure import load_density
-from shellbench.problems.shell.mirrors import Mirror, point_forces
-from shellbench.problems.shell.places import Edge, Place, Point
-from shellbench.problems.shell.symmetry import Part
+from shellbench.problems.shell.posed.mirrors import Mirror, point_forces
+from shellbench.problems.shell.quantities.measure import load_density
+from shellbench.problems.shell.question.conditions import Support
+from shellbench.problems.shell.question.loads import EdgeLoad
+from shellbench.problems.shell.question.places import Edge, Place, Point
+from shellbench.problems.shell.symmetry.symmetry import Part
 from shellbench_kratos.nurbs import NurbsPatch
 
 Array = NDArray[np.float64]

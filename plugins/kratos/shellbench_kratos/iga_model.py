@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.problems.shell.conditions import Material
+from shellbench.problems.shell.question.conditions import Material
 from shellbench_kratos.engine import FreshModel, fresh_model, kratos, structural
 from shellbench_kratos.iga_conditions import Conditions
 from shellbench_kratos.nurbs import Midsurface

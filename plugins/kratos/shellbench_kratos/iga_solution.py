@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import Material
+from shellbench.problems.shell.question.conditions import Material
 from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, state_number
-from shellbench.problems.shell.symmetry import Part, part_of, whole_of
+from shellbench.problems.shell.symmetry.symmetry import Part, part_of, whole_of
 from shellbench_kratos.iga_conditions import control_forces, held_by
 from shellbench_kratos.nurbs import Midsurface, NurbsPatch, midsurface_of
 

@@ -11,14 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import MomentLoad, PointLoad
-from shellbench.problems.shell.places import Edge, Point, Whole
-from shellbench.problems.shell.quantities import CriticalPoint, DisplacementQuantity
-from shellbench.problems.shell.solution import ShellSolver, why_not_plain
-from shellbench.problems.shell.symmetry import Part, part_of
+from shellbench.problems.shell.declining import why_not_plain
+from shellbench.problems.shell.quantities.quantities import CriticalPoint, DisplacementQuantity
+from shellbench.problems.shell.question.loads import MomentLoad, PointLoad
+from shellbench.problems.shell.question.places import Edge, Point, Whole
+from shellbench.problems.shell.solution import ShellSolver
+from shellbench.problems.shell.symmetry.symmetry import Part, part_of
+from shellbench.protocol.schema import Finite
 from shellbench_kratos.iga_conditions import corner_of, tied_by
 from shellbench_kratos.settings import KratosSettings
 
@@ -69,7 +70,7 @@ class KratosIgaSolver(ShellSolver):
 
     def declines_with(self, case: Case, settings: KratosIgaSettings) -> str | None:
         """Return why the solver can't take the part of a case that is to be solved, as one clause, or None."""
-        from shellbench.problems.shell.symmetry import part_of, whole_of
+        from shellbench.problems.shell.symmetry.symmetry import part_of, whole_of
 
         return reason(case, part_of(case) if settings.symmetry else whole_of(case))
 

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from shellbench.errors import SolveFailure
 from shellbench.problem import ProgressCallback
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import PointLoad
-from shellbench.problems.shell.history import Log, displacements, with_answer_first
-from shellbench.problems.shell.places import Point
-from shellbench.problems.shell.symmetry import Part, part_of, whole_of
+from shellbench.problems.shell.question.loads import PointLoad
+from shellbench.problems.shell.question.places import Point
+from shellbench.problems.shell.records.history import Log, displacements, with_answer_first
+from shellbench.problems.shell.symmetry.symmetry import Part, part_of, whole_of
 from shellbench_kratos.engine import failing_with_kratos
 from shellbench_kratos.iga_conditions import conditions_of, control_forces, end_of
 from shellbench_kratos.iga_model import IgaModel
@@ -39,7 +39,7 @@ class IgaState:
     Attributes
     ----------
     mark, factor
-        Mark of the path (see `shellbench.problems.shell.path.Path`), and load factor.
+        Mark of the path (see `shellbench.problems.shell.question.path.Path`), and load factor.
     displacements
         (n1, n2, 3) of the control points, m.
     energy

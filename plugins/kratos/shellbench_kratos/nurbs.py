@@ -16,7 +16,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shellbench.problems.shell.surface import Surface
+from shellbench.problems.shell.question.surface import Surface
 
 Array = NDArray[np.float64]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pydantic import Field, field_validator
 
-from shellbench.engine import engine_version, need
 from shellbench.problem import Settings
+from shellbench.protocol.engine import engine_version, need
 
 PLUGIN = "./plugins/kratos"
 DISTRIBUTION = "KratosMultiphysics"

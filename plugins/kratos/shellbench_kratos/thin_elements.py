@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from shellbench.problems.shell.conditions import Material
+from shellbench.problems.shell.question.conditions import Material
 from shellbench_kratos.engine import FreshModel, fresh_model, kratos, structural
 
 Array = NDArray[np.float64]

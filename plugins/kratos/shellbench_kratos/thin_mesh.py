@@ -20,9 +20,10 @@ from scipy.linalg import qr
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import RIGID_MOTIONS, EdgeLoad, MomentLoad, PointLoad, Support
-from shellbench.problems.shell.measure import load_density
-from shellbench.problems.shell.places import Edge, Place, Point
+from shellbench.problems.shell.quantities.measure import load_density
+from shellbench.problems.shell.question.conditions import RIGID_MOTIONS, Support
+from shellbench.problems.shell.question.loads import EdgeLoad, MomentLoad, PointLoad
+from shellbench.problems.shell.question.places import Edge, Place, Point
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, shortened, state_number
-from shellbench.problems.shell.symmetry import Part, part_of, whole_of
+from shellbench.problems.shell.symmetry.symmetry import Part, part_of, whole_of
 from shellbench_kratos.thin_elements import DOFS, Elements, SmallStrains
 from shellbench_kratos.thin_mesh import QuadMesh, bilinear, held_nodes
 from shellbench_kratos.thin_static import ThinProblem

@@ -21,13 +21,14 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import MomentLoad
-from shellbench.problems.shell.places import Edge
-from shellbench.problems.shell.solution import ShellSolver, why_not_by_load, why_not_plain
-from shellbench.problems.shell.symmetry import Part
+from shellbench.problems.shell.declining import why_not_by_load, why_not_plain
+from shellbench.problems.shell.question.loads import MomentLoad
+from shellbench.problems.shell.question.places import Edge
+from shellbench.problems.shell.solution import ShellSolver
+from shellbench.problems.shell.symmetry.symmetry import Part
+from shellbench.protocol.schema import Finite
 from shellbench_kratos.settings import KratosSettings
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ class KratosThinSolver(ShellSolver):
 
     def declines_with(self, case: Case, settings: KratosThinSettings) -> str | None:
         """Return why the solver can't take the part of a case that is to be solved, as one clause, or None."""
-        from shellbench.problems.shell.symmetry import part_of, whole_of
+        from shellbench.problems.shell.symmetry.symmetry import part_of, whole_of
         from shellbench_kratos.thin_solver import reason
 
         return reason(part_of(case) if settings.symmetry else whole_of(case))

@@ -11,8 +11,8 @@ from threadpoolctl import ThreadpoolController
 from shellbench.errors import InputError
 from shellbench.problem import ProgressCallback
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.history import Log, displacements, with_answer_first
-from shellbench.problems.shell.symmetry import Part, part_of, whole_of
+from shellbench.problems.shell.records.history import Log, displacements, with_answer_first
+from shellbench.problems.shell.symmetry.symmetry import Part, part_of, whole_of
 from shellbench_kratos.engine import failing_with_kratos
 from shellbench_kratos.thin_elements import ELEMENT
 from shellbench_kratos.thin_mesh import FEWEST_AROUND

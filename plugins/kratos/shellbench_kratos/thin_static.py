@@ -14,7 +14,7 @@ from scipy.sparse.linalg import SuperLU, splu
 from scipy.spatial.transform import Rotation
 
 from shellbench.errors import SolveFailure
-from shellbench.problems.shell.symmetry import Part
+from shellbench.problems.shell.symmetry.symmetry import Part
 from shellbench_kratos.thin_elements import DOFS, Elements
 from shellbench_kratos.thin_mesh import Loads, Loose, QuadMesh, Supports
 

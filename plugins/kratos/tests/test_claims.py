@@ -6,9 +6,9 @@ pytest.importorskip("KratosMultiphysics", reason="needs Kratos: python -m pip in
 
 from shellbench_kratos.iga_solver import KratosIgaSolver
 
-from shellbench.bench import catalog
 from shellbench.bench.brought import claimed
-from shellbench.bench.registry import find_solver
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.plugins.registry import find_solver
 
 CLAIMS = {
     "square_plate": 1e-4,

@@ -6,7 +6,7 @@ from importlib.metadata import version
 import pytest
 from pydantic import ValidationError
 
-from shellbench.bench import registry
+from shellbench.bench.plugins import registry
 from shellbench.errors import InputError
 
 pytest.importorskip("KratosMultiphysics", reason="needs Kratos: python -m pip install ./plugins/kratos")

@@ -9,7 +9,7 @@ from shellbench_kratos.iga_solver import KratosIgaSettings, KratosIgaSolver
 from derivations.elastica import Cantilever, extensible
 from derivations.navier_plate import SquarePlate, navier
 from shellbench.errors import InputError, SolveFailure
-from shellbench.problems.shell.symmetry import part_of
+from shellbench.problems.shell.symmetry.symmetry import part_of
 from tests.problems.shell.stated_shells import LARGEST, RIM, STEEL, known, plate, ring, strip
 
 SOLVER = KratosIgaSolver()

@@ -11,9 +11,9 @@ pytest.importorskip("KratosMultiphysics", reason="needs Kratos: python -m pip in
 
 from shellbench_kratos.iga_solver import KratosIgaSolver
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.problems.shell.case import build_case
-from shellbench.problems.shell.measure import measure_all
+from shellbench.problems.shell.quantities.measure import measure_all
 
 GRADED = {"degree": 4, "grading": 2.0, "rounding": 1e-11}
 FINEST = {"degree": 5}

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from shellbench_kratos.nurbs import Chart, RationalBasis, midsurface_of
 
-from shellbench.problems.shell.symmetry import part_of
+from shellbench.problems.shell.symmetry.symmetry import part_of
 from tests.problems.shell.stated_shells import known
 
 ARC = Chart(0.4, 2.3, arc=True)

@@ -8,7 +8,7 @@ from shellbench_kratos.thin_solution import Gauge, mesh_on
 from shellbench_kratos.thin_static import ThinProblem
 from thin_shells import cylinder, plate
 
-from shellbench.problems.shell.symmetry import part_of, whole_of
+from shellbench.problems.shell.symmetry.symmetry import part_of, whole_of
 
 TURN = Rotation.from_rotvec([1.0, -2.0, 0.7])
 

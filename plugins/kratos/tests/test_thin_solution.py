@@ -8,7 +8,7 @@ from shellbench_kratos.thin_solver import KratosThinSolver
 from thin_shells import cantilever, cylinder, plate
 
 from shellbench.errors import InputError
-from shellbench.problems.shell.measure import area_rule
+from shellbench.problems.shell.quantities.measure import area_rule
 from tests.alike import alike
 
 SOLVER = KratosThinSolver()

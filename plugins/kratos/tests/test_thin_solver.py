@@ -8,9 +8,9 @@ from shellbench_kratos.thin_solving import usual_cells
 from thin_shells import STEEL, cantilever, cylinder, plate
 
 from derivations.navier_plate import SquarePlate, navier
-from shellbench.bench import registry
+from shellbench.bench.plugins import registry
 from shellbench.errors import InputError, SolveFailure
-from shellbench.problems.shell.symmetry import part_of, whole_of
+from shellbench.problems.shell.symmetry.symmetry import part_of, whole_of
 
 SOLVER = KratosThinSolver()
 NAVIER = navier(SquarePlate(side=10.0, thickness=0.1, young=1e5, poisson=0.0, pressure=1e-4), 200)

@@ -7,12 +7,12 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
-from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Settings
 from shellbench.problems.rope.case import RopeCase
 from shellbench.problems.rope.planar import why_not_planar
 from shellbench.problems.rope.solution import RopeMotion
 from shellbench.problems.rope.solving import RopeSolver, halved, refined
+from shellbench.protocol.schema import Finite
 from shellbench_mujoco.engine import EngineSettings, quiet
 
 ChainIntegrator = Literal["Euler", "RK4"]

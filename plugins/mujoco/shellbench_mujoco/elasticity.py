@@ -22,7 +22,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.problems.shell.conditions import Material
+from shellbench.problems.shell.question.conditions import Material
 from shellbench_mujoco.grid import Grid
 
 Array = NDArray[np.float64]

@@ -8,9 +8,9 @@ from importlib.metadata import version
 
 from pydantic import Field, field_validator
 
-from shellbench.engine import engine_version, need
 from shellbench.errors import InputError
 from shellbench.problem import Settings
+from shellbench.protocol.engine import engine_version, need
 
 DISTRIBUTION = "mujoco"
 # major version; until 3.x the stiffness of flexes was not that of their Young's modulus (change log of 4.0.0)

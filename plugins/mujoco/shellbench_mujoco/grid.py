@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import AreaLoad, GravityLoad, PointLoad, PressureLoad
-from shellbench.problems.shell.places import Edge, Place, Point
+from shellbench.problems.shell.question.loads import AreaLoad, GravityLoad, PointLoad, PressureLoad
+from shellbench.problems.shell.question.places import Edge, Place, Point
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

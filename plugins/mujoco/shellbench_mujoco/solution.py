@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.contact import Touch, touch_at_vertices
+from shellbench.problems.shell.question.contact import Touch, touch_at_vertices
 from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, time_reached
 from shellbench_mujoco.elasticity import Elasticity
 from shellbench_mujoco.grid import Grid, Loading

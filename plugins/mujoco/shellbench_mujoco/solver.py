@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, field_validator
 
-from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.obstacle import Box, Capsule, HalfSpace, Obstacle, Sphere
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import EdgeLoad, MomentLoad
-from shellbench.problems.shell.solution import ShellSolver, why_not_plain
+from shellbench.problems.shell.declining import why_not_plain
+from shellbench.problems.shell.question.loads import EdgeLoad, MomentLoad
+from shellbench.problems.shell.solution import ShellSolver
+from shellbench.protocol.schema import Finite
 from shellbench_mujoco.engine import EngineSettings
 
 if TYPE_CHECKING:

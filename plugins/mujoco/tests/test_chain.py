@@ -7,7 +7,7 @@ pytest.importorskip("mujoco")
 
 from shellbench_mujoco.chain_solver import MujocoChainSolver
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import SolveFailure
 from shellbench.problems.rope.case import RopeCase
 

@@ -8,7 +8,7 @@ pytest.importorskip("mujoco", reason="needs MuJoCo: python -m pip install ./plug
 from shellbench_mujoco.solution import FlexSolution
 from shellbench_mujoco.solver import MujocoFlexSolver
 
-from shellbench.problems.shell.contact import gaps
+from shellbench.problems.shell.question.contact import gaps
 from tests.solvers.cst.shells import CLOTH, cloth
 
 SETTINGS = {"cells": (6, 6), "damping": 1e-3}

@@ -10,7 +10,7 @@ from shellbench_mujoco.elasticity import Elasticity
 from shellbench_mujoco.grid import Grid, Loading
 from shellbench_mujoco.solving import Cloth
 
-from shellbench.problems.shell.conditions import PointLoad
+from shellbench.problems.shell.question.loads import PointLoad
 from tests.solvers.cst.shells import CLOTH, cloth
 
 E, NU, H = CLOTH["youngs_modulus"], CLOTH["poissons_ratio"], CLOTH["thickness"]

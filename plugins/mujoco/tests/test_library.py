@@ -5,8 +5,8 @@ from importlib.metadata import PackageNotFoundError
 
 import pytest
 
-import shellbench.engine
-from shellbench.bench.registry import find_solver, load_solver
+import shellbench.protocol.engine
+from shellbench.bench.plugins.registry import find_solver, load_solver
 from shellbench.errors import InputError
 
 
@@ -21,7 +21,7 @@ def test_a_missing_engine_names_the_plugin(monkeypatch):
     def absent(name):
         raise PackageNotFoundError(name)
 
-    monkeypatch.setattr(shellbench.engine, "version", absent)
+    monkeypatch.setattr(shellbench.protocol.engine, "version", absent)
     with pytest.raises(InputError) as caught:
         load_solver(find_solver("mujoco-flex"))
     assert str(caught.value) == (
@@ -31,7 +31,7 @@ def test_a_missing_engine_names_the_plugin(monkeypatch):
 
 @pytest.mark.usefixtures("not_yet_imported")
 def test_an_old_engine_is_refused(monkeypatch):
-    monkeypatch.setattr(shellbench.engine, "version", lambda name: "3.14.0")
+    monkeypatch.setattr(shellbench.protocol.engine, "version", lambda name: "3.14.0")
     monkeypatch.setattr("importlib.metadata.version", lambda name: "3.14.0")
     with pytest.raises(InputError, match=r"mujoco 3.14.0 is too old.*pip install 'mujoco>=4'"):
         load_solver(find_solver("mujoco-flex"))

@@ -8,7 +8,7 @@ pytest.importorskip("mujoco", reason="needs MuJoCo: python -m pip install ./plug
 
 from shellbench_mujoco.solver import MujocoFlexSolver
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
 from tests.problems.shell.test_solution import CASE
 

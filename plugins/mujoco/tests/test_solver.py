@@ -15,7 +15,7 @@ from shellbench_mujoco.solver import FlexSettings, MujocoFlexSolver
 from shellbench_mujoco.solving import usual_step
 
 from shellbench.errors import InputError
-from shellbench.problems.shell.measure import kinetic_energy, total_energy
+from shellbench.problems.shell.quantities.measure import kinetic_energy, total_energy
 from tests.alike import alike
 from tests.solvers.cst.shells import CLOTH, cloth
 

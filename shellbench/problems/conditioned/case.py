@@ -15,10 +15,10 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from shellbench.errors import InputError
-from shellbench.model import Finite, Model, Name, Positive, Vector, one_sentence
 from shellbench.problem import Problem
 from shellbench.problems.conditioned.quantities import ConditionedQuantity
 from shellbench.problems.shell.case import Case
+from shellbench.protocol.schema import Finite, Model, Name, Positive, Vector, one_sentence
 
 CONDITIONED = "-conditioned"  # what the theory has beside that of the shell
 Ratio = Annotated[Finite, Field(ge=0, lt=0.5)]

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.portrait import Portrait
 from shellbench.problem import Kind
 from shellbench.problems.conditioned.case import ConditionedCase, Material
 from shellbench.problems.conditioned.quantities import Sensitivity, Value
+from shellbench.protocol.picture import Portrait
 
 
 def keep(solution: Any, case: ConditionedCase) -> dict[str, NDArray[Any]] | None:

@@ -13,11 +13,11 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from shellbench.model import Finite, Model, Positive, one_sentence
 from shellbench.problem import Problem
 from shellbench.problems.editing.quantities import EditedDisplacement
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.edit import why_no_edit
+from shellbench.problems.shell.variants.edit import why_no_edit
+from shellbench.protocol.schema import Finite, Model, Positive, one_sentence
 
 What = Literal["force", "pose", "thickness"]
 WITHIN: dict[What, str] = {"force": "loads.", "pose": "supports.", "thickness": "material.thickness"}

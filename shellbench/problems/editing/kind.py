@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.portrait import Portrait
 from shellbench.problem import Kind
 from shellbench.problems.editing.case import EditingCase
+from shellbench.protocol.picture import Portrait
 
 
 def keep(solution: Any, case: EditingCase) -> dict[str, NDArray[Any]] | None:

@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from shellbench.model import Name, Vector
 from shellbench.problem import Quantity
+from shellbench.protocol.schema import Name, Vector
 
 
 class EditedDisplacement(Quantity):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from shellbench.model import Model, Positive, Vector
+from shellbench.protocol.schema import Model, Positive, Vector
 
 Array = NDArray[np.float64]
 GOLDEN = math.pi * (3 - math.sqrt(5))  # the golden angle

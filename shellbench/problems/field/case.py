@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from shellbench.model import Finite, Flag, Model, Positive
 from shellbench.problem import Problem
 from shellbench.problems.field.body import Ball
 from shellbench.problems.field.formulas import Formulas, evaluated
 from shellbench.problems.field.quantities import BODY, CLOTH, DENSITY, FIT, Axis, Edge, FieldQuantity, Point
 from shellbench.problems.field.structure import WIDEST, lattice
+from shellbench.protocol.schema import Finite, Flag, Model, Positive
 
 Array = NDArray[np.float64]
 NotNegative = Annotated[Finite, Field(ge=0)]

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator
 
-from shellbench.model import Finite
 from shellbench.problems.expression import Expression
 from shellbench.problems.taylor import Taylor
+from shellbench.protocol.schema import Finite
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from shellbench.portrait import Portrait, Scene
+from shellbench.protocol.picture import Portrait, Scene
 
 VIEW = (18.0, -60.0)  # elevation and azimuth of the camera, degrees
 

@@ -7,10 +7,10 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from shellbench.model import Finite
 from shellbench.problem import Quantity
 from shellbench.problems.field.formulas import evaluated
 from shellbench.problems.field.structure import lattice, weighted
+from shellbench.protocol.schema import Finite
 
 Share = Annotated[Finite, Field(ge=0, le=1)]
 Point = tuple[Share, Share]

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from shellbench.model import Finite, Model, Positive, Vector
 from shellbench.problem import Problem
 from shellbench.problems.moving import Path, moved
 from shellbench.problems.obstacle import Obstacle, deepest
 from shellbench.problems.rope.quantities import STILL, RopeQuantity
+from shellbench.protocol.schema import Finite, Model, Positive, Vector
 
 Array = NDArray[np.float64]
 LONGEST = 1000  # links

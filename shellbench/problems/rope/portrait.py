@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from shellbench.portrait import Portrait, Scene
 from shellbench.problems.rope.solution import PICTURES
+from shellbench.protocol.picture import Portrait, Scene
 
 VIEW = (12.0, -75.0)  # elevation and azimuth of the eye, degrees: nearly along y, across which most chains swing
 

@@ -10,8 +10,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from shellbench.model import Finite
 from shellbench.problem import Quantity
+from shellbench.protocol.schema import Finite
 
 Axis = Literal["x", "y", "z"]
 AXES = "xyz"

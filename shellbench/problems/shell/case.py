@@ -17,16 +17,18 @@ from numpy.typing import NDArray
 from pydantic import model_validator
 
 from shellbench.errors import InputError
-from shellbench.problems.shell.conditions import COMPONENTS, EdgeLoad, GravityLoad, MomentLoad, PointLoad
-from shellbench.problems.shell.contact import check_contact
-from shellbench.problems.shell.course import SAMPLES, check_motion, check_path
-from shellbench.problems.shell.features import check_formulas
 from shellbench.problems.shell.mesh.surface import with_fit
-from shellbench.problems.shell.places import Edge, Place, Point, Whole
-from shellbench.problems.shell.point_actions import check_point_actions, drifts, remark
-from shellbench.problems.shell.rigid import check_held
-from shellbench.problems.shell.shell import Picture, Shell, Theory, rotation_matrix
-from shellbench.problems.shell.surface import COORDINATES
+from shellbench.problems.shell.posed.course import SAMPLES, check_motion, check_path
+from shellbench.problems.shell.posed.point_actions import check_point_actions, drifts, remark
+from shellbench.problems.shell.posed.rigid import check_held
+from shellbench.problems.shell.posed.shell import Shell, Theory
+from shellbench.problems.shell.question.conditions import COMPONENTS, rotation_matrix
+from shellbench.problems.shell.question.contact import check_contact
+from shellbench.problems.shell.question.drawing import Picture
+from shellbench.problems.shell.question.features import check_formulas
+from shellbench.problems.shell.question.loads import EdgeLoad, GravityLoad, MomentLoad, PointLoad
+from shellbench.problems.shell.question.places import Edge, Place, Point, Whole
+from shellbench.problems.shell.question.surface import COORDINATES
 
 __all__ = ["Case", "Picture", "Theory", "build_case", "read_case", "rotation_matrix"]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shellbench.problem import NumberFormat, Solution
-from shellbench.problems.shell.contact import Touch
+from shellbench.problems.shell.question.contact import Touch
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ class DisplacementField(Solution, Protocol):
         """Return one of `FIELDS` or `RESULTANTS` at points (..., 2); KeyError for an unknown name.
 
         Resultants are components 11, 22, 12 (..., 3), of shear forces 1, 2 (..., 2), N/m and N; see
-        `shellbench.problems.shell.resultant_quantities`. Plug-ins may lack them.
+        `shellbench.problems.shell.quantities.resultant_quantities`. Plug-ins may lack them.
         """
         ...
 

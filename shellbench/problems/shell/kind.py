@@ -7,23 +7,30 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.account import FrameRateStep, PrecisionStep, ResolutionStep, SelfIntersection, Series, StateEnergies
 from shellbench.problem import FIELDS, Kind
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.field import DisplacementField
 from shellbench.problems.shell.mesh.template import case_of_mesh
-from shellbench.problems.shell.portrait import ShellPortrait
-from shellbench.problems.shell.sampling import (
+from shellbench.problems.shell.records.portrait import ShellPortrait
+from shellbench.problems.shell.records.sampling import (
     energies_of_states,
     frame_rate_study,
     kept_fields,
     precision_study,
     resolution_study,
 )
-from shellbench.problems.shell.self_intersection import self_intersection_study
-from shellbench.problems.shell.series import series_of
-from shellbench.problems.shell.variants import VARIANTS
-from shellbench.sample import Sample
+from shellbench.problems.shell.records.self_intersection import self_intersection_study
+from shellbench.problems.shell.records.series import series_of
+from shellbench.problems.shell.variants.variants import VARIANTS
+from shellbench.protocol.history import (
+    FrameRateStep,
+    PrecisionStep,
+    ResolutionStep,
+    SelfIntersection,
+    Series,
+    StateEnergies,
+)
+from shellbench.protocol.sample import Sample
 
 Values = Mapping[str, float]
 

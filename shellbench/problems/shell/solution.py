@@ -19,10 +19,10 @@ from __future__ import annotations
 import json
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,14 +30,12 @@ from numpy.typing import ArrayLike, NDArray
 from shellbench.errors import InputError
 from shellbench.problem import FIELDS, NumberFormat, ProgressCallback, Solution, Step
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import AreaLoad, EdgeLoad, MomentLoad
-from shellbench.problems.shell.contact import Touch
-from shellbench.problems.shell.features import narrowest
+from shellbench.problems.shell.declining import Beyond, why_not_plain
 from shellbench.problems.shell.field import RESULTANTS
-from shellbench.problems.shell.places import Edge
-from shellbench.problems.shell.quantities import LoadQuantity, ResultantQuantity, Unmarked
+from shellbench.problems.shell.quantities.quantities import ResultantQuantity
+from shellbench.problems.shell.question.contact import Touch
 from shellbench.problems.solving import CheckedSolver
-from shellbench.shown import solution_html
+from shellbench.protocol.notebook import solution_html
 
 Array = NDArray[np.float64]
 
@@ -114,7 +112,7 @@ class ShellSolution:
     history, diagnostics, uncertainty, extrapolated, unsettled
         See `shellbench.problem.Solution`.
     mode_values
-        Of a case that asks for modes: their values by number (see `shellbench.problems.shell.modes`).
+        Of a case that asks for modes: their values by number (see `shellbench.problems.shell.quantities.modes`).
     """
 
     formats: ClassVar[tuple[str | int, ...]] = ()
@@ -339,24 +337,6 @@ def time_reached(case: Case, last: float, at: float | None) -> float:
     return min(max(float(at), 0.0), last)
 
 
-Beyond = Literal[
-    "varying stiffness",
-    "bending Poisson's ratio",
-    "foundation",
-    "supported parts",
-    "loaded parts",
-    "local supports",
-    "local loads",
-    "kinks",
-    "contact",
-    "modes",
-    "transverse shear",
-    "resultants",
-    "narrow formulas",
-]
-"""What a case may have that not every solver of shells takes."""
-
-
 class ShellSolver(CheckedSolver):
     """What solvers of shells have in common; see `shellbench.problem.Solver` for the protocol.
 
@@ -396,55 +376,3 @@ class ShellSolver(CheckedSolver):
     def load(self, path: Path) -> Solution:
         """Read a solution that `Solution.save` wrote; InputError in one sentence if it is none."""
         raise NotImplementedError
-
-
-def why_not_plain(case: Case, takes: frozenset[Beyond] = frozenset()) -> str | None:
-    """Return what a case has beyond the plainest shells, and what a solver takes, as one clause; None if nothing."""
-    found = next((words for beyond, words in _beyond_plain(case) if beyond not in takes), None)
-    if found is None and "narrow formulas" not in takes and (where := narrowest(case)) is not None:
-        return f"{where}, and this solver may miss it between its points"
-    return found
-
-
-def _beyond_plain(case: Case) -> Iterator[tuple[Beyond, str]]:
-    if case.theory == "naghdi-linear":
-        yield "transverse shear", "its normals shear (naghdi-linear), and this solver's theory is Kirchhoff and Love's"
-    if not case.material.uniform:
-        yield "varying stiffness", "its modulus or thickness varies, and this solver takes the same everywhere"
-    membrane, bending = case.material.poissons_ratios
-    if membrane != bending:
-        yield (
-            "bending Poisson's ratio",
-            "its bending has a Poisson's ratio of its own, and this solver takes one for both",
-        )
-    if case.springs and case.dynamics is None:
-        yield "foundation", "it rests on springs, which this solver does not take"
-    if any(isinstance(place, Edge) and not place.whole for _, place in case.supported_places()):
-        yield "supported parts", "a support holds a part of an edge, and this solver takes whole edges only"
-    loaded = (case.places[name] for load in case.loads if isinstance(load, EdgeLoad | MomentLoad) for name in load.on)
-    if any(isinstance(place, Edge) and not place.whole for place in loaded):
-        yield "loaded parts", "a load acts on a part of an edge, and this solver takes whole edges only"
-    if any(support.local for support in case.supports):
-        yield "local supports", "a support holds directions local to the shell, and this solver takes x, y and z only"
-    if any(isinstance(load, AreaLoad | EdgeLoad) and load.frame == "local" for load in case.loads):
-        yield "local loads", "a load is local to the shell, and this solver takes loads along x, y and z only"
-    if any(case.kinks):
-        yield "kinks", "a formula of it has kinks or jumps, and this solver takes smooth ones only"
-    if case.obstacles:
-        yield "contact", "it touches obstacles, which this solver does not take"
-    if case.modal:
-        yield "modes", "it asks for modes, and this solver finds none"
-
-
-def why_not_by_load(case: Case, removed: Iterable[str]) -> str | None:
-    """Return why a path can't be followed by prescribing the load alone, as one clause, or None if it can.
-
-    `removed` are names of the rigid motions that the solver has to remove.
-    """
-    if case.path.control != "load" or any(isinstance(q, LoadQuantity) for q in case.quantities):
-        return "it follows a path by displacement or arc length, and this solver prescribes the load only"
-    if case.path.after_buckling == "follow" or any(isinstance(q, Unmarked) for q in case.quantities):
-        return "it asks for buckling or turning points, and this solver finds none"
-    if any(name.startswith("rotation") for name in removed):
-        return "it removes rotations, which are not small in the non-linear theory"
-    return None

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from shellbench.model import Flag, Model, Name, Positive, Vector
+from shellbench.protocol.schema import Flag, Model, Name, Positive, Vector
 
 Array = NDArray[np.float64]
 TINY = 1e-30  # keeps directions on an axis finite, in float32 too

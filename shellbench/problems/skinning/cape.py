@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from shellbench.model import Finite, Model, Positive
 from shellbench.problems.skinning.body import Capsule, directions, pushed_out, segments
 from shellbench.problems.skinning.motion import RATE, BodyMotion
+from shellbench.protocol.schema import Finite, Model, Positive
 
 Array = NDArray[np.float64]
 Slices = tuple[slice, slice]

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from shellbench.model import Finite, Model
 from shellbench.problem import Problem
 from shellbench.problems.skinning.body import Capsule
 from shellbench.problems.skinning.cape import Cape
 from shellbench.problems.skinning.quantities import SkinningQuantity
+from shellbench.protocol.schema import Finite, Model
 
 Numbers = NDArray[np.int64]
 

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.portrait import Portrait
 from shellbench.problem import Kind
 from shellbench.problems.skinning.case import SkinningCase
 from shellbench.problems.skinning.quantities import errors
+from shellbench.protocol.picture import Portrait
 
 WORST = ("simulated", "skinned")  # of what is kept
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.contact import gaps
+from shellbench.problems.shell.question.contact import gaps
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -17,8 +17,8 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTri
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import AreaLoad, EdgeLoad, GravityLoad, PointLoad, PressureLoad
-from shellbench.problems.shell.places import Edge, Point
+from shellbench.problems.shell.question.loads import AreaLoad, EdgeLoad, GravityLoad, PointLoad, PressureLoad
+from shellbench.problems.shell.question.places import Edge, Point
 from shellbench.solvers.cst.elements import Hinges, Membrane, Walls
 from shellbench.solvers.cst.mesh import TriangleMesh
 

@@ -35,8 +35,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import Material
-from shellbench.problems.shell.places import Edge
+from shellbench.problems.shell.question.conditions import Material
+from shellbench.problems.shell.question.places import Edge
 from shellbench.solvers.cst.mesh import TriangleMesh
 
 Array = NDArray[np.float64]

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
-from shellbench.problems.shell.places import Edge
-from shellbench.problems.shell.surface import Domain
+from shellbench.problems.shell.question.places import Edge
+from shellbench.problems.shell.question.surface import Domain
 from shellbench.solvers.cst.solver import Diagonal
 
 Array = NDArray[np.float64]

@@ -17,9 +17,9 @@ from scipy.sparse.linalg import splu
 
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import RIGID_MOTIONS, Support
-from shellbench.problems.shell.places import Edge, Place, Point, Whole
-from shellbench.problems.shell.rigid import rigid_modes
+from shellbench.problems.shell.posed.rigid import rigid_modes
+from shellbench.problems.shell.question.conditions import RIGID_MOTIONS, Support
+from shellbench.problems.shell.question.places import Edge, Place, Point, Whole
 from shellbench.solvers.cst.contact import Pressing
 from shellbench.solvers.cst.elastic import Elastic, Loading, Pattern
 from shellbench.solvers.cst.mesh import TriangleMesh

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.contact import Touch, touch_at_vertices
+from shellbench.problems.shell.question.contact import Touch, touch_at_vertices
 from shellbench.problems.shell.solution import SLACK, Arrays, ShellSolution, Words, state_number, time_reached
 from shellbench.solvers.cst.mesh import TriangleMesh
 from shellbench.solvers.cst.problem import TriangleProblem

@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field
 
-from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import MomentLoad, Support
-from shellbench.problems.shell.solution import ShellSolver, why_not_by_load, why_not_plain
+from shellbench.problems.shell.declining import why_not_by_load, why_not_plain
+from shellbench.problems.shell.question.conditions import Support
+from shellbench.problems.shell.question.loads import MomentLoad
+from shellbench.problems.shell.solution import ShellSolver
+from shellbench.protocol.schema import Finite
 
 if TYPE_CHECKING:
     from shellbench.solvers.cst.solution import CstSolution

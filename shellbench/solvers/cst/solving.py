@@ -22,8 +22,8 @@ from threadpoolctl import ThreadpoolController
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import ProgressCallback
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.history import Log, displacements, failing_with, with_answer_first
-from shellbench.problems.shell.places import Point
+from shellbench.problems.shell.question.places import Point
+from shellbench.problems.shell.records.history import Log, displacements, failing_with, with_answer_first
 from shellbench.solvers.cst.mesh import FEWEST_PERIODIC, TriangleMesh
 from shellbench.solvers.cst.modes import find_modes
 from shellbench.solvers.cst.problem import TriangleProblem, factorised, minimise

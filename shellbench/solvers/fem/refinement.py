@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.places import Point
-from shellbench.problems.shell.quantities import (
+from shellbench.problems.shell.quantities.quantities import (
     ContactPoint,
     CriticalPoint,
     DisplacementQuantity,
@@ -31,14 +30,15 @@ from shellbench.problems.shell.quantities import (
     QuantityModel,
     ResultantQuantity,
 )
-from shellbench.solvers.fem.buckling import BRACKET
-from shellbench.solvers.fem.contact_points import REACH
-from shellbench.solvers.fem.convergence import ASYMPTOTIC, Estimate, estimate, observed_rate
-from shellbench.solvers.fem.direct_solve import RoundingError
-from shellbench.solvers.fem.equilibrium import Equilibrium
-from shellbench.solvers.fem.grading import FEWEST, Cells
-from shellbench.solvers.fem.kinematics import stiffness_moduli
-from shellbench.solvers.fem.solution import FemSolution
+from shellbench.problems.shell.question.places import Point
+from shellbench.solvers.fem.algebra.direct_solve import RoundingError
+from shellbench.solvers.fem.linear.equilibrium import Equilibrium
+from shellbench.solvers.fem.mechanics.contact_points import REACH
+from shellbench.solvers.fem.mechanics.kinematics import stiffness_moduli
+from shellbench.solvers.fem.mechanics.solution import FemSolution
+from shellbench.solvers.fem.mesh.convergence import ASYMPTOTIC, Estimate, estimate, observed_rate
+from shellbench.solvers.fem.mesh.grading import FEWEST, Cells
+from shellbench.solvers.fem.path.buckling import BRACKET
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ from pydantic import Field, PositiveInt
 
 from shellbench.problem import Settings
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import MomentLoad
-from shellbench.problems.shell.places import Edge
-from shellbench.solvers.fem.choices import Method
+from shellbench.problems.shell.question.loads import MomentLoad
+from shellbench.problems.shell.question.places import Edge
+from shellbench.solvers.fem.algebra.choices import Method
 
 
 class FemSettings(Settings):

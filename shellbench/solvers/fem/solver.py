@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, ClassVar, get_args
 
 from shellbench.problem import Capabilities, ProgressCallback, Quantity, Settings, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.quantities import ResultantQuantity
-from shellbench.problems.shell.solution import Beyond, ShellSolver
+from shellbench.problems.shell.declining import Beyond
+from shellbench.problems.shell.quantities.quantities import ResultantQuantity
+from shellbench.problems.shell.solution import ShellSolver
 from shellbench.solvers.fem.settings import FemSettings, takes_bubbles
 
 if TYPE_CHECKING:
-    from shellbench.solvers.fem.motion_solution import MotionSolution
-    from shellbench.solvers.fem.solution import FemSolution
+    from shellbench.solvers.fem.mechanics.solution import FemSolution
+    from shellbench.solvers.fem.motion.motion_solution import MotionSolution
 
 
 class FemSolver(ShellSolver):
@@ -32,17 +33,17 @@ class FemSolver(ShellSolver):
         if refusal := super().declines(case):
             return refusal
         if any(support.holds_slope for support in case.supports):
-            from shellbench.solvers.fem.constraints import why_no_mirror, why_no_slope
+            from shellbench.solvers.fem.mechanics.constraints import why_no_mirror, why_no_slope
 
             if refusal := why_no_mirror(case) or why_no_slope(case):
                 return refusal
         if case.dynamics is not None:
-            from shellbench.solvers.fem import motion
+            from shellbench.solvers.fem.motion import motion
 
             return motion.declined(case)
         if case.linear:
             return None
-        from shellbench.solvers.fem import large_displacement
+        from shellbench.solvers.fem.path import large_displacement
 
         return large_displacement.declined(case)
 
@@ -50,7 +51,7 @@ class FemSolver(ShellSolver):
         """Return why a quantity of a case that it takes has no value, or None."""
         if not (case.linear and isinstance(quantity, ResultantQuantity)):
             return None
-        from shellbench.solvers.fem.resultants import why_infinite
+        from shellbench.solvers.fem.mechanics.resultants import why_infinite
 
         return why_infinite(case, quantity)
 
@@ -88,8 +89,8 @@ class FemSolver(ShellSolver):
     def load(self, path: Path) -> FemSolution | MotionSolution:
         """Read a solution that `save` wrote; InputError in one sentence if it is none."""
         from shellbench.problems.shell.solution import read_solution
-        from shellbench.solvers.fem.motion_solution import MotionSolution
-        from shellbench.solvers.fem.solution import FORMATS, FemSolution
+        from shellbench.solvers.fem.mechanics.solution import FORMATS, FemSolution
+        from shellbench.solvers.fem.motion.motion_solution import MotionSolution
 
         def kind(case: Case) -> type[FemSolution | MotionSolution]:
             return FemSolution if case.dynamics is None else MotionSolution

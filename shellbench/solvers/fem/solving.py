@@ -14,17 +14,18 @@ from threadpoolctl import ThreadpoolController
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Solution, Step
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.edit import why_no_edit
-from shellbench.problems.shell.measure import measure_all, measure_reached
-from shellbench.problems.shell.path_end import cut_short
-from shellbench.problems.shell.quantities import EnergyQuantity
-from shellbench.solvers.fem import equilibrium, large_displacement, motion
-from shellbench.solvers.fem.continuation import STEP_SHARE
-from shellbench.solvers.fem.convergence import ASYMPTOTIC
-from shellbench.solvers.fem.corners import break_gradings, edge_gradings, slowest_rate
-from shellbench.solvers.fem.folding import Folding
-from shellbench.solvers.fem.generalised_alpha import Scheme
-from shellbench.solvers.fem.grading import (
+from shellbench.problems.shell.quantities.measure import measure_all, measure_reached
+from shellbench.problems.shell.quantities.quantities import EnergyQuantity
+from shellbench.problems.shell.records.path_end import cut_short
+from shellbench.problems.shell.variants.edit import why_no_edit
+from shellbench.solvers.fem.linear import equilibrium
+from shellbench.solvers.fem.linear.folding import Folding
+from shellbench.solvers.fem.linear.modes import solve_modes
+from shellbench.solvers.fem.mechanics.corners import break_gradings, edge_gradings, slowest_rate
+from shellbench.solvers.fem.mechanics.layers import layer_gradings
+from shellbench.solvers.fem.mechanics.solution import FemSolution
+from shellbench.solvers.fem.mesh.convergence import ASYMPTOTIC
+from shellbench.solvers.fem.mesh.grading import (
     UNBROKEN,
     UNGRADED,
     Breaks,
@@ -34,13 +35,14 @@ from shellbench.solvers.fem.grading import (
     singular_points,
     unresolved,
 )
-from shellbench.solvers.fem.layers import layer_gradings
-from shellbench.solvers.fem.mesh import CUBIC, Degree, TensorMesh
-from shellbench.solvers.fem.modes import solve_modes
-from shellbench.solvers.fem.motion_solution import MotionSolution
+from shellbench.solvers.fem.mesh.mesh import CUBIC, Degree, TensorMesh
+from shellbench.solvers.fem.motion import motion
+from shellbench.solvers.fem.motion.generalised_alpha import Scheme
+from shellbench.solvers.fem.motion.motion_solution import MotionSolution
+from shellbench.solvers.fem.path import large_displacement
+from shellbench.solvers.fem.path.continuation import STEP_SHARE
 from shellbench.solvers.fem.refinement import Level, balanced_share, first_level, level_cells, levels
 from shellbench.solvers.fem.settings import FemSettings, takes_bubbles
-from shellbench.solvers.fem.solution import FemSolution
 
 SMOOTH_TOLERANCE = 6e-7  # of a case whose loads and supports are spread out: the element converges fast
 SINGULAR_TOLERANCE = 2.5e-5  # of a case with forces at points: deflections under a load need many cells

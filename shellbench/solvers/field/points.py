@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, Settings
 from shellbench.problems.field.case import FieldCase
 from shellbench.problems.field.solution import FieldAnswer
 from shellbench.problems.field.solving import ROUNDING, FieldSolver
+from shellbench.protocol.schema import Finite
 
 Array = NDArray[np.float64]
 

@@ -16,11 +16,11 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from shellbench.errors import InputError
-from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, SeededSettings
 from shellbench.problems.field.case import FieldCase
 from shellbench.problems.field.solution import FieldSolution
 from shellbench.problems.field.solving import FieldSolver, measured, told_by_levels
+from shellbench.protocol.schema import Finite
 
 Share = Annotated[Finite, Field(ge=0, le=1)]
 SamplerName = Literal["uniform", "stratified", "adaptive"]

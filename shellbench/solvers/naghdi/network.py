@@ -19,8 +19,8 @@ from torch import Tensor
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import COMPONENTS
-from shellbench.problems.shell.places import Edge
+from shellbench.problems.shell.question.conditions import COMPONENTS
+from shellbench.problems.shell.question.places import Edge
 from shellbench.solvers.naghdi.strains import FIELDS, Frame, load_density
 
 Array = NDArray[np.float64]

@@ -11,10 +11,11 @@ from pydantic import Field
 
 from shellbench.problem import Capabilities, ProgressCallback, Quantity, SeededSettings, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import AreaLoad, GravityLoad, PressureLoad
-from shellbench.problems.shell.places import Edge
-from shellbench.problems.shell.quantities import SupportQuantity
-from shellbench.problems.shell.solution import Beyond, ShellSolver
+from shellbench.problems.shell.declining import Beyond
+from shellbench.problems.shell.quantities.quantities import SupportQuantity
+from shellbench.problems.shell.question.loads import AreaLoad, GravityLoad, PressureLoad
+from shellbench.problems.shell.question.places import Edge
+from shellbench.problems.shell.solution import ShellSolver
 
 if TYPE_CHECKING:
     from shellbench.solvers.naghdi.solution import NaghdiSolution

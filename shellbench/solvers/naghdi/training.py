@@ -22,7 +22,7 @@ from torch import Tensor
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.measure import measure
+from shellbench.problems.shell.quantities.measure import measure
 from shellbench.problems.shell.solution import DAMAGE
 from shellbench.solvers.naghdi.network import Fields, Shape, units
 from shellbench.solvers.naghdi.solution import (

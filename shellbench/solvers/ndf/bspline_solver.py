@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, ClassVar
 
 from shellbench.problem import Capabilities, ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.solution import Beyond
-from shellbench.solvers.ndf.bspline_settings import SplineSettings
+from shellbench.problems.shell.declining import Beyond
+from shellbench.solvers.ndf.bspline.bspline_settings import SplineSettings
 from shellbench.solvers.ndf.field_solver import FieldSolver
 
 if TYPE_CHECKING:
-    from shellbench.solvers.ndf.bspline_solution import SplineSolution
+    from shellbench.solvers.ndf.bspline.bspline_solution import SplineSolution
 
 
 class SplineSolver(FieldSolver):
@@ -39,7 +39,7 @@ class SplineSolver(FieldSolver):
         """Return why a grid can't hold this case, as one clause, or None if it can."""
         if reason := super().declines(case):
             return reason
-        from shellbench.solvers.ndf.bspline import why_not_held
+        from shellbench.solvers.ndf.bspline.bspline import why_not_held
 
         return why_not_held(case)
 
@@ -51,7 +51,7 @@ class SplineSolver(FieldSolver):
 
     def load(self, path: Path) -> SplineSolution:
         """Read a solution of this solver; InputError in one sentence if it is none."""
-        from shellbench.solvers.ndf.bspline_solution import SplineSolution
+        from shellbench.solvers.ndf.bspline.bspline_solution import SplineSolution
 
         return SplineSolution.load(path)
 
@@ -65,6 +65,6 @@ class SplineSolver(FieldSolver):
         SolveFailure
             If the equations have no solution.
         """
-        from shellbench.solvers.ndf import bspline
+        from shellbench.solvers.ndf.bspline import bspline
 
         return bspline.solve(case, settings, progress)

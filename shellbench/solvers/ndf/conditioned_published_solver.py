@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, ClassVar
 from shellbench.problem import Capabilities, ProgressCallback
 from shellbench.problems.conditioned.case import ConditionedCase
 from shellbench.problems.conditioned.solving import THEORIES, ConditionedSolver
-from shellbench.solvers.ndf.conditioned_published_settings import ConditionedPublishedSettings
+from shellbench.solvers.ndf.published.conditioned_published_settings import ConditionedPublishedSettings
 
 if TYPE_CHECKING:
-    from shellbench.solvers.ndf.conditioned_published import TrainedField
+    from shellbench.solvers.ndf.published.conditioned_published import TrainedField
 
 
 class ConditionedPublishedSolver(ConditionedSolver):
@@ -25,7 +25,7 @@ class ConditionedPublishedSolver(ConditionedSolver):
 
     def refuses(self, case: ConditionedCase) -> str | None:
         """Return why the published boundary functions can't hold the shell."""
-        from shellbench.solvers.ndf import published
+        from shellbench.solvers.ndf.published import published
 
         return published.why_not(case.shell_of(case.middle))
 
@@ -33,12 +33,12 @@ class ConditionedPublishedSolver(ConditionedSolver):
         self, case: ConditionedCase, settings: ConditionedPublishedSettings, progress: ProgressCallback
     ) -> TrainedField:
         """Train a field; SolveFailure if the loss stops being finite."""
-        from shellbench.solvers.ndf.conditioned_published import solve
+        from shellbench.solvers.ndf.published.conditioned_published import solve
 
         return solve(case, settings, progress)
 
     def load(self, path: Path) -> TrainedField:
         """Read what an answer has saved; InputError in one sentence if it is none."""
-        from shellbench.solvers.ndf.conditioned_published import TrainedField
+        from shellbench.solvers.ndf.published.conditioned_published import TrainedField
 
         return TrainedField.load(path)

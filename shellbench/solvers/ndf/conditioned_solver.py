@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, ClassVar
 from shellbench.problem import Capabilities, ProgressCallback
 from shellbench.problems.conditioned.case import ConditionedCase
 from shellbench.problems.conditioned.solving import IN_MOTION, ConditionedSolver
-from shellbench.solvers.ndf.conditioned_settings import ConditionedSettings
+from shellbench.solvers.ndf.conditioned.conditioned_settings import ConditionedSettings
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
 
 if TYPE_CHECKING:
-    from shellbench.solvers.ndf.conditioned import ConditionedField
-    from shellbench.solvers.ndf.conditioned_motion import ConditionedMotion
+    from shellbench.solvers.ndf.conditioned.conditioned import ConditionedField
+    from shellbench.solvers.ndf.conditioned.conditioned_motion import ConditionedMotion
 
 
 class ConditionedFieldSolver(ConditionedSolver):
@@ -31,7 +31,7 @@ class ConditionedFieldSolver(ConditionedSolver):
     def refuses(self, case: ConditionedCase) -> str | None:
         """Return why the field can't hold the shell."""
         if case.moving:
-            from shellbench.solvers.ndf.plane_motion import refusal
+            from shellbench.solvers.ndf.conditioned.plane_motion import refusal
 
             return refusal(case)
         shell = case.shell_of(case.middle)
@@ -46,16 +46,16 @@ class ConditionedFieldSolver(ConditionedSolver):
     ) -> ConditionedField | ConditionedMotion:
         """Build the field; SolveFailure if it exploits its quadrature at a material, or a motion gets stuck."""
         if case.moving:
-            from shellbench.solvers.ndf import conditioned_motion
+            from shellbench.solvers.ndf.conditioned import conditioned_motion
 
             return conditioned_motion.solve(case, settings, progress)
-        from shellbench.solvers.ndf.conditioned import solve
+        from shellbench.solvers.ndf.conditioned.conditioned import solve
 
         return solve(case, settings, progress)
 
     def load(self, path: Path) -> ConditionedField | ConditionedMotion:
         """Read what an answer has saved; InputError in one sentence if it is none."""
-        from shellbench.solvers.ndf.conditioned import ConditionedField
-        from shellbench.solvers.ndf.conditioned_motion import ConditionedMotion, is_motion
+        from shellbench.solvers.ndf.conditioned.conditioned import ConditionedField
+        from shellbench.solvers.ndf.conditioned.conditioned_motion import ConditionedMotion, is_motion
 
         return ConditionedMotion.load(path) if is_motion(path) else ConditionedField.load(path)

@@ -8,10 +8,10 @@ from shellbench.problem import Capabilities, Settings, Solution
 from shellbench.problems.editing.case import EditingCase
 from shellbench.problems.editing.solving import THEORIES, EditingSolver
 from shellbench.problems.solving import CheckedSolver
-from shellbench.solvers.ndf.ritz_settings import RitzSettings
+from shellbench.solvers.ndf.linear.ritz_settings import RitzSettings
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
-from shellbench.solvers.ndf.trainer_settings import TrainerSettings
 from shellbench.solvers.ndf.trainer_solver import NdfSolver
+from shellbench.solvers.ndf.training.trainer_settings import TrainerSettings
 
 
 class NdfEditSolver(EditingSolver):

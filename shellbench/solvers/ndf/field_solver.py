@@ -12,6 +12,6 @@ class FieldSolver(ShellSolver):
 
     def declines_quantity(self, case: Case, quantity: Quantity) -> str | None:
         """Return why the field can't give a quantity of a case that it takes, as one clause, or None if it can."""
-        from shellbench.solvers.ndf.declines import why_not_given
+        from shellbench.solvers.ndf.linear.declines import why_not_given
 
         return super().declines_quantity(case, quantity) or why_not_given(case, quantity)

@@ -7,9 +7,9 @@ from typing import ClassVar
 
 from shellbench.problem import Capabilities, ProgressCallback, Quantity, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.quantities import SupportQuantity
+from shellbench.problems.shell.quantities.quantities import SupportQuantity
 from shellbench.solvers.ndf.field_solver import FieldSolver
-from shellbench.solvers.ndf.published_settings import NAME, PublishedSettings
+from shellbench.solvers.ndf.published.published_settings import NAME, PublishedSettings
 
 
 class PublishedSolver(FieldSolver):
@@ -26,7 +26,7 @@ class PublishedSolver(FieldSolver):
 
     def declines(self, case: Case) -> str | None:
         """Return why the published boundary functions can't hold this case, as one clause, or None if they can."""
-        from shellbench.solvers.ndf import published
+        from shellbench.solvers.ndf.published import published
 
         return published.why_not(case)
 
@@ -38,7 +38,7 @@ class PublishedSolver(FieldSolver):
 
     def load(self, path: Path) -> Solution:
         """Read a solution of this recipe; InputError in one sentence if it is none."""
-        from shellbench.solvers.ndf import published
+        from shellbench.solvers.ndf.published import published
 
         return published.load(path, self.name)
 
@@ -59,6 +59,6 @@ class PublishedSolver(FieldSolver):
         InputError
             If the case can't be solved with these settings, or `start` does not fit them.
         """
-        from shellbench.solvers.ndf import published
+        from shellbench.solvers.ndf.published import published
 
         return published.solve(case, settings, start, progress)

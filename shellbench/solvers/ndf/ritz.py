@@ -16,8 +16,8 @@ import torch
 from shellbench.errors import InputError
 from shellbench.problem import ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf import contact, contact_at_finite_strain, large_displacement, modes, motion, paths, static
-from shellbench.solvers.ndf.build import (
+from shellbench.solvers.ndf.field import paths
+from shellbench.solvers.ndf.field.build import (
     FieldSpec,
     Resolution,
     build_features,
@@ -27,18 +27,21 @@ from shellbench.solvers.ndf.build import (
     rung,
     rung_count,
 )
-from shellbench.solvers.ndf.edited import checked_start, start_of_path
-from shellbench.solvers.ndf.jets import Placement
-from shellbench.solvers.ndf.motion_solution import MotionSolution, load_solution
-from shellbench.solvers.ndf.network import Network, random_features
-from shellbench.solvers.ndf.path_challenge import SETTLED
-from shellbench.solvers.ndf.products import product_features, why_no_products
-from shellbench.solvers.ndf.ritz_field import field_spec, with_settings
-from shellbench.solvers.ndf.ritz_settings import NAME, RitzSettings
-from shellbench.solvers.ndf.rungs import Rung
-from shellbench.solvers.ndf.sampled import LONG_ORDER, LONG_SHARE, placed_features, scales
-from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
-from shellbench.solvers.ndf.supports import edge_supports
+from shellbench.solvers.ndf.field.jets import Placement
+from shellbench.solvers.ndf.field.network import Network, random_features
+from shellbench.solvers.ndf.field.supports import edge_supports
+from shellbench.solvers.ndf.linear import contact, static
+from shellbench.solvers.ndf.linear.ritz_field import field_spec, with_settings
+from shellbench.solvers.ndf.linear.ritz_settings import NAME, RitzSettings
+from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
+from shellbench.solvers.ndf.motion import motion
+from shellbench.solvers.ndf.motion.motion_solution import MotionSolution, load_solution
+from shellbench.solvers.ndf.motion.products import product_features, why_no_products
+from shellbench.solvers.ndf.path import contact_at_finite_strain, large_displacement, modes
+from shellbench.solvers.ndf.path.edited import checked_start, start_of_path
+from shellbench.solvers.ndf.path.path_challenge import SETTLED
+from shellbench.solvers.ndf.path.rungs import Rung
+from shellbench.solvers.ndf.strains.sampled import LONG_ORDER, LONG_SHARE, placed_features, scales
 
 
 def solve(

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, ClassVar
 
 from shellbench.problem import Capabilities, ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.solution import Beyond, why_not_plain
+from shellbench.problems.shell.declining import Beyond, why_not_plain
 from shellbench.solvers.ndf.field_solver import FieldSolver
-from shellbench.solvers.ndf.ritz_settings import NAME, RitzSettings
+from shellbench.solvers.ndf.linear.ritz_settings import NAME, RitzSettings
 
 if TYPE_CHECKING:
-    from shellbench.solvers.ndf.motion_solution import MotionSolution
-    from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
+    from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
+    from shellbench.solvers.ndf.motion.motion_solution import MotionSolution
 
 
 class RitzSolver(FieldSolver):
@@ -48,15 +48,15 @@ class RitzSolver(FieldSolver):
 
     def load(self, path: Path) -> NdfSolution | PathSolution | MotionSolution:
         """Read a solution of this recipe; InputError in one sentence if it is none."""
-        from shellbench.solvers.ndf.motion_solution import load_solution
+        from shellbench.solvers.ndf.motion.motion_solution import load_solution
 
         return load_solution(path, self.name)
 
     def declines_with(self, case: Case, settings: RitzSettings) -> str | None:
         """Return why the field that settings ask for can't hold this case, as one clause, or None if it can."""
-        from shellbench.solvers.ndf.declines import why_declined
-        from shellbench.solvers.ndf.modes import why_no_modes
-        from shellbench.solvers.ndf.ritz_field import field_spec
+        from shellbench.solvers.ndf.linear.declines import why_declined
+        from shellbench.solvers.ndf.linear.ritz_field import field_spec
+        from shellbench.solvers.ndf.path.modes import why_no_modes
 
         spec = field_spec(case, settings)
         if case.modal and (reason := why_no_modes(case, spec)):

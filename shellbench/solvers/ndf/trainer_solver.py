@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, ClassVar
 
 from shellbench.problem import Capabilities, ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.solution import Beyond, why_not_plain
+from shellbench.problems.shell.declining import Beyond, why_not_plain
 from shellbench.solvers.ndf.field_solver import FieldSolver
-from shellbench.solvers.ndf.trainer_settings import NAME, TrainerSettings
+from shellbench.solvers.ndf.training.trainer_settings import NAME, TrainerSettings
 
 if TYPE_CHECKING:
-    from shellbench.solvers.ndf.motion_solution import MotionSolution
-    from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
+    from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
+    from shellbench.solvers.ndf.motion.motion_solution import MotionSolution
 
 
 class NdfSolver(FieldSolver):
@@ -35,8 +35,8 @@ class NdfSolver(FieldSolver):
 
     def declines(self, case: Case) -> str | None:
         """Return why the boundary factors can't hold this case, as one clause, or None if they can."""
-        from shellbench.solvers.ndf.declines import why_declined
-        from shellbench.solvers.ndf.modes import why_no_modes
+        from shellbench.solvers.ndf.linear.declines import why_declined
+        from shellbench.solvers.ndf.path.modes import why_no_modes
 
         if case.modal and (reason := why_no_modes(case)):
             return reason
@@ -44,7 +44,7 @@ class NdfSolver(FieldSolver):
 
     def load(self, path: Path) -> NdfSolution | PathSolution | MotionSolution:
         """Read a solution of this recipe; InputError in one sentence if it is none."""
-        from shellbench.solvers.ndf.motion_solution import load_solution
+        from shellbench.solvers.ndf.motion.motion_solution import load_solution
 
         return load_solution(path, self.name)
 
@@ -62,6 +62,6 @@ class NdfSolver(FieldSolver):
             If the settings or the start can't be used: it must be of a shell of which the case is an edit, and a motion
             begins at rest.
         """
-        from shellbench.solvers.ndf import trainer
+        from shellbench.solvers.ndf.training import trainer
 
         return trainer.solve(case, settings, start, progress)

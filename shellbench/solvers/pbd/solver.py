@@ -32,12 +32,12 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from shellbench.errors import SolveFailure
-from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Settings
 from shellbench.problems.obstacle import deepest
 from shellbench.problems.rope.case import RopeCase
 from shellbench.problems.rope.solution import RopeMotion, RopeState
 from shellbench.problems.rope.solving import RopeSolver, Watch, halved, refined, roots_of, spans, start_of
+from shellbench.protocol.schema import Finite
 
 Array = NDArray[np.float64]
 

@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from shellbench.engine import need
 from shellbench.errors import InputError, SolveFailure
-from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Settings
 from shellbench.problems.obstacle import deepest
 from shellbench.problems.rope.case import RopeCase
 from shellbench.problems.rope.solution import RopeMotion, RopeState
 from shellbench.problems.rope.solving import RopeSolver, Watch, halved, refined, roots_of, spans, start_of
+from shellbench.protocol.engine import need
+from shellbench.protocol.schema import Finite
 from shellbench.solvers.rope.contact import Normal, Push
 from shellbench.solvers.rope.placing import Placing
 from shellbench.solvers.rope.stepping import Chains, Moving, Scheme, Solve, Stepper

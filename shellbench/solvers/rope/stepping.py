@@ -19,7 +19,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.engine import thread_limit
+from shellbench.protocol.engine import thread_limit
 from shellbench.solvers.rope import pulls
 from shellbench.solvers.rope.contact import Normal, Push, collided, rebound
 from shellbench.solvers.rope.placing import Placing, placed, unit

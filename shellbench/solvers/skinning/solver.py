@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
-from shellbench.model import Finite, Positive
 from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, Settings, Step
 from shellbench.problems.skinning.case import SkinningCase
 from shellbench.problems.solving import FreshSolver
+from shellbench.protocol.schema import Finite, Positive
 
 if TYPE_CHECKING:
     from shellbench.solvers.skinning.solution import Skin, Skinned

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from shellbench.bench.cluster import DaskCluster
-from shellbench.bench.display import Silent
-from shellbench.bench.execute import Observer, Outcome, execute
-from shellbench.bench.plan import Request, make_plan
-from shellbench.bench.store import Store
-from shellbench.bench.task import Task
+from shellbench.bench.run.cluster import DaskCluster
+from shellbench.bench.run.display import Silent
+from shellbench.bench.run.execute import Observer, Outcome, execute
+from shellbench.bench.run.plan import Request, make_plan
+from shellbench.bench.store.store import Store
+from shellbench.bench.store.task import Task
 from tests.bench.cluster.two_workers import Cluster
 from tests.patience import GUARD
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench import cluster as module
-from shellbench.bench.cluster import LOSSES, DaskCluster, address_of
-from shellbench.bench.display import Silent
-from shellbench.bench.execute import execute
-from shellbench.bench.store import Store
+from shellbench.bench.run import cluster as module
+from shellbench.bench.run.cluster import LOSSES, DaskCluster, address_of
+from shellbench.bench.run.display import Silent
+from shellbench.bench.run.execute import execute
+from shellbench.bench.store.store import Store
 from shellbench.errors import InputError
 from tests.bench.cluster.running import by_behaviour, on_cluster, toy_tasks
 from tests.bench.cluster.two_workers import Cluster

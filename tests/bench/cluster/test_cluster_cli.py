@@ -13,13 +13,13 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench.store import Store
+from shellbench.bench.store.store import Store
 from tests.bench.cluster.two_workers import Cluster
 from tests.bench.conftest import PLUGIN
 from tests.patience import COMMAND_LINE, GUARD, until
 
 PRESSES = 20
-IMPATIENT = f"from shellbench.bench import cluster; cluster.PATIENCE = 0.5; {COMMAND_LINE}"
+IMPATIENT = f"from shellbench.bench.run import cluster; cluster.PATIENCE = 0.5; {COMMAND_LINE}"
 WITHOUT_DASK = f"""
 import sys
 from importlib import metadata

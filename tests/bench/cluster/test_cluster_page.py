@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 
-from shellbench.bench.cluster import LOSSES
-from shellbench.bench.environment import THREADS
-from shellbench.bench.store import Store
+from shellbench.bench.run.cluster import LOSSES
+from shellbench.bench.store.environment import THREADS
+from shellbench.bench.store.store import Store
 from tests.bench.conftest import PLUGIN
 from tests.patience import GUARD
 

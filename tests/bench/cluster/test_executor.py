@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shellbench.bench.cluster import DaskCluster
-from shellbench.bench.display import Silent
-from shellbench.bench.execute import Ended, Executor, Progressed, Started, execute
-from shellbench.bench.local import LocalProcesses
-from shellbench.bench.record import Record
-from shellbench.bench.store import LOG, Store
+from shellbench.bench.run.cluster import DaskCluster
+from shellbench.bench.run.display import Silent
+from shellbench.bench.run.execute import Ended, Executor, Progressed, Started, execute
+from shellbench.bench.run.local import LocalProcesses
+from shellbench.bench.store.record import Record
+from shellbench.bench.store.store import LOG, Store
 from tests.bench import strip
 from tests.bench.cluster.running import by_behaviour, toy_tasks
 from tests.patience import GUARD

@@ -9,10 +9,11 @@ from typing import Any
 
 import pytest
 
-from shellbench.bench import remote, source
-from shellbench.bench.process import ServerProcess
-from shellbench.bench.remote import standing_by, unfit
-from shellbench.bench.store import Store
+from shellbench.bench.plugins import source
+from shellbench.bench.plugins.process import ServerProcess
+from shellbench.bench.run import remote
+from shellbench.bench.run.remote import standing_by, unfit
+from shellbench.bench.store.store import Store
 from tests.bench.cluster.running import toy_tasks
 
 pytestmark = pytest.mark.usefixtures("toys")
@@ -50,7 +51,7 @@ def test_the_source_is_read_by_one_thread_at_a_time(store: Store, monkeypatch: p
         finally:
             inside.pop()
 
-    monkeypatch.setattr("shellbench.bench.identity.source_digest", alone)
+    monkeypatch.setattr("shellbench.bench.store.identity.source_digest", alone)
     with ThreadPoolExecutor(4) as threads:
         assert list(threads.map(unfit, [task] * 8)) == [None] * 8
 

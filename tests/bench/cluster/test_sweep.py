@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
-from shellbench.bench import cluster
-from shellbench.bench.cluster import LOSSES, DaskCluster, SchedulerLostError, difference
-from shellbench.bench.execute import Ended, Event, Started
-from shellbench.bench.store import Store
+from shellbench.bench.run import cluster
+from shellbench.bench.run.cluster import LOSSES, DaskCluster, SchedulerLostError, difference
+from shellbench.bench.run.execute import Ended, Event, Started
+from shellbench.bench.store.store import Store
 from tests.bench.cluster.running import toy_tasks
 
 pytestmark = pytest.mark.usefixtures("toys")

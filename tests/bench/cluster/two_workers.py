@@ -15,7 +15,7 @@ import psutil
 from tests.bench.conftest import PLUGIN
 from tests.patience import GUARD, until
 
-SERVER = "shellbench.bench.server"
+SERVER = "shellbench.bench.run.server"
 
 
 @dataclass

@@ -5,8 +5,8 @@ import tomllib
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.kinds import portrait_of_named, read_problem
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.plugins.kinds import portrait_of_named, read_problem
 from shellbench.errors import InputError
 from shellbench.solvers.fem.conditioned_solver import FemRepeatedSolver, RepeatedSettings
 from shellbench.solvers.ndf.conditioned_published_solver import ConditionedPublishedSolver

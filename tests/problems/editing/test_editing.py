@@ -2,14 +2,14 @@
 
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.kinds import read_problem
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.plugins.kinds import read_problem
 from shellbench.errors import InputError
 from shellbench.problems.editing.case import EditingCase
-from shellbench.problems.shell.edit import between
+from shellbench.problems.shell.variants.edit import between
 from shellbench.solvers.fem import solving
 from shellbench.solvers.fem.editing_solver import FemEditSolver
-from shellbench.solvers.fem.problem import FiniteProblem
+from shellbench.solvers.fem.path.problem import FiniteProblem
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from shellbench.solvers.ndf.editing_solver import NdfEditSolver
 

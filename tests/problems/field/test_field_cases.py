@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.registry import load_solver, solver_entries
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.plugins.registry import load_solver, solver_entries
 from shellbench.errors import InputError
 from shellbench.problems.field.case import FieldCase
 from shellbench.problems.field.structure import bend, corners, lattice, strain

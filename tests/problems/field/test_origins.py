@@ -3,7 +3,7 @@
 import pytest
 
 from derivations import field_closed, fields
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 
 CASES = sorted(fields.JUDGES)
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog, registry
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.plugins import registry
 from shellbench.errors import InputError
 from shellbench.problems.moving import moved
 from shellbench.problems.obstacle import Capsule, FormulaBody, HalfSpace, Plate, Sphere, deepest

@@ -3,7 +3,7 @@
 import pytest
 
 from derivations import ropes
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 
 CASES = sorted(ropes.JUDGES)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from derivations.discrete_catenary import catenary, lowest_by_angles
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.cli import main
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.rope.case import RopeCase

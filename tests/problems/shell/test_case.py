@@ -7,11 +7,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
-from shellbench.model import read_toml
 from shellbench.problems.shell.case import build_case, read_case
-from shellbench.problems.shell.places import Edge, Point, Whole
+from shellbench.problems.shell.question.places import Edge, Point, Whole
+from shellbench.protocol.schema import read_toml
 
 PLATE = read_toml(catalog.data_folder("cases") / "square_plate.toml")
 

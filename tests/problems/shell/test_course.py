@@ -8,12 +8,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
-from shellbench.model import read_toml
 from shellbench.problem import Step
 from shellbench.problems.shell.case import build_case
-from shellbench.problems.shell.measure import measure
+from shellbench.problems.shell.quantities.measure import measure
+from shellbench.protocol.schema import read_toml
 from tests.problems.shell.test_case import VALUES, paths
 
 CASES = catalog.data_folder("cases")

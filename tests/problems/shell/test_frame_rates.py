@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.sampling import MOST, RATES, frame_rate_study, joined
-from shellbench.problems.shell.series import reached
+from shellbench.problems.shell.records.sampling import MOST, RATES, frame_rate_study, joined
+from shellbench.problems.shell.records.series import reached
 from tests.bench import spring
 from tests.bench.falling import FallSolution
 from tests.bench.spring import SpringSolution

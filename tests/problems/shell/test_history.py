@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from shellbench.bench.catalog import named_case
-from shellbench.problems.shell.history import COMPONENT, moving_uncertainty
+from shellbench.bench.catalogue.catalog import named_case
+from shellbench.problems.shell.records.history import COMPONENT, moving_uncertainty
 
 
 def test_a_component_that_changes_little_by_chance_is_no_surer_than_its_place():

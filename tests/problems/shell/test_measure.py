@@ -6,13 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
-from shellbench.model import read_toml
 from shellbench.problem import Step
 from shellbench.problems.shell.case import build_case
-from shellbench.problems.shell.measure import area_rule, measure, measure_all
-from shellbench.problems.shell.quantities import curve, largest_displacement
+from shellbench.problems.shell.quantities.measure import area_rule, measure, measure_all
+from shellbench.problems.shell.quantities.quantities import curve, largest_displacement
+from shellbench.protocol.schema import read_toml
 from tests.bench.falling import FallSolution
 
 

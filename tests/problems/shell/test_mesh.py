@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from docs.meshes import SHAPES, cylinder, obj, roof
-from shellbench.bench import catalog
-from shellbench.bench.record import Measured
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.store.record import Measured
 from shellbench.bench.worker import with_data_errors
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import build_case

@@ -4,11 +4,11 @@ import copy
 
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.kinds import headline_of
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.plugins.kinds import headline_of
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import build_case
-from shellbench.problems.shell.portrait import ShellPortrait
+from shellbench.problems.shell.records.portrait import ShellPortrait
 from shellbench.solvers.cst.solver import CstSolver
 
 

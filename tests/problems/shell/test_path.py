@@ -3,7 +3,7 @@
 import pytest
 from pydantic import ValidationError
 
-from shellbench.problems.shell.path import Path
+from shellbench.problems.shell.question.path import Path
 
 
 def test_a_path_is_loaded_to_one_unless_told():

@@ -7,8 +7,8 @@ import pytest
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case, build_case
-from shellbench.problems.shell.spots import spot_at
-from shellbench.problems.shell.variants import VARIANTS
+from shellbench.problems.shell.posed.spots import spot_at
+from shellbench.problems.shell.variants.variants import VARIANTS
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 
 STEEL = {"youngs_modulus": 2e11, "poissons_ratio": 0.3, "thickness": 0.01}

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
 from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.sampling import FORMATS, MARKS, marks_of, precision_study
-from shellbench.problems.shell.series import frames
+from shellbench.problems.shell.records.sampling import FORMATS, MARKS, marks_of, precision_study
+from shellbench.problems.shell.records.series import frames
 from tests.bench import spring
 from tests.bench.falling import FallSolution
 from tests.bench.spring import SpringSolution

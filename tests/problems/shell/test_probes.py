@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from shellbench.bench import catalog
-from shellbench.bench.measuring import write_fields
-from shellbench.problems.shell import sampling
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.store.measuring import write_fields
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.sampling import PROBES, probe_fields, probes_of
-from shellbench.problems.shell.series import frames
-from shellbench.problems.shell.surface import Domain
+from shellbench.problems.shell.question.surface import Domain
+from shellbench.problems.shell.records import sampling
+from shellbench.problems.shell.records.sampling import PROBES, probe_fields, probes_of
+from shellbench.problems.shell.records.series import frames
 from tests.bench import spring
 from tests.bench.falling import FallSolution
 from tests.bench.spring import END, FIRST, SECOND, SpringSolution

@@ -5,14 +5,14 @@ import copy
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
 from shellbench.problem import declined_quantities
 from shellbench.problems.shell.case import build_case
-from shellbench.problems.shell.quantities import ResultantQuantity
+from shellbench.problems.shell.quantities.quantities import ResultantQuantity
 from shellbench.solvers.cst.solver import CstSolver
-from shellbench.solvers.fem.mesh import TensorMesh
-from shellbench.solvers.fem.resultants import patch
+from shellbench.solvers.fem.mechanics.resultants import patch
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.solver import FemSolver
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
 

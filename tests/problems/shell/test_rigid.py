@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import build_case
-from shellbench.problems.shell.rigid import RIGID_MOTIONS, free_motions, rigid_modes
+from shellbench.problems.shell.posed.rigid import RIGID_MOTIONS, free_motions, rigid_modes
 
 
 def plate(supports, removed=()):

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
-from shellbench.problems.shell import self_intersection
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.kind import SHELL
-from shellbench.problems.shell.self_intersection import (
+from shellbench.problems.shell.question.surface import Domain
+from shellbench.problems.shell.records import self_intersection
+from shellbench.problems.shell.records.self_intersection import (
     crossings,
     lies_over_a_plane,
     sag,
@@ -21,7 +22,6 @@ from shellbench.problems.shell.self_intersection import (
     triangulated,
     uneven_grid,
 )
-from shellbench.problems.shell.surface import Domain
 
 SQUARE = Domain((0.0, 0.0), (1.0, 1.0), (False, False), (False, False))
 TUBE = Domain((0.0, 0.0), (2 * np.pi, 1.0), (True, False), (True, False))

@@ -7,18 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.environment import environment
-from shellbench.bench.measuring import measured
-from shellbench.bench.record import Identity, Record
-from shellbench.bench.task import Task, case_data
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.store.environment import environment
+from shellbench.bench.store.measuring import measured
+from shellbench.bench.store.record import Identity, Record
+from shellbench.bench.store.task import Task, case_data
 from shellbench.bench.worker import run
 from shellbench.errors import InputError
 from shellbench.problem import Step
-from shellbench.problems.shell import self_intersection
 from shellbench.problems.shell.case import Case, build_case
-from shellbench.problems.shell.sampling import PICTURE
-from shellbench.problems.shell.series import FRAMES, SAMPLES, asked_series, frames, reached, series_of
+from shellbench.problems.shell.records import self_intersection
+from shellbench.problems.shell.records.sampling import PICTURE
+from shellbench.problems.shell.records.series import FRAMES, SAMPLES, asked_series, frames, reached, series_of
 from tests.bench import spring
 from tests.bench.falling import REASON, STEPS, FallSolution
 from tests.bench.spring import SpringSolution

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from shellbench.problems.shell.surface import ExpressionSurface
+from shellbench.problems.shell.question.surface import ExpressionSurface
 
 
 def surface(z: str) -> ExpressionSurface:

@@ -8,12 +8,12 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from shellbench.bench.catalog import named_case
-from shellbench.bench.registry import load_solver, solver_entries
+from shellbench.bench.catalogue.catalog import named_case
+from shellbench.bench.plugins.registry import load_solver, solver_entries
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Capabilities, Progress, Settings, Step
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.history import failing_with, settled
+from shellbench.problems.shell.records.history import failing_with, settled
 from shellbench.problems.shell.solution import ShellSolution, ShellSolver, read_solution, state_number, time_reached
 
 CASE = named_case("square_plate")

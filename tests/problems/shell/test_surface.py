@@ -7,8 +7,8 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from shellbench.problems.formula_text import substituted
-from shellbench.problems.shell.surface import ExpressionSurface
-from shellbench.problems.shell.surfaces import SurfaceModel
+from shellbench.problems.shell.posed.surfaces import SurfaceModel
+from shellbench.problems.shell.question.surface import ExpressionSurface
 
 ADAPTER = TypeAdapter(SurfaceModel)
 

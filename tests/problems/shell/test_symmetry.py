@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.problems.shell.measure import area_rule, load_density
-from shellbench.problems.shell.mirrors import mirrored_supports, point_forces
-from shellbench.problems.shell.rigid import check_held
-from shellbench.problems.shell.symmetry import part_of, whole_of
+from shellbench.bench.catalogue import catalog
+from shellbench.problems.shell.posed.mirrors import mirrored_supports, point_forces
+from shellbench.problems.shell.posed.rigid import check_held
+from shellbench.problems.shell.quantities.measure import area_rule, load_density
+from shellbench.problems.shell.symmetry.symmetry import part_of, whole_of
 from tests.families import with_something_new
 from tests.problems.shell.stated_shells import LARGEST, RIM, known, plate, ring
 

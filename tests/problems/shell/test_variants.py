@@ -6,19 +6,19 @@ Nothing is solved here. What a variant says is held against the case at the same
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
 from shellbench.problem import VARIANT
 from shellbench.problems.expression import Expression
-from shellbench.problems.shell.conditions import AreaLoad, GravityLoad, PressureLoad
-from shellbench.problems.shell.contact import gaps
 from shellbench.problems.shell.field import RESULTANTS
-from shellbench.problems.shell.measure import area_rule, load_density
-from shellbench.problems.shell.placing import ABOUT, ASKEW, CYCLE, turning
-from shellbench.problems.shell.reparametrisation import flipped, helical, oblique, stretched, swapped, warped
-from shellbench.problems.shell.surface import COORDINATES
-from shellbench.problems.shell.units import MILLIMETRES_TONNES, converted_points
-from shellbench.problems.shell.variants import VARIANTS, size
+from shellbench.problems.shell.quantities.measure import area_rule, load_density
+from shellbench.problems.shell.question.contact import gaps
+from shellbench.problems.shell.question.loads import AreaLoad, GravityLoad, PressureLoad
+from shellbench.problems.shell.question.surface import COORDINATES
+from shellbench.problems.shell.variants.placing import ABOUT, ASKEW, CYCLE, turning
+from shellbench.problems.shell.variants.reparametrisation import flipped, helical, oblique, stretched, swapped, warped
+from shellbench.problems.shell.variants.units import MILLIMETRES_TONNES, converted_points
+from shellbench.problems.shell.variants.variants import VARIANTS, size
 from tests.families import with_something_new
 
 SHELLS = [name for name in catalog.case_names() if catalog.named_case(name).kind == "shell"]

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shellbench.problems.shell.surface import Domain
+from shellbench.problems.shell.question.surface import Domain
 from shellbench.solvers.cst.mesh import TriangleMesh
 
 OPEN = Domain((1.0, -2.0), (4.0, 2.0), (False, False), (False, False))

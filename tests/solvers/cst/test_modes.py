@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.solvers.cst.mesh import TriangleMesh
 from shellbench.solvers.cst.modes import find_modes
 from shellbench.solvers.cst.problem import TriangleProblem

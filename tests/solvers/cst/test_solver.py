@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from shellbench.bench import registry
+from shellbench.bench.plugins import registry
 from shellbench.solvers.cst.solver import CstSettings, CstSolver
 from shellbench.solvers.cst.solving import usual_cells
 from tests.alike import alike

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from shellbench.errors import SolveFailure
-from shellbench.problems.shell.measure import measure_all
+from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.solvers.cst.solver import CstSolver
 from tests.solvers.cst.shells import PLATE, RIM, cylinder, largest, plate
 

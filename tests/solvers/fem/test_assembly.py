@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from shellbench.solvers.fem.assembly import stiffness
-from shellbench.solvers.fem.equilibrium import nodal_rigid_motions
-from shellbench.solvers.fem.grading import graded_mesh
-from shellbench.solvers.fem.quadrature import Quadrature
-from shellbench.solvers.fem.solution import FemSolution
+from shellbench.solvers.fem.linear.equilibrium import nodal_rigid_motions
+from shellbench.solvers.fem.mechanics.assembly import stiffness
+from shellbench.solvers.fem.mechanics.solution import FemSolution
+from shellbench.solvers.fem.mesh.grading import graded_mesh
+from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from tests.solvers.fem.shells import SURFACES, shell
 
 

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 import scipy.sparse.linalg as spla
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import build_case
-from shellbench.problems.shell.measure import measure_all
-from shellbench.solvers.fem.buckling import BRACKET, Buckling, following_steps
-from shellbench.solvers.fem.continuation import PathEndsError
-from shellbench.solvers.fem.finite_state import NotConvergedError
-from shellbench.solvers.fem.large_displacement import solve as solve_on_mesh
-from shellbench.solvers.fem.mesh import TensorMesh
-from shellbench.solvers.fem.problem import FiniteProblem
-from shellbench.solvers.fem.quadrature import Quadrature
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
+from shellbench.solvers.fem.mesh.quadrature import Quadrature
+from shellbench.solvers.fem.path.buckling import BRACKET, Buckling, following_steps
+from shellbench.solvers.fem.path.continuation import PathEndsError
+from shellbench.solvers.fem.path.finite_state import NotConvergedError
+from shellbench.solvers.fem.path.large_displacement import solve as solve_on_mesh
+from shellbench.solvers.fem.path.problem import FiniteProblem
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.solvers.fem.shells import shell
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
-from shellbench.solvers.fem.constraints import Ties
-from shellbench.solvers.fem.grading import graded_mesh
-from shellbench.solvers.fem.loads import Loading
-from shellbench.solvers.fem.quadrature import Quadrature
+from shellbench.solvers.fem.mechanics.constraints import Ties
+from shellbench.solvers.fem.mechanics.loads import Loading
+from shellbench.solvers.fem.mesh.grading import graded_mesh
+from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.solvers.fem.shells import EVERY_EDGE, shell
 
@@ -73,7 +73,7 @@ def test_a_clamped_edge_does_not_turn_even_in_oblique_coordinates(surface):
 
 
 def test_a_clamped_curved_shell_converges_with_order_four():
-    """Nodal ties alone leave an error of first order, of 3e-4 here: see `shellbench.solvers.fem.clamping`."""
+    """Nodal ties alone leave an error of first order, of 3e-4 here: see `shellbench.solvers.fem.mechanics.clamping`."""
     thick = {"youngs_modulus": 1e4, "poissons_ratio": 0.3, "thickness": 0.2}
     energies = [
         sum(solved("hypar", CLAMPED, FemSettings(cells=(n, n)), loads=[PUSH], material=thick).energies())

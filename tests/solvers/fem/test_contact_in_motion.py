@@ -6,16 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.problems.shell.case import build_case
-from shellbench.problems.shell.measure import measure_all
+from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.solvers.cst.solver import CstSolver
-from shellbench.solvers.fem.contact_balance import Balance
-from shellbench.solvers.fem.contact_in_motion import TouchingPoints
-from shellbench.solvers.fem.mesh import TensorMesh
-from shellbench.solvers.fem.quadrature import Quadrature
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
+from shellbench.solvers.fem.mesh.quadrature import Quadrature
+from shellbench.solvers.fem.motion.contact_balance import Balance
+from shellbench.solvers.fem.motion.contact_in_motion import TouchingPoints
+from shellbench.solvers.fem.motion.time_step import mass_matrix
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
-from shellbench.solvers.fem.time_step import mass_matrix
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
 
 

@@ -6,22 +6,22 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_bvp
 
-from shellbench.bench import catalog
-from shellbench.load_curve import Curve
+from shellbench.bench.catalogue import catalog
 from shellbench.problems.shell.case import build_case
-from shellbench.problems.shell.measure import measure
-from shellbench.solvers.fem import large_displacement
-from shellbench.solvers.fem.continuation import (
+from shellbench.problems.shell.quantities.measure import measure
+from shellbench.protocol.load_curve import Curve
+from shellbench.solvers.fem.mechanics.solution import FemSolution
+from shellbench.solvers.fem.mesh.grading import graded_mesh
+from shellbench.solvers.fem.mesh.quadrature import Quadrature
+from shellbench.solvers.fem.path import large_displacement
+from shellbench.solvers.fem.path.continuation import (
     PathEndsError,
     arc_length_steps,
     displacement_steps,
     functional,
     load_steps,
 )
-from shellbench.solvers.fem.grading import graded_mesh
-from shellbench.solvers.fem.problem import FiniteProblem
-from shellbench.solvers.fem.quadrature import Quadrature
-from shellbench.solvers.fem.solution import FemSolution
+from shellbench.solvers.fem.path.problem import FiniteProblem
 from tests.solvers.fem.shells import PLANE, shell
 
 SHORTEST = 2e-4  # load step

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shellbench.bench.catalog import named_case
+from shellbench.bench.catalogue.catalog import named_case
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.fem.convergence import ASYMPTOTIC, SAFETY, UNSEEN, estimate
+from shellbench.solvers.fem.mesh.convergence import ASYMPTOTIC, SAFETY, UNSEEN, estimate
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 
 RESOLUTIONS = (8.0, 11.0, 16.0)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from shellbench.bench import catalog
-from shellbench.solvers.fem.corners import (
+from shellbench.bench.catalogue import catalog
+from shellbench.solvers.fem.mechanics.corners import (
     MOST,
     SMOOTH_RATE,
     Rim,

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 from derivations.annular_plate import annular_plate
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.measure import measure_all
-from shellbench.solvers.fem.assembly import stiffness
-from shellbench.solvers.fem.bubble_conditions import STRAIGHT
-from shellbench.solvers.fem.bubbles import interpolated
-from shellbench.solvers.fem.grading import graded_mesh
-from shellbench.solvers.fem.mesh import axis_functions, kinds_of, present_functions, tabulate
-from shellbench.solvers.fem.quadrature import Quadrature
-from shellbench.solvers.fem.rigid_motions import nodal_rigid_motions
-from shellbench.solvers.fem.solution import FemSolution
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.solvers.fem.mechanics.assembly import stiffness
+from shellbench.solvers.fem.mechanics.bubble_conditions import STRAIGHT
+from shellbench.solvers.fem.mechanics.rigid_motions import nodal_rigid_motions
+from shellbench.solvers.fem.mechanics.solution import FemSolution
+from shellbench.solvers.fem.mesh.bubbles import interpolated
+from shellbench.solvers.fem.mesh.grading import graded_mesh
+from shellbench.solvers.fem.mesh.mesh import axis_functions, kinds_of, present_functions, tabulate
+from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.solver import FemSettings, FemSolver, takes_bubbles
 from tests.solvers.fem.shells import EVERY_EDGE, SURFACES, shell
 

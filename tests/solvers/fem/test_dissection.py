@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.linalg import spsolve
 
-from shellbench.problems.shell.surface import Domain
-from shellbench.solvers.fem.block_matrix import NEIGHBOURS, BlockMatrix, neighbour_columns
-from shellbench.solvers.fem.dissection import Dissection
-from shellbench.solvers.fem.factor import NotPositiveDefiniteError, factorise
-from shellbench.solvers.fem.mesh import TensorMesh
+from shellbench.problems.shell.question.surface import Domain
+from shellbench.solvers.fem.algebra.block_matrix import NEIGHBOURS, BlockMatrix, neighbour_columns
+from shellbench.solvers.fem.algebra.dissection import Dissection
+from shellbench.solvers.fem.algebra.factor import NotPositiveDefiniteError, factorise
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from tests.alike import alike
 
 SIDES = st.integers(4, 17)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shellbench.solvers.fem.eigenpairs import BLOCK, NotFoundError, largest
+from shellbench.solvers.fem.algebra.eigenpairs import BLOCK, NotFoundError, largest
 
 PAIRS = np.repeat(1 / np.arange(1.0, 101.0) ** 2, 2)  # every eigenvalue twice
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shellbench.errors import InputError, SolveFailure
-from shellbench.solvers.fem import direct_solve
+from shellbench.solvers.fem.algebra import direct_solve
 from tests.solvers.fem.test_dissection import random_matrix
 
 

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.problems.shell.case import build_case, rotation_matrix
-from shellbench.problems.shell.conditions import Rotation
-from shellbench.solvers.fem.block_matrix import BlockMatrix, neighbour_columns
-from shellbench.solvers.fem.clamping import finite_clamps
-from shellbench.solvers.fem.large_displacement import solve
-from shellbench.solvers.fem.mesh import KINDS, TensorMesh
-from shellbench.solvers.fem.problem import FiniteProblem
-from shellbench.solvers.fem.quadrature import Quadrature
+from shellbench.problems.shell.question.conditions import Rotation
+from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix, neighbour_columns
+from shellbench.solvers.fem.mechanics.clamping import finite_clamps
+from shellbench.solvers.fem.mesh.mesh import KINDS, TensorMesh
+from shellbench.solvers.fem.mesh.quadrature import Quadrature
+from shellbench.solvers.fem.path.large_displacement import solve
+from shellbench.solvers.fem.path.problem import FiniteProblem
 from shellbench.solvers.fem.solver import FemSolver
 from tests.solvers.fem.shells import HYPAR, LARGEST, MATERIAL, shell
 

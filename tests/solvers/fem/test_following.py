@@ -3,17 +3,18 @@
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.problems.shell.measure import area_rule
-from shellbench.solvers.fem import large_displacement, motion
-from shellbench.solvers.fem.block_matrix import NEIGHBOURS, NODE_DOFS, BlockMatrix, neighbour_columns
-from shellbench.solvers.fem.following import FollowingPressure
-from shellbench.solvers.fem.grading import graded_mesh
-from shellbench.solvers.fem.loads import Loading
-from shellbench.solvers.fem.mesh import COMPONENTS, KINDS
-from shellbench.solvers.fem.problem import FiniteProblem
-from shellbench.solvers.fem.quadrature import Quadrature
-from shellbench.solvers.fem.strain_energy import StrainEnergy
+from shellbench.bench.catalogue import catalog
+from shellbench.problems.shell.quantities.measure import area_rule
+from shellbench.solvers.fem.algebra.block_matrix import NEIGHBOURS, NODE_DOFS, BlockMatrix, neighbour_columns
+from shellbench.solvers.fem.mechanics.loads import Loading
+from shellbench.solvers.fem.mechanics.strain_energy import StrainEnergy
+from shellbench.solvers.fem.mesh.grading import graded_mesh
+from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS
+from shellbench.solvers.fem.mesh.quadrature import Quadrature
+from shellbench.solvers.fem.motion import motion
+from shellbench.solvers.fem.path import large_displacement
+from shellbench.solvers.fem.path.following import FollowingPressure
+from shellbench.solvers.fem.path.problem import FiniteProblem
 from tests.solvers.fem.shells import EVERY_EDGE, shell
 from tests.solvers.fem.test_large_displacement import NONLINEAR, WALL, data_of, on_mesh, solve
 

@@ -5,7 +5,7 @@ import pytest
 from skfem import Basis, MeshQuad
 from skfem.element import ElementQuadBFS
 
-from shellbench.solvers.fem.mesh import CORNERS, KINDS, axis_functions, kind_scales, tabulate
+from shellbench.solvers.fem.mesh.mesh import CORNERS, KINDS, axis_functions, kind_scales, tabulate
 
 DERIVATIVES = [(0, 0), (1, 0), (0, 1), (2, 0), (0, 2), (1, 1)]
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from shellbench.solvers.fem.assembly import mass_matrix, spring_matrix, weighted_products
-from shellbench.solvers.fem.block_matrix import NODE_DOFS
-from shellbench.solvers.fem.mesh import KINDS, TensorMesh
-from shellbench.solvers.fem.quadrature import Quadrature
+from shellbench.solvers.fem.algebra.block_matrix import NODE_DOFS
+from shellbench.solvers.fem.mechanics.assembly import mass_matrix, spring_matrix, weighted_products
+from shellbench.solvers.fem.mesh.mesh import KINDS, TensorMesh
+from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from tests.solvers.fem.shells import HYPAR, LARGEST, MATERIAL, PolynomialField, shell
 
 PANEL = {"kind": "cylinder", "axis": "y", "radius": 2.0, "xi1": [10, 100], "xi2": [0, 3]}

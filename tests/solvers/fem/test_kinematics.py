@@ -10,9 +10,9 @@ import pytest
 import torch
 
 from shellbench.problems.shell.case import rotation_matrix
-from shellbench.problems.shell.conditions import Material, Rotation
-from shellbench.problems.shell.rigid import rigid_modes
-from shellbench.solvers.fem.kinematics import (
+from shellbench.problems.shell.posed.rigid import rigid_modes
+from shellbench.problems.shell.question.conditions import Material, Rotation
+from shellbench.solvers.fem.mechanics.kinematics import (
     DERIVATIVES,
     Deformation,
     Midsurface,

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import build_case
-from shellbench.solvers.fem import large_displacement
-from shellbench.solvers.fem.grading import graded_mesh
+from shellbench.solvers.fem.mesh.grading import graded_mesh
+from shellbench.solvers.fem.path import large_displacement
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.alike import alike
 from tests.solvers.fem.shells import LARGEST, MATERIAL, SURFACES, shell

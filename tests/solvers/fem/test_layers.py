@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.measure import measure_all
-from shellbench.solvers.fem.grading import axis_lines
-from shellbench.solvers.fem.layers import SHARE, THIN, layer_gradings, relative_layer
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.solvers.fem.mechanics.layers import SHARE, THIN, layer_gradings, relative_layer
+from shellbench.solvers.fem.mesh.grading import axis_lines
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 
 

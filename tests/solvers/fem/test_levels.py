@@ -5,12 +5,12 @@ from itertools import count
 
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import SolveFailure
 from shellbench.problem import Step
-from shellbench.problems.shell.measure import measure_all
-from shellbench.solvers.fem import large_displacement
-from shellbench.solvers.fem.grading import graded_mesh
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.solvers.fem.mesh.grading import graded_mesh
+from shellbench.solvers.fem.path import large_displacement
 from shellbench.solvers.fem.refinement import MOVING, levels
 from tests.solvers.fem.test_large_displacement import on_mesh
 

@@ -9,13 +9,13 @@ from scipy.integrate import dblquad, quad
 
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import rotation_matrix
-from shellbench.problems.shell.conditions import Rotation
-from shellbench.solvers.fem.block_matrix import NEIGHBOURS, NODE_DOFS, BlockMatrix, neighbour_columns
-from shellbench.solvers.fem.equilibrium import nodal_rigid_motions
-from shellbench.solvers.fem.grading import graded_mesh
-from shellbench.solvers.fem.loads import Loading, edge_moments
-from shellbench.solvers.fem.mesh import KINDS, TensorMesh
-from shellbench.solvers.fem.quadrature import Quadrature
+from shellbench.problems.shell.question.conditions import Rotation
+from shellbench.solvers.fem.algebra.block_matrix import NEIGHBOURS, NODE_DOFS, BlockMatrix, neighbour_columns
+from shellbench.solvers.fem.linear.equilibrium import nodal_rigid_motions
+from shellbench.solvers.fem.mechanics.loads import Loading, edge_moments
+from shellbench.solvers.fem.mesh.grading import graded_mesh
+from shellbench.solvers.fem.mesh.mesh import KINDS, TensorMesh
+from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.solvers.fem.shells import EVERY_EDGE, MATERIAL, MEAN, shell
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.solvers.fem.grading import axis_lines, graded_mesh, segment, singular_points
-from shellbench.solvers.fem.mesh import TensorMesh
+from shellbench.bench.catalogue import catalog
+from shellbench.solvers.fem.mesh.grading import axis_lines, graded_mesh, segment, singular_points
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from tests.solvers.fem.shells import CYLINDER, EVERY_EDGE, MEAN, shell
 
 POINTS = {"a": [1.2, 0.5], "b": [0.3, 0.25]}

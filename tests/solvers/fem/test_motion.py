@@ -7,12 +7,12 @@ import re
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.case import build_case
-from shellbench.problems.shell.measure import area_rule, measure, measure_all
-from shellbench.solvers.fem import motion, time_step
-from shellbench.solvers.fem.finite_state import NotConvergedError
+from shellbench.problems.shell.quantities.measure import area_rule, measure, measure_all
+from shellbench.solvers.fem.motion import motion, time_step
+from shellbench.solvers.fem.path.finite_state import NotConvergedError
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.solvers.fem.shells import LARGEST, MATERIAL, shell
 

@@ -7,11 +7,11 @@ import pytest
 
 from shellbench.errors import InputError
 from shellbench.problem import Step
-from shellbench.problems.shell.measure import measure
-from shellbench.problems.shell.quantities import MotionEnergy
-from shellbench.solvers.fem.mesh import TensorMesh
-from shellbench.solvers.fem.motion_solution import MotionSolution
-from shellbench.solvers.fem.solution import FemSolution
+from shellbench.problems.shell.quantities.measure import measure
+from shellbench.problems.shell.quantities.quantities import MotionEnergy
+from shellbench.solvers.fem.mechanics.solution import FemSolution
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
+from shellbench.solvers.fem.motion.motion_solution import MotionSolution
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.alike import alike
 from tests.solvers.fem.shells import LARGEST, MATERIAL, shell

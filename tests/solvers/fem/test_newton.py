@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.problems.shell.case import build_case
-from shellbench.solvers.fem.continuation import functional
-from shellbench.solvers.fem.factor import factorise
-from shellbench.solvers.fem.finite_state import Constraint, NotConvergedError
-from shellbench.solvers.fem.grading import graded_mesh
-from shellbench.solvers.fem.problem import FiniteProblem
-from shellbench.solvers.fem.quadrature import Quadrature
+from shellbench.solvers.fem.algebra.factor import factorise
+from shellbench.solvers.fem.mesh.grading import graded_mesh
+from shellbench.solvers.fem.mesh.quadrature import Quadrature
+from shellbench.solvers.fem.path.continuation import functional
+from shellbench.solvers.fem.path.finite_state import Constraint, NotConvergedError
+from shellbench.solvers.fem.path.problem import FiniteProblem
 
 TIGHT = 1e-20  # square of the last step's relative size: iterations go on to rounding
 PLATE, CURVED, ROOF, STRIP, RING = (

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from derivations.levy_roof import scordelis_lo
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.problems.shell.case import build_case
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 

@@ -6,13 +6,13 @@ import re
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.measuring import measured
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.store.measuring import measured
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.case import build_case
-from shellbench.problems.shell.measure import measure_all
-from shellbench.solvers.fem import large_displacement
-from shellbench.solvers.fem.grading import graded_mesh
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.solvers.fem.mesh.grading import graded_mesh
+from shellbench.solvers.fem.path import large_displacement
 from shellbench.solvers.fem.solver import FemSolver
 from tests.solvers.fem.shells import SURFACES, shell
 from tests.solvers.fem.test_large_displacement import DEFLECTION, NONLINEAR, WALL, data_of, on_mesh, path_of, solve

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from shellbench.bench import catalog
-from shellbench.solvers.fem.grading import graded_mesh
-from shellbench.solvers.fem.mesh import KINDS, TensorMesh
-from shellbench.solvers.fem.quadrature import Quadrature
-from shellbench.solvers.fem.rigid_motions import Revolution
-from shellbench.solvers.fem.strain_energy import StrainEnergy
+from shellbench.bench.catalogue import catalog
+from shellbench.solvers.fem.mechanics.rigid_motions import Revolution
+from shellbench.solvers.fem.mechanics.strain_energy import StrainEnergy
+from shellbench.solvers.fem.mesh.grading import graded_mesh
+from shellbench.solvers.fem.mesh.mesh import KINDS, TensorMesh
+from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from tests.solvers.fem.shells import CYLINDER, LARGEST, shell
 
 TWIST = catalog.named_case("sleeve_twist")

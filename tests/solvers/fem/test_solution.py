@@ -7,8 +7,8 @@ import pytest
 
 from shellbench.errors import InputError
 from shellbench.problem import FIELDS
-from shellbench.solvers.fem.grading import graded_mesh
-from shellbench.solvers.fem.solution import FemSolution
+from shellbench.solvers.fem.mechanics.solution import FemSolution
+from shellbench.solvers.fem.mesh.grading import graded_mesh
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.alike import alike
 from tests.solvers.fem.shells import EVERY_EDGE, EVERY_MOTION, TORUS, shell, surface_points

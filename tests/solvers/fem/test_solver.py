@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.case import build_case
-from shellbench.solvers.fem import direct_solve, equilibrium, solving
-from shellbench.solvers.fem.grading import graded_mesh
+from shellbench.solvers.fem import solving
+from shellbench.solvers.fem.algebra import direct_solve
+from shellbench.solvers.fem.linear import equilibrium
+from shellbench.solvers.fem.mesh.grading import graded_mesh
 from shellbench.solvers.fem.refinement import first_level, level_cells
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.solvers.fem.shells import EVERY_EDGE, EVERY_MOTION, LARGEST, MATERIAL, shell

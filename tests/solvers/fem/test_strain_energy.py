@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from shellbench.problems.shell.case import rotation_matrix
-from shellbench.problems.shell.conditions import Rotation
-from shellbench.solvers.fem.assembly import stiffness
-from shellbench.solvers.fem.block_matrix import NODE_DOFS
-from shellbench.solvers.fem.mesh import KINDS, TensorMesh
-from shellbench.solvers.fem.quadrature import Quadrature
-from shellbench.solvers.fem.strain_energy import CELLS, StrainEnergy
+from shellbench.problems.shell.question.conditions import Rotation
+from shellbench.solvers.fem.algebra.block_matrix import NODE_DOFS
+from shellbench.solvers.fem.mechanics.assembly import stiffness
+from shellbench.solvers.fem.mechanics.strain_energy import CELLS, StrainEnergy
+from shellbench.solvers.fem.mesh.mesh import KINDS, TensorMesh
+from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from tests.alike import alike
 from tests.solvers.fem.shells import SURFACES, PolynomialField, shell
 

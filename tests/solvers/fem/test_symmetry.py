@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.problem import FIELDS
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.mirror_frame import in_frame_of_mirrors
-from shellbench.problems.shell.placing import ASKEW, placed_data, turning
-from shellbench.solvers.fem import folding
-from shellbench.solvers.fem.grading import graded_mesh
+from shellbench.problems.shell.symmetry.mirror_frame import in_frame_of_mirrors
+from shellbench.problems.shell.variants.placing import ASKEW, placed_data, turning
+from shellbench.solvers.fem.linear import folding
+from shellbench.solvers.fem.linear.symmetry import SYMMETRIC, FoldedMesh
+from shellbench.solvers.fem.mesh.grading import graded_mesh
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
-from shellbench.solvers.fem.symmetry import SYMMETRIC, FoldedMesh
 from tests.solvers.fem.shells import EVERY_EDGE, EVERY_MOTION, TORUS, shell, surface_points
 
 PIN = {"name": "rim", "on": EVERY_EDGE}

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from shellbench.solvers.fem.factor import factorise
-from shellbench.solvers.fem.finite_state import NotConvergedError
-from shellbench.solvers.fem.generalised_alpha import Instant, Scheme
-from shellbench.solvers.fem.mesh import TensorMesh
-from shellbench.solvers.fem.problem import FiniteProblem
-from shellbench.solvers.fem.quadrature import Quadrature
-from shellbench.solvers.fem.time_step import MovingShell, _Minimum
+from shellbench.solvers.fem.algebra.factor import factorise
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
+from shellbench.solvers.fem.mesh.quadrature import Quadrature
+from shellbench.solvers.fem.motion.generalised_alpha import Instant, Scheme
+from shellbench.solvers.fem.motion.time_step import MovingShell, _Minimum
+from shellbench.solvers.fem.path.finite_state import NotConvergedError
+from shellbench.solvers.fem.path.problem import FiniteProblem
 from tests.solvers.fem.shells import LARGEST, MATERIAL, shell
 
 G, DENSITY = 9.8, MATERIAL["areal_density"]

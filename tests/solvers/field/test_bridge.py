@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from derivations.bridge_plate import bridge_plate, levy
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.problems.field import structure
 from shellbench.solvers.field.solver import GridSolver
 

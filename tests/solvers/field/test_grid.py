@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.field.case import FieldCase
 from shellbench.problems.field.structure import bend, corners, strain

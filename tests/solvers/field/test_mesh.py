@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.problems.field.case import FieldCase
 from shellbench.solvers.field.basis import matrix
 from shellbench.solvers.field.direct import freed, held, span_of

@@ -7,7 +7,7 @@ import pytest
 import torch
 from scipy.stats import chi2
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.problems.field.case import FieldCase
 from shellbench.problems.field.structure import bend, corners, lattice, strain
 from shellbench.solvers.field.field import LayeredField

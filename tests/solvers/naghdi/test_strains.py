@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.problems.shell.case import Case, build_case
 from shellbench.solvers.naghdi.strains import Frame
 

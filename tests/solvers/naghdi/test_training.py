@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
-from shellbench.bench.registry import load_solver, solver_entries
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.plugins.registry import load_solver, solver_entries
 from shellbench.errors import InputError
-from shellbench.problems.shell.measure import measure_all
+from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.solvers.naghdi.network import ACTIVATIONS, Fields, Shape
 from shellbench.solvers.naghdi.solution import Check, NaghdiSolution, gauss_points
 from shellbench.solvers.naghdi.solver import NaghdiSettings, NaghdiSolver

@@ -3,8 +3,8 @@
 from dataclasses import replace
 from functools import cache
 
-from shellbench.bench import catalog
-from shellbench.bench.reference import Tolerance
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.reference import Tolerance
 from shellbench.solvers.ndf.conditioned_solver import ConditionedFieldSolver, ConditionedSettings
 
 PLATE = "conditioned_plate"

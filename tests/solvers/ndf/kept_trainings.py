@@ -13,15 +13,15 @@ import sys
 import tempfile
 from pathlib import Path
 
-from shellbench.bench.catalog import named_case
-from shellbench.bench.identity import current_source
-from shellbench.bench.record import Record
-from shellbench.bench.registry import find_solver
-from shellbench.bench.store import Store
+from shellbench.bench.catalogue.catalog import named_case
+from shellbench.bench.plugins.registry import find_solver
+from shellbench.bench.store.identity import current_source
+from shellbench.bench.store.record import Record
+from shellbench.bench.store.store import Store
 from shellbench.problem import Progress, Step
-from shellbench.solvers.ndf.checkpoint import read_checkpoint
+from shellbench.solvers.ndf.published.checkpoint import read_checkpoint
+from shellbench.solvers.ndf.published.published_training import RECORD, why_collapsed
 from shellbench.solvers.ndf.published_solver import PublishedSettings, PublishedSolver, own_checkpoint
-from shellbench.solvers.ndf.published_training import RECORD, why_collapsed
 from tests.solvers.ndf.trainings import sampler_of, trained
 
 FOLDER, REPAIRED = (Path(__file__).parents[3] / f"reports/{name}" for name in ("published", "replication"))

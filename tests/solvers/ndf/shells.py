@@ -3,7 +3,7 @@
 import numpy as np
 
 from shellbench.problems.shell.case import build_case
-from shellbench.problems.shell.conditions import PointLoad
+from shellbench.problems.shell.question.loads import PointLoad
 
 SURFACES = {
     "plane": {"kind": "plane", "xi1": [0, 2], "xi2": [-1, 1]},

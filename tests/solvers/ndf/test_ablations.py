@@ -5,17 +5,17 @@ import pytest
 import torch
 from pydantic import ValidationError
 
-from shellbench.bench.catalog import find_suite, known_values, named_case
+from shellbench.bench.catalogue.catalog import find_suite, known_values, named_case
 from shellbench.errors import InputError, SolveFailure
-from shellbench.problems.shell.measure import measure
-from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
-from shellbench.solvers.ndf.field import Field
-from shellbench.solvers.ndf.jets import D11, D12, D22, VALUE, Placement
-from shellbench.solvers.ndf.network import Network, random_features
+from shellbench.problems.shell.quantities.measure import measure
+from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.field.field import Field
+from shellbench.solvers.ndf.field.jets import D11, D12, D22, VALUE, Placement
+from shellbench.solvers.ndf.field.network import Network, random_features
+from shellbench.solvers.ndf.field.quadrature import RuleSpec
+from shellbench.solvers.ndf.linear.signs import Signs, refusal, unseen_turning
 from shellbench.solvers.ndf.published_solver import PublishedSettings
-from shellbench.solvers.ndf.quadrature import RuleSpec
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
-from shellbench.solvers.ndf.signs import Signs, refusal, unseen_turning
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from tests.alike import alike, same_tensors
 from tests.solvers.ndf.shells import inner_points, shell, support

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from shellbench.errors import InputError
-from shellbench.problems.shell.measure import measure_all
-from shellbench.solvers.ndf.bspline import rule_of
-from shellbench.solvers.ndf.bspline_solution import SplineSolution, splines_of
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.solvers.ndf.bspline.bspline import rule_of
+from shellbench.solvers.ndf.bspline.bspline_solution import SplineSolution, splines_of
+from shellbench.solvers.ndf.bspline.splines import Line, Splines
 from shellbench.solvers.ndf.bspline_solver import SplineSettings, SplineSolver
-from shellbench.solvers.ndf.jets import Placement
-from shellbench.solvers.ndf.splines import Line, Splines
+from shellbench.solvers.ndf.field.jets import Placement
 from tests.solvers.ndf.shells import differences, shell, support
 
 GRADED = np.array([0.0, 0.1, 0.3, 0.6, 0.6, 1.2, 2.0])

@@ -5,10 +5,10 @@ import pytest
 import torch
 
 from shellbench.errors import SolveFailure
-from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs
-from shellbench.solvers.ndf.jets import Placement
-from shellbench.solvers.ndf.network import random_features
-from shellbench.solvers.ndf.sampled import Combined, independent
+from shellbench.solvers.ndf.field.build import FieldSpec, build_features, build_inputs
+from shellbench.solvers.ndf.field.jets import Placement
+from shellbench.solvers.ndf.field.network import random_features
+from shellbench.solvers.ndf.strains.sampled import Combined, independent
 from tests.solvers.ndf.shells import inner_points, shell
 
 PLACEMENT = Placement()

@@ -4,12 +4,18 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
 from shellbench.problems.conditioned.case import Material
 from shellbench.problems.conditioned.solving import stepped
-from shellbench.solvers.ndf.affine import Equations
-from shellbench.solvers.ndf.build import (
+from shellbench.solvers.ndf.conditioned.affine import Equations
+from shellbench.solvers.ndf.conditioned.conditioned import ConditionedField
+from shellbench.solvers.ndf.conditioned.reduced import stiffness_rates, stiffnesses
+from shellbench.solvers.ndf.conditioned_published_solver import (
+    ConditionedPublishedSettings,
+    ConditionedPublishedSolver,
+)
+from shellbench.solvers.ndf.field.build import (
     FieldSpec,
     build_ansatz,
     build_features,
@@ -17,17 +23,11 @@ from shellbench.solvers.ndf.build import (
     graded_points,
     resolution,
 )
-from shellbench.solvers.ndf.conditioned import ConditionedField
-from shellbench.solvers.ndf.conditioned_published import drawn_material
-from shellbench.solvers.ndf.conditioned_published_solver import (
-    ConditionedPublishedSettings,
-    ConditionedPublishedSolver,
-)
-from shellbench.solvers.ndf.energy import concentrated, normal_equations
-from shellbench.solvers.ndf.jets import Placement
-from shellbench.solvers.ndf.network import random_features
-from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
-from shellbench.solvers.ndf.reduced import stiffness_rates, stiffnesses
+from shellbench.solvers.ndf.field.jets import Placement
+from shellbench.solvers.ndf.field.network import random_features
+from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
+from shellbench.solvers.ndf.published.conditioned_published import drawn_material
+from shellbench.solvers.ndf.strains.energy import concentrated, normal_equations
 from tests.solvers.ndf.conditioned import missed, small_field
 
 SPEC, RULE = FieldSpec(slopes="rows", edge_stretched=True), RuleSpec((3, 3), 4)

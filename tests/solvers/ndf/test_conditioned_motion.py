@@ -4,15 +4,21 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
 from shellbench.problems.conditioned.solving import stepped
-from shellbench.solvers.ndf import conditioned_motion
-from shellbench.solvers.ndf import plane_motion as mechanics
-from shellbench.solvers.ndf.conditioned_motion import ConditionedMotion, Polynomials, asked_of, doubt, why_unsettled
+from shellbench.solvers.ndf.conditioned import conditioned_motion
+from shellbench.solvers.ndf.conditioned import plane_motion as mechanics
+from shellbench.solvers.ndf.conditioned.conditioned_motion import (
+    ConditionedMotion,
+    Polynomials,
+    asked_of,
+    doubt,
+    why_unsettled,
+)
+from shellbench.solvers.ndf.conditioned.plane_motion import PlaneMotion, coordinates, features_of, plane_motion
 from shellbench.solvers.ndf.conditioned_solver import ConditionedFieldSolver, ConditionedSettings
-from shellbench.solvers.ndf.plane_motion import PlaneMotion, coordinates, features_of, plane_motion
-from shellbench.solvers.ndf.sampled import widest
+from shellbench.solvers.ndf.strains.sampled import widest
 from tests.solvers.ndf.conditioned import missed
 
 NAME = "conditioned_napkin"

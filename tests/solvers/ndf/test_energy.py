@@ -7,7 +7,12 @@ import pytest
 import torch
 
 from shellbench.errors import InputError, SolveFailure
-from shellbench.solvers.ndf.energy import (
+from shellbench.solvers.ndf.field.field import Field
+from shellbench.solvers.ndf.field.jets import Placement
+from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
+from shellbench.solvers.ndf.field.supports import check_balance, concentrated_forces, force_density
+from shellbench.solvers.ndf.linear.solve import point_constraints, potential_energy, solve_output, solve_part
+from shellbench.solvers.ndf.strains.energy import (
     NormalEquations,
     certify,
     concentrated,
@@ -15,11 +20,6 @@ from shellbench.solvers.ndf.energy import (
     normal_equations,
     rigid_part,
 )
-from shellbench.solvers.ndf.field import Field
-from shellbench.solvers.ndf.jets import Placement
-from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
-from shellbench.solvers.ndf.solve import point_constraints, potential_energy, solve_output, solve_part
-from shellbench.solvers.ndf.supports import check_balance, concentrated_forces, force_density
 from tests.solvers.ndf.shells import FREE, shell, support
 from tests.solvers.ndf.test_factors import CASES, random_field
 

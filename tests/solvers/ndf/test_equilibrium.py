@@ -7,13 +7,13 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, graded_points
-from shellbench.solvers.ndf.equilibrium import Basis, NotConvergedError, PathProblem
-from shellbench.solvers.ndf.field import Field
-from shellbench.solvers.ndf.jets import Placement
-from shellbench.solvers.ndf.network import random_features
-from shellbench.solvers.ndf.newton import Constraint, PathState, Tangent, drift, equilibrium, on_path
-from shellbench.solvers.ndf.quadrature import RuleSpec
+from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs, graded_points
+from shellbench.solvers.ndf.field.field import Field
+from shellbench.solvers.ndf.field.jets import Placement
+from shellbench.solvers.ndf.field.network import random_features
+from shellbench.solvers.ndf.field.quadrature import RuleSpec
+from shellbench.solvers.ndf.path.equilibrium import Basis, NotConvergedError, PathProblem
+from shellbench.solvers.ndf.path.newton import Constraint, PathState, Tangent, drift, equilibrium, on_path
 from tests.solvers.ndf.shells import FREE, inner_points, shell, support, with_force
 
 PLACEMENT = Placement()

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
-from shellbench.solvers.ndf.declines import violations, why_declined
-from shellbench.solvers.ndf.factors import Lift
-from shellbench.solvers.ndf.field import Field
-from shellbench.solvers.ndf.jets import VALUE, Placement
-from shellbench.solvers.ndf.network import random_features
-from shellbench.solvers.ndf.supports import edge_samples, edge_supports
+from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.field.factors import Lift
+from shellbench.solvers.ndf.field.field import Field
+from shellbench.solvers.ndf.field.jets import VALUE, Placement
+from shellbench.solvers.ndf.field.network import random_features
+from shellbench.solvers.ndf.field.supports import edge_samples, edge_supports
+from shellbench.solvers.ndf.linear.declines import violations, why_declined
 from tests.solvers.ndf.shells import FREE, differences, inner_points, shell, support
 
 PLACEMENT = Placement()

@@ -3,14 +3,14 @@
 import numpy as np
 import torch
 
-from shellbench.problems.shell.measure import area_rule
-from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
-from shellbench.solvers.ndf.declines import why_not_moved
-from shellbench.solvers.ndf.equilibrium import PathProblem
-from shellbench.solvers.ndf.jets import Placement
-from shellbench.solvers.ndf.network import random_features
-from shellbench.solvers.ndf.paths import why_not_followed
-from shellbench.solvers.ndf.quadrature import RuleSpec
+from shellbench.problems.shell.quantities.measure import area_rule
+from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.field.jets import Placement
+from shellbench.solvers.ndf.field.network import random_features
+from shellbench.solvers.ndf.field.paths import why_not_followed
+from shellbench.solvers.ndf.field.quadrature import RuleSpec
+from shellbench.solvers.ndf.linear.declines import why_not_moved
+from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from tests.solvers.ndf.test_large_displacement import STRIP, UP, WALL, solve, strip
 
 PRESSED = {"kind": "pressure", "value": "4*t*(1 + xi1*xi2)", "follows": True}

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.problems.shell.rigid import rigid_modes
-from shellbench.solvers.ndf.geometry import (
+from shellbench.problems.shell.posed.rigid import rigid_modes
+from shellbench.solvers.ndf.field.geometry import (
     apply_rows,
     contravariant_basis_jet,
     energy_rows,
@@ -15,8 +15,8 @@ from shellbench.solvers.ndf.geometry import (
     strain_rows,
     through_matrix,
 )
-from shellbench.solvers.ndf.jets import D1, D2, Placement, from_derivatives, matrix_product
-from shellbench.solvers.ndf.strain_measures import Undeformed, stresses
+from shellbench.solvers.ndf.field.jets import D1, D2, Placement, from_derivatives, matrix_product
+from shellbench.solvers.ndf.strains.strain_measures import Undeformed, stresses
 from tests.solvers.ndf.shells import SURFACES, differences, inner_points, shell
 
 PLACEMENT = Placement()

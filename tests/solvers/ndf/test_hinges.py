@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from shellbench.solvers.ndf.hinges import ALONG, ENDS, MIDDLE, Hinges, hinges_of
-from shellbench.solvers.ndf.jets import Placement
+from shellbench.solvers.ndf.field.hinges import ALONG, ENDS, MIDDLE, Hinges, hinges_of
+from shellbench.solvers.ndf.field.jets import Placement
 from tests.solvers.ndf.shells import differences, shell
 
 WIDTH = 0.02

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.solvers.ndf.build import resolution, rung, rung_count
-from shellbench.solvers.ndf.field import FixedFeatures
-from shellbench.solvers.ndf.geometry import side_lengths
-from shellbench.solvers.ndf.inputs import Inputs, edge_layers, foci
-from shellbench.solvers.ndf.jets import D1, Placement
-from shellbench.solvers.ndf.supports import edge_samples, edge_supports
+from shellbench.solvers.ndf.field.build import resolution, rung, rung_count
+from shellbench.solvers.ndf.field.field import FixedFeatures
+from shellbench.solvers.ndf.field.geometry import side_lengths
+from shellbench.solvers.ndf.field.inputs import Inputs, edge_layers, foci
+from shellbench.solvers.ndf.field.jets import D1, Placement
+from shellbench.solvers.ndf.field.supports import edge_samples, edge_supports
 from tests.solvers.ndf.shells import FREE, differences, inner_points, shell, support, with_force
 
 PLACEMENT = Placement()

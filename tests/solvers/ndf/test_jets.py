@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
-from shellbench.solvers.ndf import jets
-from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
-from shellbench.solvers.ndf.declines import why_declined
-from shellbench.solvers.ndf.jets import (
+from shellbench.solvers.ndf.field import jets
+from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.field.jets import (
     ACTIVATIONS,
     D1,
     D2,
@@ -23,7 +22,8 @@ from shellbench.solvers.ndf.jets import (
     activation,
     smooth_activation,
 )
-from shellbench.solvers.ndf.network import Network, random_features, siren
+from shellbench.solvers.ndf.field.network import Network, random_features, siren
+from shellbench.solvers.ndf.linear.declines import why_declined
 from tests.families import with_something_new
 
 PLACEMENT = Placement()

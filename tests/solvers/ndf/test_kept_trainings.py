@@ -4,11 +4,11 @@ import shutil
 
 import pytest
 
-from shellbench.bench.catalog import named_case
-from shellbench.bench.identity import current_source
-from shellbench.bench.measuring import history_of
-from shellbench.bench.registry import find_solver
-from shellbench.bench.store import Store
+from shellbench.bench.catalogue.catalog import named_case
+from shellbench.bench.plugins.registry import find_solver
+from shellbench.bench.store.identity import current_source
+from shellbench.bench.store.measuring import history_of
+from shellbench.bench.store.store import Store
 from tests.solvers.ndf.kept_trainings import ALIKE, BEGINNING, FOLDER, departure, judged, take_over, taken_over
 from tests.solvers.ndf.trainings import small, trained
 

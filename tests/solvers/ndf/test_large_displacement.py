@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_bvp
 
-from shellbench.bench.catalog import known_values, named_case, tolerance
+from shellbench.bench.catalogue.catalog import known_values, named_case, tolerance
 from shellbench.errors import InputError, SolveFailure
-from shellbench.problems.shell.measure import measure_all
-from shellbench.problems.shell.path import Path
-from shellbench.solvers.ndf.paths import why_not_followed
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.problems.shell.question.path import Path
+from shellbench.solvers.ndf.field.paths import why_not_followed
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from tests.alike import REPEATED, alike

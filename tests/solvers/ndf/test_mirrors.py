@@ -6,18 +6,25 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.problems.shell.case import build_case
-from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, built_in, focal_points
-from shellbench.solvers.ndf.energy import certify, concentrated, normal_equations
-from shellbench.solvers.ndf.field import Field
-from shellbench.solvers.ndf.jets import D1, D2, D11, D12, D22, VALUE, Placement
-from shellbench.solvers.ndf.mirrors import mirrors_of
-from shellbench.solvers.ndf.network import random_features
-from shellbench.solvers.ndf.quadrature import Rule, RuleSpec
-from shellbench.solvers.ndf.solution import NdfSolution
+from shellbench.solvers.ndf.field.build import (
+    FieldSpec,
+    build_ansatz,
+    build_features,
+    build_inputs,
+    built_in,
+    focal_points,
+)
+from shellbench.solvers.ndf.field.field import Field
+from shellbench.solvers.ndf.field.jets import D1, D2, D11, D12, D22, VALUE, Placement
+from shellbench.solvers.ndf.field.mirrors import mirrors_of
+from shellbench.solvers.ndf.field.network import random_features
+from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec
+from shellbench.solvers.ndf.linear.solution import NdfSolution
+from shellbench.solvers.ndf.strains.energy import certify, concentrated, normal_equations
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
-from shellbench.solvers.ndf.training import default_plan_widths
+from shellbench.solvers.ndf.training.training import default_plan_widths
 
 SPEC = FieldSpec(mirrors=True)
 LOOKING = SPEC.model_copy(update={"edge_stretched": True, "detail": 1})  # as challengers do: edges map to each other

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.bench.catalog import named_case
+from shellbench.bench.catalogue.catalog import named_case
 from shellbench.errors import InputError, SolveFailure
-from shellbench.problems.shell.measure import measure
-from shellbench.solvers.ndf import integration, motion
-from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs
-from shellbench.solvers.ndf.jets import Placement
-from shellbench.solvers.ndf.motion_solution import MotionSolution
-from shellbench.solvers.ndf.network import random_features
+from shellbench.problems.shell.quantities.measure import measure
+from shellbench.solvers.ndf.field.build import FieldSpec, build_features, build_inputs
+from shellbench.solvers.ndf.field.jets import Placement
+from shellbench.solvers.ndf.field.network import random_features
+from shellbench.solvers.ndf.motion import integration, motion
+from shellbench.solvers.ndf.motion.motion_solution import MotionSolution
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
-from shellbench.solvers.ndf.sampled import scales, widest
+from shellbench.solvers.ndf.strains.sampled import scales, widest
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from tests.alike import alike
 from tests.solvers.ndf.shells import shell, support

@@ -8,9 +8,9 @@ from safetensors.torch import load_file, save_file
 
 from shellbench.errors import InputError
 from shellbench.problem import FIELDS
-from shellbench.problems.shell.measure import measure_all
-from shellbench.solvers.ndf.integration import RTOL
-from shellbench.solvers.ndf.motion_solution import Course, quintic
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.solvers.ndf.motion.integration import RTOL
+from shellbench.solvers.ndf.motion.motion_solution import Course, quintic
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from tests.alike import alike, same_tensors
 from tests.solvers.ndf.test_motion import GRID, PIN, moving, solve

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.solvers.ndf import patches
-from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
-from shellbench.solvers.ndf.field import Field
-from shellbench.solvers.ndf.jets import Placement
-from shellbench.solvers.ndf.network import Network
-from shellbench.solvers.ndf.patches import Recovery
-from shellbench.solvers.ndf.resultants import resultants
+from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.field.field import Field
+from shellbench.solvers.ndf.field.jets import Placement
+from shellbench.solvers.ndf.field.network import Network
+from shellbench.solvers.ndf.linear import patches
+from shellbench.solvers.ndf.linear.patches import Recovery
+from shellbench.solvers.ndf.strains.resultants import resultants
 from tests.solvers.ndf.shells import MATERIAL, shell, support
 
 LOAD, LENGTH, ERROR, STEEP = 3.0, 2.0, 1e-2, 10.0

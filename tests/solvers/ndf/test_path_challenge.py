@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from shellbench.bench.catalog import known_values, named_case
-from shellbench.problems.shell.measure import measure_all
-from shellbench.solvers.ndf import large_displacement, path_challenge
-from shellbench.solvers.ndf.newton import PathState, equilibrium
-from shellbench.solvers.ndf.path_challenge import Challenge, _share_of_work, challenged
-from shellbench.solvers.ndf.refinement import SAFETY
+from shellbench.bench.catalogue.catalog import known_values, named_case
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.solvers.ndf.linear.refinement import SAFETY
+from shellbench.solvers.ndf.path import large_displacement, path_challenge
+from shellbench.solvers.ndf.path.newton import PathState, equilibrium
+from shellbench.solvers.ndf.path.path_challenge import Challenge, _share_of_work, challenged
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 
 NAME = "square_plate_nonlinear"

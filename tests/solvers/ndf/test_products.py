@@ -5,13 +5,14 @@ import pytest
 import torch
 
 from shellbench.errors import InputError
-from shellbench.solvers.ndf import integration, motion, ritz
-from shellbench.solvers.ndf.build import FieldSpec, build_inputs
-from shellbench.solvers.ndf.jets import Placement
-from shellbench.solvers.ndf.motion_parts import Table
-from shellbench.solvers.ndf.products import Products, product_features, why_no_products
+from shellbench.solvers.ndf import ritz
+from shellbench.solvers.ndf.field.build import FieldSpec, build_inputs
+from shellbench.solvers.ndf.field.jets import Placement
+from shellbench.solvers.ndf.motion import integration, motion
+from shellbench.solvers.ndf.motion.motion_parts import Table
+from shellbench.solvers.ndf.motion.products import Products, product_features, why_no_products
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
-from shellbench.solvers.ndf.sampled import LONG_SHARE
+from shellbench.solvers.ndf.strains.sampled import LONG_SHARE
 from tests.alike import alike, same_tensors
 from tests.solvers.ndf.shells import shell, support
 from tests.solvers.ndf.test_motion import GRID, PIN, RHO, mean_displacement, moving

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.bench.catalog import named_case
+from shellbench.bench.catalogue.catalog import named_case
 from shellbench.errors import InputError, SolveFailure
-from shellbench.problems.shell.measure import measure
-from shellbench.solvers.ndf.jets import Placement
-from shellbench.solvers.ndf.published_network import InputScale, initial_siren
-from shellbench.solvers.ndf.published_samples import Sample, stratified_samples, usual_modulus_factor
+from shellbench.problems.shell.quantities.measure import measure
+from shellbench.solvers.ndf.field.jets import Placement
+from shellbench.solvers.ndf.published.published_network import InputScale, initial_siren
+from shellbench.solvers.ndf.published.published_samples import Sample, stratified_samples, usual_modulus_factor
+from shellbench.solvers.ndf.published.published_training import RECORD, STRETCH, why_collapsed
 from shellbench.solvers.ndf.published_solver import PublishedSettings, PublishedSolver
-from shellbench.solvers.ndf.published_training import RECORD, STRETCH, why_collapsed
 from tests.alike import SINGLE, alike, same_tensors
 from tests.solvers.ndf.nested import diaphragm_factor, nested_loss, plate_factor
 from tests.solvers.ndf.shells import inner_points, shell, support
@@ -195,7 +195,7 @@ def test_a_training_killed_while_writing_leaves_the_older_checkpoint(tmp_path, m
         path.write_bytes(before[: len(before) // 2])
         raise Interrupted
 
-    monkeypatch.setattr("shellbench.solvers.ndf.weights.save_file", half_written)
+    monkeypatch.setattr("shellbench.solvers.ndf.field.weights.save_file", half_written)
     with pytest.raises(Interrupted):
         trained(PLATE, settings)
     assert [path.read_bytes() for path in tmp_path.iterdir()] == [before]
@@ -269,7 +269,7 @@ def test_a_training_that_is_thrown_off_has_failed_and_keeps_its_course(monkeypat
     """What happened to the free cylinder: a jump of the weights, after which the energy stays above rest."""
     every, good = 5, 150
     jolt_after(monkeypatch, good)
-    monkeypatch.setattr("shellbench.solvers.ndf.published_training.RECORD", every)
+    monkeypatch.setattr("shellbench.solvers.ndf.published.published_training.RECORD", every)
     with pytest.raises(
         SolveFailure, match=r"^the training collapsed: .* is not below rest, but was at least"
     ) as failed:

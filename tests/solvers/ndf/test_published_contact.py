@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.solvers.ndf.published import why_not
-from shellbench.solvers.ndf.published_contact import MARGIN, WEIGHT, collision, pressing
+from shellbench.solvers.ndf.published.published import why_not
+from shellbench.solvers.ndf.published.published_contact import MARGIN, WEIGHT, collision, pressing
 from tests.solvers.ndf.motions import NAPKIN, G, gravity, moving
 from tests.solvers.ndf.test_published_motion_loss import sampler_of
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.bench.catalog import named_case
-from shellbench.solvers.ndf.jets import Placement
-from shellbench.solvers.ndf.published_network import SIGMA, PublishedFactors
+from shellbench.bench.catalogue.catalog import named_case
+from shellbench.solvers.ndf.field.jets import Placement
+from shellbench.solvers.ndf.published.published_network import SIGMA, PublishedFactors
 from tests.solvers.ndf.shells import FREE, differences, inner_points, shell
 
 PLACEMENT = Placement()

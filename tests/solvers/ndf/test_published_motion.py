@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.bench.catalog import named_case
+from shellbench.bench.catalogue.catalog import named_case
 from shellbench.errors import InputError, SolveFailure
-from shellbench.problems.shell.measure import measure_all
-from shellbench.solvers.ndf.published_motion import SpaceTime
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.solvers.ndf.published.published_motion import SpaceTime
+from shellbench.solvers.ndf.published.published_training import RECORD
 from shellbench.solvers.ndf.published_solver import PublishedSolver
-from shellbench.solvers.ndf.published_training import RECORD
 from tests.alike import SINGLE, alike
 from tests.solvers.ndf.motions import NAPKIN, SLEEVE, G, gravity, moving
 from tests.solvers.ndf.shells import inner_points, shell, support, with_force

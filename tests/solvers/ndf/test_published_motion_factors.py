@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from shellbench.bench.catalog import named_case
-from shellbench.solvers.ndf.jets import Placement
-from shellbench.solvers.ndf.published_motion_field import SoftSupports
+from shellbench.bench.catalogue.catalog import named_case
+from shellbench.solvers.ndf.field.jets import Placement
+from shellbench.solvers.ndf.published.published_motion_field import SoftSupports
 from tests.solvers.ndf.motions import NAPKIN, SLEEVE, moving
 from tests.solvers.ndf.shells import differences, inner_points, support
 from tests.solvers.ndf.trainings import small, trained

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.bench.catalog import named_case
-from shellbench.solvers.ndf.geometry import geometry
-from shellbench.solvers.ndf.jets import Placement
-from shellbench.solvers.ndf.published_motion import MotionSampler, SpaceTime, stratified_times
-from shellbench.solvers.ndf.published_motion_field import Ansatz, MotionField
-from shellbench.solvers.ndf.published_network import initial_siren
-from shellbench.solvers.ndf.published_samples import stratified_samples
-from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
+from shellbench.bench.catalogue.catalog import named_case
+from shellbench.solvers.ndf.field.geometry import geometry
+from shellbench.solvers.ndf.field.jets import Placement
+from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
+from shellbench.solvers.ndf.published.published_motion import MotionSampler, SpaceTime, stratified_times
+from shellbench.solvers.ndf.published.published_motion_field import Ansatz, MotionField
+from shellbench.solvers.ndf.published.published_network import initial_siren
+from shellbench.solvers.ndf.published.published_samples import stratified_samples
 from tests.alike import alike
 from tests.solvers.ndf.motions import NAPKIN, G, gravity, moving
 from tests.solvers.ndf.shells import inner_points, support

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from shellbench.problems.shell.places import Edge
-from shellbench.problems.shell.surface import Domain
-from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule, edge_rule, line_rule, panel_ends
+from shellbench.problems.shell.question.places import Edge
+from shellbench.problems.shell.question.surface import Domain
+from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule, edge_rule, line_rule, panel_ends
 
 SQUARE = Domain((0.0, -1.0), (2.0, 1.0), (False, False), (False, False))
 RING = Domain((0.0, 0.0), (2 * math.pi, 1.0), (True, False), (True, False))

@@ -9,13 +9,13 @@ from scipy.spatial.transform import Rotation
 
 from shellbench.errors import InputError
 from shellbench.problem import answerable, declined_quantities
-from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
-from shellbench.solvers.ndf.energy import mirrored
-from shellbench.solvers.ndf.jets import Placement, from_derivatives
-from shellbench.solvers.ndf.network import random_features
-from shellbench.solvers.ndf.quadrature import RuleSpec
-from shellbench.solvers.ndf.reaction import edge_moments
+from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.field.jets import Placement, from_derivatives
+from shellbench.solvers.ndf.field.network import random_features
+from shellbench.solvers.ndf.field.quadrature import RuleSpec
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
+from shellbench.solvers.ndf.strains.energy import mirrored
+from shellbench.solvers.ndf.strains.reaction import edge_moments
 from tests.solvers.ndf.shells import shell, support
 
 PLACEMENT = Placement()

@@ -10,18 +10,17 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.bench.catalog import known_values, named_case
-from shellbench.problems.shell.measure import measure_all
-from shellbench.problems.shell.surface import Domain
-from shellbench.solvers.ndf import answer, static
-from shellbench.solvers.ndf.answer import Answer, Solved
-from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, unevenness
-from shellbench.solvers.ndf.corners import EXPONENTS, CornerPowers, held_corners
-from shellbench.solvers.ndf.energy import concentrated, normal_equations
-from shellbench.solvers.ndf.jets import D1, D2, D11, D12, D22, VALUE, Placement
-from shellbench.solvers.ndf.network import random_features
-from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule, line_rule, panel_ends
-from shellbench.solvers.ndf.refinement import (
+from shellbench.bench.catalogue.catalog import known_values, named_case
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.problems.shell.question.surface import Domain
+from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs, unevenness
+from shellbench.solvers.ndf.field.corners import EXPONENTS, CornerPowers, held_corners
+from shellbench.solvers.ndf.field.jets import D1, D2, D11, D12, D22, VALUE, Placement
+from shellbench.solvers.ndf.field.network import random_features
+from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule, line_rule, panel_ends
+from shellbench.solvers.ndf.linear import answer, static
+from shellbench.solvers.ndf.linear.answer import Answer, Solved
+from shellbench.solvers.ndf.linear.refinement import (
     CORNER_CUTS,
     LEAST_TAIL,
     ROUNDING,
@@ -35,8 +34,9 @@ from shellbench.solvers.ndf.refinement import (
     uncertainties,
     unsettled,
 )
+from shellbench.solvers.ndf.linear.solve import JITTER
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
-from shellbench.solvers.ndf.solve import JITTER
+from shellbench.solvers.ndf.strains.energy import concentrated, normal_equations
 from tests.solvers.ndf.shells import shell, support
 
 ALL = ("xi1_min", "xi1_max", "xi2_min", "xi2_max")

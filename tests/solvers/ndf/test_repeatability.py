@@ -10,16 +10,18 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.bench import catalog
-from shellbench.bench.baseline import read_baseline
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.baseline import read_baseline
 from shellbench.problem import Solution
-from shellbench.problems.shell.measure import measure
-from shellbench.solvers.ndf import field, static, trainer
-from shellbench.solvers.ndf.gauss_newton import JITTER as GAUSS_NEWTON
-from shellbench.solvers.ndf.quadrature import Rule
+from shellbench.problems.shell.quantities.measure import measure
+from shellbench.solvers.ndf.field import field
+from shellbench.solvers.ndf.field.quadrature import Rule
+from shellbench.solvers.ndf.linear import static
+from shellbench.solvers.ndf.linear.solve import JITTER, REFINEMENTS, IndefiniteError, RegularisedInverse
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
-from shellbench.solvers.ndf.solve import JITTER, REFINEMENTS, IndefiniteError, RegularisedInverse
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
+from shellbench.solvers.ndf.training import trainer
+from shellbench.solvers.ndf.training.gauss_newton import JITTER as GAUSS_NEWTON
 
 ROUNDING = 1e-15  # relative: what another order of the same operations changes
 REPEATS = 1e-7  # of the values, as the obstacle course asks

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 
-from shellbench.bench.catalog import known_values, named_case, tolerance
+from shellbench.bench.catalogue.catalog import known_values, named_case, tolerance
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import FIELDS
-from shellbench.problems.shell.measure import measure, measure_all
+from shellbench.problems.shell.quantities.measure import measure, measure_all
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from tests.alike import REPEATED, alike, same_tensors
 from tests.solvers.ndf.shells import FREE, inner_points, shell, support

@@ -11,14 +11,14 @@ import pytest
 import torch
 from torch import Tensor
 
-from shellbench.bench.catalog import named_case
+from shellbench.bench.catalogue.catalog import named_case
 from shellbench.problem import NumberFormat
 from shellbench.problems.shell.solution import EXPONENT_BYTES
-from shellbench.solvers.ndf.motion_solution import MotionSolution
-from shellbench.solvers.ndf.published_motion_solution import TrainedMotion
+from shellbench.solvers.ndf.field.weights import rounded_tensors
+from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
+from shellbench.solvers.ndf.motion.motion_solution import MotionSolution
+from shellbench.solvers.ndf.published.published_motion_solution import TrainedMotion
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
-from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
-from shellbench.solvers.ndf.weights import rounded_tensors
 from tests.solvers.ndf import trainings
 from tests.solvers.ndf.shells import inner_points
 from tests.solvers.ndf.test_motion import PIN, moving

@@ -2,8 +2,8 @@
 
 import torch
 
-from shellbench.solvers.ndf.jets import VALUE, compose, sine
-from shellbench.solvers.ndf.published_network import linear_layer, sine_layer
+from shellbench.solvers.ndf.field.jets import VALUE, compose, sine
+from shellbench.solvers.ndf.published.published_network import linear_layer, sine_layer
 
 
 def random(*shape, seed=0):

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.bench import catalog
-from shellbench.problems.shell.measure import measure_all
-from shellbench.solvers.ndf import first_order
-from shellbench.solvers.ndf.gauss_newton import flatten, quadratic_model, unflatten
+from shellbench.bench.catalogue import catalog
+from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
-from shellbench.solvers.ndf.sketch import Sketch, shared
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
-from shellbench.solvers.ndf.training import train
+from shellbench.solvers.ndf.training import first_order
+from shellbench.solvers.ndf.training.gauss_newton import flatten, quadratic_model, unflatten
+from shellbench.solvers.ndf.training.sketch import Sketch, shared
+from shellbench.solvers.ndf.training.training import train
 from tests.solvers.ndf.test_trainer import network_and_points
 
 

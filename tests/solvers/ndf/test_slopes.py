@@ -4,10 +4,10 @@ import math
 
 import pytest
 
-from shellbench.problems.shell.measure import measure_all
-from shellbench.solvers.ndf.declines import violations, why_declined
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.solvers.ndf.field.supports import edge_supports
+from shellbench.solvers.ndf.linear.declines import violations, why_declined
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
-from shellbench.solvers.ndf.supports import edge_supports
 from tests.solvers.ndf.shells import MATERIAL, shell, support
 
 ENERGY = {"name": "energy", "kind": "strain_energy", "primary": True}

@@ -13,9 +13,9 @@ from safetensors.torch import load_file, save_file
 
 from shellbench.errors import InputError
 from shellbench.problem import FIELDS
-from shellbench.problems.shell.measure import measure_all
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.solvers.ndf.linear.solution import PathSolution
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
-from shellbench.solvers.ndf.solution import PathSolution
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from tests.alike import alike, same_tensors
 from tests.solvers.ndf.shells import inner_points, shell, support

@@ -7,9 +7,9 @@ from numpy.polynomial.legendre import leggauss
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from shellbench.solvers.ndf.geometry import apply_rows, strain_rows
-from shellbench.solvers.ndf.jets import Placement, from_derivatives
-from shellbench.solvers.ndf.strain_measures import MEASURES, Reference, Undeformed, gradients_through, stresses
+from shellbench.solvers.ndf.field.geometry import apply_rows, strain_rows
+from shellbench.solvers.ndf.field.jets import Placement, from_derivatives
+from shellbench.solvers.ndf.strains.strain_measures import MEASURES, Reference, Undeformed, gradients_through, stresses
 from tests.solvers.ndf.shells import SURFACES, differences, inner_points, shell
 
 PLACEMENT = Placement()

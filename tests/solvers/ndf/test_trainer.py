@@ -7,22 +7,29 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Step
 from shellbench.problems.shell.case import build_case
-from shellbench.problems.shell.measure import measure_all
-from shellbench.solvers.ndf import training, training_problem
-from shellbench.solvers.ndf.build import FieldSpec, resolution
-from shellbench.solvers.ndf.challenge import joined_features, last_gain
-from shellbench.solvers.ndf.gauss_newton import energy_gradient, flatten, forward, jacobian, quadratic_model, unflatten
-from shellbench.solvers.ndf.jets import Placement
-from shellbench.solvers.ndf.network import Network
-from shellbench.solvers.ndf.refinement import first_level
-from shellbench.solvers.ndf.solve import point_constraints
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.solvers.ndf.field.build import FieldSpec, resolution
+from shellbench.solvers.ndf.field.jets import Placement
+from shellbench.solvers.ndf.field.network import Network
+from shellbench.solvers.ndf.linear.challenge import joined_features, last_gain
+from shellbench.solvers.ndf.linear.refinement import first_level
+from shellbench.solvers.ndf.linear.solve import point_constraints
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
-from shellbench.solvers.ndf.training import Plan, first_state, train
-from shellbench.solvers.ndf.training_problem import TrainingProblem
+from shellbench.solvers.ndf.training import training, training_problem
+from shellbench.solvers.ndf.training.gauss_newton import (
+    energy_gradient,
+    flatten,
+    forward,
+    jacobian,
+    quadratic_model,
+    unflatten,
+)
+from shellbench.solvers.ndf.training.training import Plan, first_state, train
+from shellbench.solvers.ndf.training.training_problem import TrainingProblem
 from tests.alike import REPEATED, alike, same_tensors
 
 SOLVER = NdfSolver()

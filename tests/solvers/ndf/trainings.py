@@ -3,12 +3,12 @@
 import torch
 
 from shellbench.errors import SolveFailure
-from shellbench.solvers.ndf.build import FieldSpec, build_inputs
-from shellbench.solvers.ndf.jets import Placement
-from shellbench.solvers.ndf.published_network import InputScale, initial_siren, published_ansatz
-from shellbench.solvers.ndf.published_samples import Sampler, usual_modulus_factor
+from shellbench.solvers.ndf.field.build import FieldSpec, build_inputs
+from shellbench.solvers.ndf.field.jets import Placement
+from shellbench.solvers.ndf.field.quadrature import RuleSpec
+from shellbench.solvers.ndf.published.published_network import InputScale, initial_siren, published_ansatz
+from shellbench.solvers.ndf.published.published_samples import Sampler, usual_modulus_factor
 from shellbench.solvers.ndf.published_solver import PublishedSettings, PublishedSolver
-from shellbench.solvers.ndf.quadrature import RuleSpec
 
 PUBLISHED = FieldSpec(stretched=False, multipliers=0)
 

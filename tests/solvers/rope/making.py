@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.problems.rope.solving import Watch
 from shellbench.solvers.rope.solver import PrintedSettings, RopeSettings, followed, scheme_of
 from shellbench.solvers.rope.stepping import Chains, Moving, Stepper

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import SolveFailure
 from shellbench.problems.obstacle import FormulaBody, HalfSpace, Plate, Sphere
 from shellbench.problems.rope.case import RopeCase

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.rope.case import RopeCase
 from shellbench.problems.rope.solving import settled

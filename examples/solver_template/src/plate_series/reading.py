@@ -7,8 +7,8 @@ as "not applicable: ...", and costs nothing. A case that is solved wrongly is a 
 from __future__ import annotations
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import AreaLoad, PressureLoad
-from shellbench.problems.shell.solution import why_not_plain
+from shellbench.problems.shell.declining import why_not_plain
+from shellbench.problems.shell.question.loads import AreaLoad, PressureLoad
 
 from plate_series.plate import Plate
 

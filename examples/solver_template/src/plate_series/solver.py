@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 from pydantic import Field
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.history import settled
+from shellbench.problems.shell.records.history import settled
 from shellbench.problems.shell.solution import ShellSolver
 
 from plate_series import plate as series

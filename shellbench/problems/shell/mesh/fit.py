@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from shellbench.errors import InputError
-from shellbench.model import Finite, Model
 from shellbench.problems.shell.mesh.file import read_mesh
 from shellbench.problems.shell.mesh.patch import COORDINATES, Patch, patch_of
 from shellbench.problems.shell.mesh.spline import Spline, fit_spline, shape_of
+from shellbench.protocol.schema import Finite, Model
 
 Array = NDArray[np.float64]
 SEED, LEFT_OUT = 21, 0.2

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from shellbench.model import Finite, Model
+from shellbench.protocol.schema import Finite, Model
 
 Array = NDArray[np.float64]
 DEGREE = 5

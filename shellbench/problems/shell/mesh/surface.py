@@ -16,7 +16,7 @@ from shellbench.errors import InputError, without_middle
 from shellbench.files import read_file
 from shellbench.problems.shell.mesh.file import LARGEST
 from shellbench.problems.shell.mesh.fit import MeshFit
-from shellbench.problems.shell.surface import COORDINATES, AnalyticSurface, Coordinate
+from shellbench.problems.shell.question.surface import COORDINATES, AnalyticSurface, Coordinate
 
 Array = NDArray[np.float64]
 FITS = 16  # that are remembered: a process reads the cases of a suite more than once

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from shellbench.bench.catalog import named_case
+from shellbench.bench.catalogue.catalog import named_case
 
 
 def pull(case: str, times: float = 1.0) -> None:

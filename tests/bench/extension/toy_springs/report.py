@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pandas as pd
 
-from shellbench.report.columns import Column
-from shellbench.report.evidence import Evidence, Section
-from shellbench.report.table import Table
+from shellbench.report.data.columns import Column
+from shellbench.report.data.evidence import Evidence, Section
+from shellbench.report.data.table import Table
 
 
 def section(found: Evidence) -> Section | None:

@@ -1,0 +1,309 @@
+"""Where cases, suites, known values and tolerances are: in the wheel or the source tree, or in other packages.
+
+What is called *own* here comes with shellbench; the rest is what other packages bring (`shellbench.bench.brought`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Mapping
+from functools import cache
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from shellbench.bench.brought import brought, distinct, suites_brought
+from shellbench.bench.catalogue.reference import (
+    FOLDER,
+    KnownValues,
+    Tolerance,
+    Tolerances,
+    read_known_values,
+    read_tolerances,
+)
+from shellbench.bench.catalogue.suite import Suite, read_suite
+from shellbench.bench.package import PACKAGE
+from shellbench.bench.plugins.kinds import find_kind, read_problem
+from shellbench.bench.plugins.registry import OWN
+from shellbench.errors import InputError
+from shellbench.problem import VARIANT, Problem
+from shellbench.protocol.schema import LONGEST_TITLE, one_sentence, read_toml
+from shellbench.protocol.spelling import did_you_mean
+
+LOCK = "lock.json"  # see `shellbench.bench.judge.lock`
+
+
+def data_folder(name: str) -> Path:
+    """Return the folder `cases` or `references`: beside the modules in a wheel, beside the package in a source tree."""
+    installed = PACKAGE / "data" / name
+    return installed if installed.is_dir() else PACKAGE.parent / name
+
+
+def shipped_baseline() -> Path:
+    """Return the baseline that comes with the suite; the file is there but in a catalog of tests."""
+    return data_folder("reports") / "baseline.json"
+
+
+def case_names() -> list[str]:
+    """Names of the suite's own cases, and of those that other packages bring."""
+    return distinct("case", own_case_names(), [(one.package, name) for one in brought() for name in one.cases])
+
+
+def own_case_names() -> list[str]:
+    """Names of the cases that come with shellbench."""
+    folder = data_folder("cases")
+    names = os.listdir(folder)  # noqa: PTH208 - a tenth of the time, and it is asked of every case
+    return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
+
+
+def case_file(name: str) -> Path:
+    """Return the file of a case that has this name."""
+    found = (one.cases[name] for one in brought() if name in one.cases)
+    return next(found, data_folder("cases") / f"{name}.toml")
+
+
+def package_of(case: str) -> str:
+    """Return the package that a case, or a variant of it, comes with."""
+    return next((one.package for one in brought() if case.partition(VARIANT)[0] in one.cases), OWN)
+
+
+def package_of_suite(name: str) -> str:
+    """Return the package that a suite comes with."""
+    return next((package for package, of, suite in suites_brought() if of == name and not suite.extends), OWN)
+
+
+def suite_names() -> list[str]:
+    """Names of the suites, those of other packages among them."""
+    others = [(package, name) for package, name, suite in suites_brought() if suite.extends is None]
+    names = distinct("suite", own_suite_names(), others)
+    for package, name, _ in suites_brought():
+        if name not in names:
+            raise InputError(f"package {package} extends a suite '{name}', which is none")
+    return names
+
+
+def own_suite_names() -> list[str]:
+    """Names of the suites that come with shellbench."""
+    return sorted(path.stem for path in (data_folder("cases") / "suites").glob("*.toml"))
+
+
+@cache
+def suites_named_by(name: str) -> tuple[str, ...]:
+    """Return the suites to which a case says that it belongs, and those that ask it; the rest of it is not checked."""
+    return (*map(str, read_toml(case_file(name)).get("suites", ())), *_asked_by(name))
+
+
+def _asked_by(case: str) -> tuple[str, ...]:
+    """Return the suites of other packages that ask a case, which does not name them."""
+    return tuple(name for _, name, suite in suites_brought() if case in suite.cases)
+
+
+def has_case(name: str) -> bool:
+    """Whether a name is one of the suite's own cases or a variant of one."""
+    base, _, variant = name.partition(VARIANT)
+    return base in case_names() and (not variant or variant in find_kind(named_case(base).kind).variants)
+
+
+@cache
+def named_case(name: str) -> Problem:
+    """Return one of the suite's own cases, or a variant of one, such as ``scordelis_lo@oblique``.
+
+    Raises
+    ------
+    InputError
+        If it is malformed, or states a tolerance: what our cases allow is frozen in references/tolerances/. If there
+        is no such variant of the case.
+    """
+    base, _, variant = name.partition(VARIANT)
+    if variant:
+        return variant_of(named_case(base), variant)
+    path = case_file(name)
+    case = read_problem(path)
+    if case.known:
+        raise InputError(f"{path}: field 'known' is no field of a suite's case: references/ holds it")
+    for number, quantity in enumerate(case.quantities):
+        if quantity.tolerance or quantity.open_finding:
+            field = f"quantities.{number}.{'tolerance' if quantity.tolerance else 'open_finding'}"
+            raise InputError(f"{path}: field '{field}' is no field of a suite's case: references/{FOLDER}/ holds it")
+    more = _asked_by(name)
+    return case.model_copy(update={"suites": (*case.suites, *more)}) if more else case
+
+
+def variant_of(case: Problem, name: str) -> Problem:
+    """Return a variant of a case: the same question asked otherwise.
+
+    Raises
+    ------
+    InputError
+        If its kind of problem has no such variant, or the case can't be asked so.
+    """
+    kind = find_kind(case.kind)
+    if name not in kind.variants:
+        known = (
+            f"variants are {', '.join(kind.variants)}" if kind.variants else f"problems of kind '{case.kind}' have none"
+        )
+        raise InputError(f"unknown variant '{name}' of case '{case.name}': {known}")
+    variant, full = kind.variants[name], f"{case.name}{VARIANT}{name}"
+    try:
+        data = variant.make(case)
+        title = f"{case.title[: LONGEST_TITLE - len(variant.words) - 2]}, {variant.words}"
+        return kind.problem.model_validate(data | {"name": full, "title": title, "suites": _suites_that_ask(full)})
+    except InputError as error:
+        raise InputError(f"case '{case.name}' has no variant '{name}': {error}") from None
+    except ValidationError as error:
+        raise InputError(f"variant '{full}': {one_sentence(error)}") from None
+
+
+def find_case(text: str) -> Problem:
+    """Return the case of this name, or of this path to a TOML file; of either a variant, if ``@NAME`` follows.
+
+    Raises
+    ------
+    InputError
+        If there is no such case, variant or file, or it is malformed.
+    """
+    name, _, variant = text.rpartition(VARIANT)
+    if text.partition(VARIANT)[0] in case_names():
+        return named_case(text)
+    if name.endswith(".toml"):
+        return variant_of(read_problem(Path(name)), variant)
+    path = Path(text)
+    if path.suffix == ".toml":
+        return read_problem(path)
+    hint = did_you_mean(text.partition(VARIANT)[0], case_names())
+    raise InputError(f"unknown case '{text}'{hint}: `shellbench list` shows all, and a path ends in .toml")
+
+
+def is_own(case: Problem) -> bool:
+    """Whether a case is a user's own: none of the suite's has its name and its physics."""
+    return not has_case(case.name) or named_case(case.name).digest() != case.digest()
+
+
+@cache
+def find_suite(name: str) -> Suite:
+    """Return the suite of this name; InputError if there is none."""
+    if name not in suite_names():
+        hint = did_you_mean(name, suite_names())
+        raise InputError(f"unknown suite '{name}'{hint}: suites are {', '.join(suite_names())}")
+    base = [suite for _, of, suite in suites_brought() if of == name and suite.extends is None]
+    found = base[0] if base else own_suite(name)
+    for suite in (suite for _, of, suite in suites_brought() if of == name and suite.extends):
+        more = {"runs": (*found.runs, *suite.runs), "remarks": (*found.remarks, *suite.remarks)}
+        found = found.model_copy(update=more | {"order": (*found.order, *suite.order)})
+    return found
+
+
+def own_suite(name: str) -> Suite:
+    """Return a suite that comes with shellbench, without what other packages add."""
+    return read_suite(data_folder("cases") / "suites" / f"{name}.toml")
+
+
+def cases_of(suite: str) -> list[Problem]:
+    """Return the suite's own cases that belong to a suite, in the order of its file, each before its variants."""
+    return _in_order(suite, [*members(suite), *map(named_case, variants_asked(suite))])
+
+
+def members(suite: str) -> list[Problem]:
+    """Return the suite's own cases that belong to a suite, without variants, in the order of its file."""
+    return _in_order(suite, [named_case(name) for name in case_names() if suite in suites_named_by(name)])
+
+
+def _in_order(suite: str, cases: list[Problem]) -> list[Problem]:
+    order = find_suite(suite).order
+    return sorted(cases, key=lambda case: order.index(case.base) if case.base in order else len(order))
+
+
+def cases_named(suite: str, name: str) -> list[Problem]:
+    """Return the cases of a suite that a name stands for: the case and the variants of it that the suite asks."""
+    return [case for case in cases_of(suite) if name in (case.name, case.base)]
+
+
+@cache
+def variants_asked(suite: str) -> tuple[str, ...]:
+    """Return the names of the variants that a suite asks: by name, all, or so many of each case, drawn by its seed."""
+    asked = find_suite(suite).variants
+    if asked is None:
+        return ()
+    if asked.named:
+        return asked.named
+    cases = {case.name: case for source in asked.suites or (suite,) for case in members(source)}
+    return tuple(name for case in cases.values() for name in _drawn(case, asked.drawn, asked.seed))
+
+
+def _drawn(case: Problem, count: int | None, seed: int) -> Iterator[str]:
+    """Yield the variants of a case in the order of the draw, `count` of them or all."""
+
+    # A hash draws the same on every machine and in every version of Python.
+    def lot(name: str) -> str:
+        return hashlib.sha256(f"{seed} {case.name} {name}".encode()).hexdigest()
+
+    variants = find_kind(case.kind).variants
+    found = 0
+    for name in sorted(variants, key=lot) if count else variants:
+        if found == count:
+            return
+        try:
+            variants[name].make(case)
+        except InputError:  # it can't be asked so
+            continue
+        found += 1
+        yield f"{case.name}{VARIANT}{name}"
+
+
+def _suites_that_ask(variant: str) -> tuple[str, ...]:
+    return tuple(name for name in suite_names() if variant in variants_asked(name))
+
+
+def exam_version() -> int | None:
+    """Return the version of the exam, as its lock says; None if there is no lock that can be read."""
+    try:
+        found = json.loads((data_folder("references") / LOCK).read_bytes())["version"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return found if isinstance(found, int) else None
+
+
+@cache
+def known_values(case_name: str) -> KnownValues:
+    """Return the known values of a case, or of that which it is a variant of; none for one that is not the suite's."""
+    name = case_name.partition(VARIANT)[0]
+    found = (one.references(name) for one in brought() if name in one.cases)
+    path = next(found, data_folder("references") / f"{name}.toml")
+    return read_known_values(path) if path.is_file() else KnownValues()
+
+
+@cache
+def tolerances() -> Mapping[str, Tolerances]:
+    """Return the frozen tolerances by solver: those that come with shellbench, and that the lock holds.
+
+    Raises
+    ------
+    InputError
+        If a file is malformed.
+    """
+    files = sorted((data_folder("references") / FOLDER).glob("*.toml"))
+    return {path.stem: read_tolerances(path) for path in files}
+
+
+def tolerance(case_name: str, quantity: str, solver: str) -> Tolerance | None:
+    """Return what a case, or a variant of it, allows a solver; None if nothing is frozen."""
+    base, _, variant = case_name.partition(VARIANT)
+    found = tolerances_of(solver).get(base, {}).get(quantity)
+    return found.of_variant(variant) if found else None
+
+
+def tolerances_of(solver: str) -> Tolerances:
+    """Return what a solver is allowed, by case and quantity; each package says so of its own cases."""
+    found = tolerances().get(solver, {})
+    for one in brought():
+        found = found | {case: held for case, held in one.tolerances.get(solver, {}).items() if case in one.cases}
+    return found
+
+
+def tolerated(case_name: str, quantity: str) -> dict[str, Tolerance]:
+    """Return what a case allows, by solver."""
+    solvers = dict.fromkeys((*tolerances(), *(solver for one in brought() for solver in one.tolerances)))
+    found = {solver: tolerance(case_name, quantity, solver) for solver in solvers}
+    return {solver: allowed for solver, allowed in found.items() if allowed}

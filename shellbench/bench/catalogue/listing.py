@@ -1,0 +1,144 @@
+"""What there is: cases, suites and solvers, with what each needs."""
+
+from __future__ import annotations
+
+import json
+from io import StringIO
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.plugins.outside import described
+from shellbench.bench.plugins.registry import OWN, SolverEntry, solver_entries
+from shellbench.errors import InputError, ShellbenchError
+from shellbench.problem import Problem, Quantity
+
+WIDTH = 110  # characters
+
+
+def contents() -> dict[str, Any]:
+    """Return cases, suites and solvers as JSON data.
+
+    A solver that can't be imported is listed with the reason; the others are not harmed.
+    """
+    return {
+        "cases": [_case(name) for name in catalog.case_names()],
+        "suites": [list_suite(name) for name in catalog.suite_names()],
+        "solvers": [list_solver(entry) for entry in solver_entries().values()],
+    }
+
+
+def _case(name: str) -> dict[str, Any]:
+    try:
+        case = catalog.named_case(name)
+    except InputError as error:
+        return {"name": name, "package": catalog.package_of(name), "available": False, "reason": str(error)}
+    return {
+        "name": name,
+        "available": True,
+        "reason": None,
+        "title": case.title,
+        "description": case.description,
+        "package": catalog.package_of(name),
+        "suites": list(case.suites),
+        "theory": case.theory,
+        "units": case.units,
+        "primary": case.primary.name,
+        "quantities": [
+            {"name": q.name, "kind": q.kind, "unit": q.unit, "tolerance": _tolerances(name, q.name)}
+            for q in case.quantities
+        ],
+    }
+
+
+def _tolerances(case: str, quantity: str) -> dict[str, float]:
+    """Return what is frozen for a quantity, by solver."""
+    return {solver: allowed.largest for solver, allowed in catalog.tolerated(case, quantity).items()}
+
+
+def list_suite(name: str) -> dict[str, Any]:
+    """Return what is listed of a suite as JSON data."""
+    suite = catalog.find_suite(name)
+    return {
+        "name": name,
+        "title": suite.title,
+        "package": catalog.package_of_suite(name),
+        "cases": [case.name for case in catalog.members(name)],
+        "variants": list(catalog.variants_asked(name)),
+        "runs": [run.model_dump(mode="json") for run in suite.runs],
+    }
+
+
+def list_solver(entry: SolverEntry) -> dict[str, Any]:
+    """Return what is listed of a solver as JSON data; why, if it can't be imported."""
+    origin = {"name": entry.name, "package": entry.distribution, "version": entry.version}
+    try:
+        facts = described(entry)
+    except ShellbenchError as error:
+        return origin | {"available": False, "reason": str(error)}
+    return origin | {"available": True, "reason": None} | facts
+
+
+def as_json() -> str:
+    """Return what there is as JSON."""
+    return json.dumps(contents(), indent=1)
+
+
+def as_text(width: int | None = None) -> str:
+    """Return what there is as text; names and titles alone where a width is given that has no room for more."""
+    found = contents()
+    narrow = width is not None and width < WIDTH
+    console = Console(file=StringIO(), width=width if narrow else WIDTH)
+    cases = _table("Cases", *("name", "title", "theory", "suites")[: 2 if narrow else None])
+    for case in found["cases"]:
+        title = f"{case['title']}{_from(case['package'])}" if case["available"] else case["reason"]
+        shown = [title, case["theory"], ", ".join(case["suites"])] if case["available"] else [title]
+        cases.add_row(case["name"], *map(escape, shown[: len(cases.columns) - 1]))
+    suites = _table("Suites", *("name", "title", "cases", "runs")[: 2 if narrow else None])
+    for suite in found["suites"]:
+        runs = ", ".join(run_words(run) for run in suite["runs"])
+        asked = [*suite["cases"], *([f"{len(suite['variants'])} variants"] if suite["variants"] else [])]
+        shown = [suite["title"] + _from(suite["package"]), ", ".join(asked), runs]
+        suites.add_row(suite["name"], *map(escape, shown[: len(suites.columns) - 1]))
+    headings = ("name", "what it is", "engine", "devices", "theories", "seeds")
+    solvers = _table("Solvers", *headings[: 2 if narrow else None])
+    for solver in found["solvers"]:
+        if solver["available"]:
+            seeds = "yes" if solver["seeded"] else "no"
+            engine, devices = solver["engine"] or "-", ", ".join(solver["devices"])
+            shown = [solver["label"], engine, devices, ", ".join(solver["theories"]), seeds]
+        else:
+            shown = [solver["reason"].removeprefix(f"solver '{solver['name']}' can't be used: ")]
+        solvers.add_row(solver["name"], *map(escape, shown[: len(solvers.columns) - 1]))
+    for table in (cases, suites, solvers):
+        console.print(table)
+        console.print()
+    file = console.file
+    assert isinstance(file, StringIO)
+    more = ["", "`shellbench list NAME` says all about one; --wide shows more columns."] if narrow else []
+    return "\n".join([*(line.rstrip() for line in file.getvalue().rstrip().splitlines()), *more])
+
+
+def _table(title: str, *columns: str) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for i, column in enumerate(columns):
+        table.add_column(column, no_wrap=i == 0, overflow="fold")
+    return table
+
+
+def _from(package: str) -> str:
+    """Return the words that say which package something comes with; none for ours."""
+    return "" if package == OWN else f" (package {package})"
+
+
+def run_words(run: dict[str, Any]) -> str:
+    """Return what tables call a run of a suite."""
+    return f"{run['solver']} {run['label']}".strip()
+
+
+def gated_quantities(case: Problem, solver: str) -> list[Quantity]:
+    """Return what a tolerance is frozen for of a solver's answer to one of the suite's own cases."""
+    return [q for q in case.quantities if catalog.tolerance(case.name, q.name, solver) is not None]

@@ -1,0 +1,161 @@
+"""Classes of accuracy: how a solver without frozen tolerances, a stranger, is judged.
+
+Every figure that a known value judges counts, not only those that we gate of our own solvers. The loosest class is the
+gate. The tightest class that all figures hold is the solver's grade, if the solver has passed the checks that a class
+needs (`shellbench.bench.store.conformance`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.reference import Tolerance
+from shellbench.bench.judge.row import Row
+from shellbench.bench.plugins.registry import SolverEntry, solver_entries
+from shellbench.problem import VARIANT, Problem
+
+CLASSES = (1e-4, 1e-3, 1e-2)  # relative errors, the tightest first
+LOOSEST = CLASSES[-1]
+BLUNT = 3.0  # an error within so many uncertainties of its known value says nothing against a solver
+BLUNTEST = 0.99  # relative: however uncertain a known value is, the answer zero holds no class
+OWN = "shellbench"  # the distribution of our solvers
+MOST_NAMED = 8  # cases that are declined, in a sentence
+
+
+@dataclass(frozen=True)
+class Grade:
+    """What a stranger is good for.
+
+    Attributes
+    ----------
+    solver
+        Its name.
+    within
+        The tightest class that all its figures hold; None if they do not even hold the loosest.
+    figures, cases
+        How many figures of how many cases, variants among them, were judged.
+    worst
+        The row that is farthest from its known value, by classes; None if every figure is missing.
+    declined
+        Cases that it does not take.
+    unchecked
+        Why it is not checked, as a clause; empty if it is. Without checks it holds no class, whatever its figures are.
+    """
+
+    solver: str
+    within: float | None
+    figures: int
+    cases: int
+    worst: Row | None
+    declined: tuple[str, ...]
+    unchecked: str = ""
+
+    @property
+    def held(self) -> float | None:
+        """The class that it holds; None if it holds none, or is not checked."""
+        return None if self.unchecked else self.within
+
+    def __str__(self) -> str:
+        what = f"{self.figures} figures of {self.cases} {'case' if self.cases == 1 else 'cases'}"
+        words = (
+            f"{self.solver} holds class {self.held:g} in all {what}" if self.held else f"{self.solver} holds no class"
+        )
+        if self.unchecked:
+            within = f", though its {what} are within {self.within:g}" if self.within else ""
+            why = f"{self.unchecked} (`shellbench check-solver {self.solver}` makes the checks)"
+            words = f"{self.solver} is not checked and holds no class{within}: {why}"
+        if self.worst is not None and self.worst.judged_error is not None:
+            unit = f" {self.worst.unit}" if self.worst.tolerance_is_absolute else ""
+            words += f"; its worst is {self.worst.case} {self.worst.quantity}, {self.worst.judged_error:+.1e}{unit}"
+        few = len(self.declined) <= MOST_NAMED
+        return (
+            f"{words}; it declines {', '.join(self.declined) if few else f'{len(self.declined)} others'}"
+            if self.declined
+            else words
+        )
+
+
+def strangers(named: Iterable[str]) -> set[str]:
+    """Return the solvers without tolerances that are judged by class: those of other distributions, and named ones."""
+    frozen = catalog.tolerances().keys()
+    others = {name for name, entry in solver_entries().items() if _is_foreign(entry)}
+    return (others | set(named)) - frozen
+
+
+def _is_foreign(entry: SolverEntry) -> bool:
+    return entry.distribution != OWN
+
+
+def judged_by_class(row: Row) -> Row:
+    """Return a stranger's row with its verdict; unchanged if no known value judges it."""
+    allowed = _allowed(row, LOOSEST)
+    return row if allowed is None else row.judged(allowed)
+
+
+def _allowed(row: Row, size: float) -> Tolerance | None:
+    """Return the largest error of a class, relative to the known value; near zero, to the largest one of its unit."""
+    if row.reference is None:
+        return None
+    blunt = BLUNT * (row.reference_uncertainty or 0.0)
+    if not row.tolerance_is_absolute:
+        return Tolerance(relative=min(max(size, blunt / abs(row.reference)), BLUNTEST))
+    scale = scale_of(row.case, row.unit)
+    return Tolerance(absolute=max(size * scale, blunt)) if scale else None
+
+
+def scale_of(name: str, unit: str) -> float:
+    """Return the largest known value of a case in a unit: what errors of values near zero are held against.
+
+    What has no unit is relative already.
+    """
+    if not unit:
+        return 1.0
+    case = catalog.named_case(name.partition(VARIANT)[0])
+    judges = (catalog.known_values(name).judge(q.name, case.theory) for q in case.quantities if q.unit == unit)
+    return max((abs(judge.value) for judge in judges if judge), default=0.0)
+
+
+def judged_quantities(case: Problem) -> list[str]:
+    """Return the names of what known values judge."""
+    known = catalog.known_values(case.name)
+    return [q.name for q in case.quantities if known.judge(q.name, case.theory)]
+
+
+def grades(rows: Sequence[Row], solvers: Iterable[str], unchecked: Mapping[str, str]) -> list[Grade]:
+    """Return the grades of strangers, by all their judged rows.
+
+    Parameters
+    ----------
+    unchecked
+        By solver: why it is not checked, as a clause; empty if it is.
+    """
+    return [_grade(name, [row for row in rows if row.solver == name], unchecked[name]) for name in sorted(solvers)]
+
+
+def _grade(solver: str, rows: Sequence[Row], unchecked: str) -> Grade:
+    declined = dict.fromkeys(row.case for row in rows if row.status == "declined")
+    judged = [row for row in rows if row.status != "declined"]
+    missed = {size: [row for row in judged if not _holds(row, size)] for size in CLASSES}
+    within = next((size for size in CLASSES if judged and not missed[size]), None)
+    return Grade(
+        solver=solver,
+        within=within,
+        figures=len(judged),
+        cases=len({row.case for row in judged}),
+        worst=max((row for row in judged if row.judged_error is not None), key=_distance, default=None),
+        declined=tuple(declined),
+        unchecked=unchecked,
+    )
+
+
+def _holds(row: Row, size: float) -> bool:
+    allowed = _allowed(row, size)
+    return allowed is not None and row.held_to(allowed).why_short(allowed.largest) is None
+
+
+def _distance(row: Row) -> float:
+    """Return the error in units of the loosest class."""
+    allowed = _allowed(row, LOOSEST)
+    return abs(row.judged_error or 0.0) / allowed.largest if allowed else 0.0

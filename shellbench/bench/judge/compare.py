@@ -1,0 +1,382 @@
+"""Comparing: each quantity of each run that counts, held against the known value that judges it.
+
+A solver is judged by the known value of the case's own theory. Only runs with default settings are gated, each
+quantity at the tolerance that is frozen for the solver. Where no value is known, as for a user's own
+case, solvers are held against each other.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from statistics import median
+from typing import Any, Literal
+
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.listing import gated_quantities
+from shellbench.bench.catalogue.reference import KnownValue, KnownValues, Tolerance, allowed_by_file
+from shellbench.bench.judge.row import Row, in_suites
+from shellbench.bench.store.current import CurrentRun, CurrentRuns, case_of_planned, current_runs, overrides_of
+from shellbench.bench.store.planned import DID_NOT_END, not_ended, read_planned
+from shellbench.bench.store.record import Record
+from shellbench.bench.store.store import Store
+from shellbench.bench.store.task import Task
+from shellbench.errors import InputError
+from shellbench.problem import Problem, Quantity
+from shellbench.protocol.schema import LONGEST_TITLE
+
+
+def rows(store: Store, suites: Sequence[str] = (), cases: Sequence[str] = ()) -> list[Row]:
+    """Return the rows of all runs in a store that count, sorted by suite, case, quantity, solver and seed.
+
+    Runs that were planned and did not end have rows without a value.
+
+    Parameters
+    ----------
+    store
+        Where the records are.
+    suites
+        Names of suites to look at; all, and what belongs to none, if empty.
+    cases
+        Names of cases, or paths to case files, to look at; all if empty.
+
+    Raises
+    ------
+    InputError
+        If a suite or case is unknown, or a case is in none of the suites.
+    """
+    return rows_and_notes(store, suites, cases)[0]
+
+
+def rows_and_notes(
+    store: Store, suites: Sequence[str] = (), cases: Sequence[str] = ()
+) -> tuple[list[Row], tuple[str, ...]]:
+    """Return the rows of `rows`, and a sentence for whatever was left out."""
+    wanted = asked_cases(cases, suites)
+    # Records that count, and plans that no record has ended. Suites narrow a row to those of its suites that were asked
+    # for.
+    current, planned = as_files_say(current_runs(store.read()), cases), read_planned(store)
+    found = rows_of(current, not_ended(planned, (run.record for run in current.runs)))
+    found = in_suites(found, suites)
+    if cases:
+        found = [row for row in found if (row.case, row.own_case) in wanted]
+    return found, (*current.notes, *planned.damaged)
+
+
+def as_files_say(current: CurrentRuns, cases: Sequence[str]) -> CurrentRuns:
+    """Return the runs with the cases of the files that are named as they stand there now, if they ask the same still.
+
+    What a file knows is no physics: it may have changed since the run.
+    """
+    named = [catalog.find_case(text) for text in cases]
+    files = {case.name: case for case in named if catalog.is_own(case)}
+    runs, stale = [], dict(current.stale)
+    for run in current.runs:
+        file = files.get(run.case.name) if run.record.own_case else None
+        if file is not None and file.digest() != run.record.identity.case:
+            stale[run.record.run_id] = (run.record, "the case has changed since")
+        else:
+            runs.append(run if file is None else replace(run, case=file))
+    return replace(current, runs=tuple(runs), stale=stale)
+
+
+def asked_cases(cases: Sequence[str], suites: Sequence[str]) -> set[tuple[str, bool]]:
+    """Return name, and whether it is a user's own, of the cases that were asked for.
+
+    Raises
+    ------
+    InputError
+        If a suite or case is unknown, or a case is in none of the suites.
+    """
+    for name in suites:
+        catalog.find_suite(name)
+    found = [catalog.find_case(text) for text in cases]
+    if not suites:
+        return {(case.name, catalog.is_own(case)) for case in found}
+    asked: set[tuple[str, bool]] = set()
+    for case in found:
+        named = [] if catalog.is_own(case) else [m for suite in suites for m in catalog.cases_named(suite, case.name)]
+        if not named:
+            raise InputError(f"case '{case.name}' is not in suite {' or '.join(map(repr, suites))}")
+        asked |= {(member.name, False) for member in named}
+    return asked
+
+
+def beyond(found: Sequence[Row]) -> str:
+    """Say in one sentence what the suites declare beside the runs of the rows; nothing if there is no more."""
+    runs = {(row.case, row.solver, json.dumps(row.overrides, sort_keys=True), row.seed): row for row in found}
+    begun = list(dict.fromkeys(row.suites[0] for row in found if row.declared))
+    members = {name: catalog.suites_named_by(name) for name in catalog.case_names()} if begun else {}
+    more = []
+    for name in begun:
+        lines = [
+            run
+            for run in catalog.find_suite(name).runs
+            for case in (*(case for case in members if name in members[case]), *catalog.variants_asked(name))
+            if run.is_for(case)
+        ]
+        left = sum(len(run.seeds) for run in lines) - sum(row.declared and name in row.suites for row in runs.values())
+        more += [f"suite '{name}' declares {left} more"] if left > 0 else []
+    others = len(set(catalog.suite_names()) - set(begun))
+    if others:
+        more.append(f"{others} other suite{'s declare others' if others > 1 else ' declares others'}")
+    return f"Beside these runs {' and '.join(more)}: --suite NAME asks for a whole suite." if more else ""
+
+
+def rows_of(current: CurrentRuns, planned: Sequence[Task] = ()) -> list[Row]:
+    """Return the rows of runs that count, and of runs that were planned and did not end."""
+    # 1. Rows of records, a quantity each, with what judges them.
+    # 2. Rows of plans that did not end.
+    # 3. Where nothing judges, rows are held against each other.
+    # 4. In the order of suite and case, so that a report reads the same whatever was run first.
+    found = [row_of(run, quantity) for run in current.runs for quantity in run.case.quantities]
+    order = {(run.case.name, q.name): i for run in current.runs for i, q in enumerate(run.case.quantities)}
+    for task in planned:
+        rows_of_task = planned_rows(task)
+        found += rows_of_task
+        order |= {
+            (row.case, row.quantity): i for i, row in enumerate(rows_of_task) if (row.case, row.quantity) not in order
+        }
+    found = with_distinct_titles(found)
+    suites = {row.suite for row in found}.intersection(catalog.suite_names())
+    members = {suite: [case.name for case in catalog.cases_of(suite)] for suite in suites if suite is not None}
+    errors = {(run.case.name, q.name) for run in current.runs for q in run.case.quantities if q.is_an_error}
+    alone = [row for row in found if (row.case, row.quantity) in errors]
+    return sorted(
+        [*alone, *held_against_each_other(row for row in found if (row.case, row.quantity) not in errors)],
+        key=lambda row: _position(row, order[row.case, row.quantity], members.get(row.suite or "", [])),
+    )
+
+
+def with_distinct_titles(found: Sequence[Row]) -> list[Row]:
+    """Return the rows, users' own cases whose title another case has with the name of their file in it."""
+    of_title: dict[str, set[tuple[str, bool]]] = {}
+    for row in found:
+        of_title.setdefault(row.case_title, set()).add((row.case, row.own_case))
+    return [
+        row.model_copy(update={"case_title": f"{row.case_title[: LONGEST_TITLE - len(file)]}{file}"})
+        if row.own_case and len(of_title[row.case_title]) > 1 and (file := f" ({row.case}.toml)")
+        else row
+        for row in found
+    ]
+
+
+def planned_rows(task: Task) -> list[Row]:
+    """Return red rows for a run that was planned and did not end: what is gated of it, or else its headline."""
+    known = case_of_planned(task)
+    if known is None:
+        return []
+    case, declared = known
+    # A run that was planned must not vanish from the table. Where nothing of it is gated its headline stands for it.
+    judged = [] if overrides_of(task) or task.own_case else gated_quantities(case, task.identity.solver)
+    return [
+        without_record(case, quantity, task.identity.solver, task.identity.seed, (), DID_NOT_END).model_copy(
+            update=_about_run(task, case, declared)
+            # what is frozen for a case of the suite does not hold for its namesake
+            | ({"tolerance": None, "open_finding": None} if task.own_case else {})
+        )
+        for quantity in judged or [case.primary]
+    ]
+
+
+def without_record(
+    case: Problem,
+    quantity: Quantity,
+    solver: str,
+    seed: int | None,
+    suites: tuple[str, ...],
+    reason: str,
+    status: Literal["missing", "declined"] = "missing",
+) -> Row:
+    """Return a row that was asked for and has no record, which is red."""
+    allowed = catalog.tolerance(case.name, quantity.name, solver)
+    return Row(
+        **_about_quantity(case, quantity),
+        suite=suites[0] if suites else None,
+        suites=suites,
+        solver=solver,
+        settings={},
+        seed=seed,
+        value=None,
+        status=status,
+        tolerance=allowed.largest if allowed else None,
+        passed=False,
+        declared=True,
+        open_finding=allowed.open_finding if allowed else None,
+        reason=reason,
+    )
+
+
+def _about_quantity(case: Problem, quantity: Quantity) -> dict[str, Any]:
+    """Return the fields of a row that say what was asked."""
+    return {
+        "case": case.name,
+        "kind": case.kind,
+        "case_title": case.title,
+        "quantity": quantity.name,
+        "primary": quantity.primary,
+        "at": quantity.mark,
+        "mark": case.telling_mark(quantity),
+        "unit": quantity.unit,
+        "description": quantity.description,
+    }
+
+
+def _about_run(run: Task | Record, case: Problem, declared: Mapping[str, str]) -> dict[str, Any]:
+    """Return the fields of a row that say whose answer it is; `declared` are the suites that declare the run."""
+    identity, overrides = run.identity, overrides_of(run)
+    suites = tuple(declared) or (() if run.own_case else case.suites)
+    return {
+        "suite": suites[0] if suites else None,
+        "suites": suites,
+        "declared": bool(declared),
+        "label": next(filter(None, declared.values()), ""),
+        "own_case": run.own_case,
+        "solver": identity.solver,
+        "solver_label": run.solver_label,
+        "settings": identity.settings,
+        "overrides": overrides,
+        "default_settings": not overrides,
+        "seed": identity.seed,
+        "device": identity.device,
+        "dtype": identity.dtype,
+    }
+
+
+def _position(row: Row, quantity: int, members: Sequence[str]) -> tuple[object, ...]:
+    suite = (1, "") if row.suite is None else (0, row.suite)
+    case = members.index(row.case) if row.case in members else len(members)
+    settings = json.dumps(row.overrides, sort_keys=True)
+    return (suite, case, row.case, not row.primary, quantity, row.solver, settings, row.seed or 0)
+
+
+def row_of(run: CurrentRun, quantity: Quantity) -> Row:
+    """Return one row of a run."""
+    record = run.record
+    measured = record.values.get(quantity.name)
+    gap = record.diagnostics.get("energy_gap")
+    declined = record.declined.get(quantity.name)
+    row = Row(
+        **_about_quantity(run.case, quantity) | _about_run(record, run.case, run.declared_by),
+        value=measured.value if measured else None,
+        uncertainty=measured.uncertainty if measured else None,
+        data_error=measured.data_error if measured else None,
+        extrapolated=measured.extrapolated if measured else None,
+        converged=record.converged(quantity.name),
+        energy_gap=float(gap) if isinstance(gap, int | float) else None,
+        status="declined" if declined else record.status,
+        reason=f"the solver declines the quantity: {declined}" if declined else record.reason,
+        remark="; ".join(filter(None, (*(one.words for one in record.self_intersection), run.case.remark))),
+        seconds=record.seconds,
+        peak_memory_bytes=record.peak_memory_bytes,
+        idle_memory_bytes=record.idle_memory_bytes,
+        parameters=record.parameters,
+        storage_bytes=record.storage_bytes,
+        run_id=record.run_id,
+    )
+    # A user's own case may bear the name of one of the suite. What is known of that, and allowed there, is not passed
+    # on to it: its own file says both.
+    known = values_of_file(run.case) if record.own_case else catalog.known_values(record.case_name)
+    row = with_known_values(row, known, run.case, quantity)
+    allowed = allowed_by_file(run.case, quantity) if record.own_case else _frozen(row)
+    return row if run.overrides or allowed is None else row.judged(allowed, ours=row.solver in catalog.tolerances())
+
+
+def _frozen(row: Row) -> Tolerance | None:
+    return catalog.tolerance(row.case, row.quantity, row.solver)
+
+
+def values_of_file(case: Problem) -> KnownValues:
+    """Return the known values that stand in a user's own case file."""
+    return KnownValues(
+        values=tuple(
+            KnownValue(
+                quantity=one.quantity,
+                role="judge",
+                value=one.value,
+                uncertainty=one.uncertainty,
+                theory=case.theory,
+                origin="the case's own file",
+                source=one.source,
+            )
+            for one in case.known
+        )
+    )
+
+
+def with_known_values(row: Row, known: KnownValues, case: Problem, quantity: Quantity) -> Row:
+    """Return the row with the value that judges it, its errors, and the figures of the literature."""
+    found: dict[str, Any] = {}
+    if judge := known.judge(quantity.name, case.theory):
+        found |= {
+            "reference": judge.value,
+            "reference_uncertainty": judge.uncertainty,
+            "reference_theory": judge.theory,
+            "reference_source": judge.source,
+        }
+        if row.value is not None:
+            found["absolute_error"] = row.value - judge.value
+            # An error relative to a value that is zero within its own uncertainty would be a ratio of two roundings.
+            if not near_zero(judge, quantity):
+                found["relative_error"] = (row.value - judge.value) / abs(judge.value)
+    if literature := known.of(quantity.name, "literature"):
+        first = literature[0]
+        found |= {
+            "literature": first.value,
+            "literature_theory": first.theory,
+            "literature_source": first.source,
+        }
+    for published in known.of(quantity.name, "published"):
+        if published.label == row.label:
+            found |= {"published": published.value, "published_source": published.source}
+    absolute = quantity.absolute or (judge is not None and near_zero(judge, quantity))
+    return row.model_copy(update=found | {"tolerance_is_absolute": absolute})
+
+
+def near_zero(judge: KnownValue, quantity: Quantity) -> bool:
+    """Tell whether an error relative to the known value would say nothing."""
+    return quantity.absolute or abs(judge.value) <= (judge.uncertainty or 0.0)
+
+
+def held_against_each_other(found: Iterable[Row]) -> list[Row]:
+    """Return the rows, those without a known value with their difference to another solver.
+
+    A deterministic solver is what the others are held against; if there is none, or several, the median of all.
+    """
+    listed = list(found)
+    peers: dict[tuple[object, ...], list[Row]] = {}
+    for row in listed:
+        if row.default_settings and row.status == "ok" and row.value is not None:
+            peers.setdefault(_asked(row), []).append(row)
+    # One solver agrees with itself: a yardstick needs answers of two.
+    yardsticks = {
+        asked: _yardstick(answers) for asked, answers in peers.items() if len({row.solver for row in answers}) > 1
+    }
+    return [_held_against(row, *yardsticks[_asked(row)]) if _asked(row) in yardsticks else row for row in listed]
+
+
+def _asked(row: Row) -> tuple[object, ...]:
+    """Return what a row answers: rows that are alike in it can be held against each other."""
+    return row.case, row.own_case, row.quantity, row.at
+
+
+def _held_against(row: Row, value: float, name: str) -> Row:
+    if row.reference is not None or row.value is None or row.solver == name or not value:
+        return row
+    return row.model_copy(update={"disagreement": (row.value - value) / abs(value), "disagreement_with": name})
+
+
+def _yardstick(peers: Sequence[Row]) -> tuple[float, str]:
+    values = [row.value for row in peers if row.value is not None]
+    # Answers of one deterministic solver do not scatter. Of several none is the better one, and the median is robust.
+    certain = [row for row in peers if row.seed is None and row.value is not None]
+    if len(certain) == 1 and certain[0].value is not None:
+        return certain[0].value, certain[0].solver
+    return median(values), "median"
+
+
+def as_json(found: Iterable[Row]) -> str:
+    """Return rows as a JSON list of objects, figures that are not finite as null; case and variant apart."""
+    rows = [json.loads(row.model_dump_json()) | {"case": row.base, "variant": row.variant} for row in found]
+    return json.dumps(rows, indent=1, allow_nan=False)

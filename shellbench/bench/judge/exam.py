@@ -1,0 +1,104 @@
+"""The exam of one solver: cases that known values judge are solved with default settings, and its class is found.
+
+It is the gate's own judgement, narrowed to one solver: every judged figure counts, what is declined is said, and a case
+that has no answer is not held. A solver of ours is graded in the same way as a stranger.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.classes import LOOSEST, Grade, grades
+from shellbench.bench.judge.expected import expected_of_stranger
+from shellbench.bench.judge.row import Row
+from shellbench.bench.plugins.kinds import find_kind, kinds_of_theories
+from shellbench.bench.run.execute import Executor, Observer, execute
+from shellbench.bench.run.plan import FIRST_SEED, Plan, Request, make_plan
+from shellbench.bench.store.current import CurrentRun, current_runs
+from shellbench.bench.store.store import Store
+from shellbench.problem import Problem
+
+
+@dataclass(frozen=True)
+class Sitting:
+    """What came of an exam.
+
+    Attributes
+    ----------
+    grade
+        The class that the solver holds, its checks taken for passed.
+    missed
+        Rows that do not even hold the loosest class, each with its reason.
+    records
+        How many runs were made.
+    answers
+        The runs that were graded.
+    """
+
+    grade: Grade
+    missed: tuple[Row, ...]
+    records: int
+    answers: tuple[CurrentRun, ...] = ()
+
+
+def suites_for(theories: Iterable[str], *, quick: bool) -> tuple[str, ...]:
+    """Return the suites by which a solver of these theories is graded, those of its kinds of problem."""
+    kinds = map(find_kind, kinds_of_theories(theories))
+    return tuple(dict.fromkeys(suite for kind in kinds for suite in (kind.quick if quick else kind.exam)))
+
+
+def questions(suites: Sequence[str]) -> list[Problem]:
+    """Return the cases and variants of suites that known values judge, each once; InputError if a suite is unknown."""
+    found = {case.name: case for suite in suites for case in catalog.cases_of(suite)}
+    return [case for case in found.values() if is_judged(case)]
+
+
+def is_judged(case: Problem) -> bool:
+    """Whether a known value judges anything of a case; of a user's own none does."""
+    known = () if catalog.is_own(case) else catalog.known_values(case.name).values
+    return any(value.role == "judge" and value.theory == case.theory for value in known)
+
+
+def plan_of(solver: str, cases: Sequence[Problem], store: Store, executor: Executor, threads: int) -> Plan:
+    """Return what has to be run before a solver can be graded; what has a record that counts is kept.
+
+    Raises
+    ------
+    InputError
+        If the solver can't be imported.
+    """
+    request = Request(cases=tuple(case.name for case in cases), solvers=(solver,), seeds=(FIRST_SEED,), threads=threads)
+    return make_plan(request, store.read(), expect=executor.expect)
+
+
+def sit(
+    solver: str, cases: Sequence[Problem], store: Store, plan: Plan, executor: Executor, observer: Observer
+) -> Sitting:
+    """Have a solver answer what has no record, and grade all its answers.
+
+    Raises
+    ------
+    StoreError
+        If the store can't be written.
+    """
+    # Suites go from cheap to dear. From their end on, no long run is left over for one core while the others wait.
+    with contextlib.closing(executor):
+        outcomes = execute(plan.tasks[::-1], store, observer, executor, plan.seen)
+    current = current_runs(store.read())
+    expected = [expected_of_stranger("", case, solver, FIRST_SEED, current) for case in cases]
+    rows = [row for one in expected for row in one.rows()]
+    (grade,) = grades(rows, [solver], {solver: ""})
+    return Sitting(
+        grade=grade,
+        missed=tuple(row for row in rows if row.status != "declined" and not row.passed),
+        records=len(outcomes),
+        answers=tuple(one.run for one in expected if one.run is not None),
+    )
+
+
+def missed_words(row: Row) -> str:
+    """Say in a line what a row misses."""
+    return f"{row.case} {row.quantity}: {row.reason or f'it misses class {LOOSEST:g}'}"

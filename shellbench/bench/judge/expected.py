@@ -1,0 +1,151 @@
+"""What a gate has to find: every run that the suites declare, and what named strangers owe.
+
+A solver is imported only where its record is missing, to hear whether it declines the case.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.listing import gated_quantities
+from shellbench.bench.judge.classes import judged_by_class, judged_quantities
+from shellbench.bench.judge.compare import row_of, without_record
+from shellbench.bench.judge.row import Row
+from shellbench.bench.plugins.outside import asked, declines
+from shellbench.bench.plugins.registry import find_solver
+from shellbench.bench.run.plan import FIRST_SEED
+from shellbench.bench.store.current import CurrentRun, CurrentRuns
+from shellbench.errors import InputError, PluginError
+from shellbench.problem import Problem
+
+Lack = tuple[Literal["missing", "declined"], str]
+NOTHING_LACKS: Lack = ("missing", "")
+
+
+@dataclass(frozen=True)
+class Scope:
+    """What a gate looks at: what was run, or with suites all that they declare; the others narrow it."""
+
+    suites: tuple[str, ...] = ()
+    solvers: tuple[str, ...] = ()
+    seeds: tuple[int, ...] = ()
+    cases: tuple[str, ...] = ()
+
+    @property
+    def narrowed(self) -> str:
+        """What is left out, in words; empty if nothing is."""
+        parts = [
+            f"{what} {', '.join(map(str, names))} only"
+            for what, names in (
+                ("cases", self.cases),
+                ("suites", self.suites),
+                ("solvers", self.solvers),
+                ("seeds", self.seeds),
+            )
+            if names
+        ]
+        return ", ".join(parts)
+
+
+@dataclass(frozen=True)
+class Expected:
+    """A run with default settings that is asked for, and its record if there is one that counts.
+
+    Attributes
+    ----------
+    lack
+        Why there is no record.
+    by_class
+        Whether its solver is a stranger: then all that known values judge is gated.
+    """
+
+    suite: str
+    case: Problem
+    solver: str
+    seed: int
+    run: CurrentRun | None
+    lack: Lack = NOTHING_LACKS
+    by_class: bool = False
+
+    def rows(self) -> Iterator[Row]:
+        """Yield its gated rows, red ones if it has no record."""
+        status, reason = self.lack
+        names = judged_quantities(self.case) if self.by_class else ()
+        for quantity in map(self.case.quantity, names) if self.by_class else gated_quantities(self.case, self.solver):
+            if self.run is None:
+                yield without_record(self.case, quantity, self.solver, self.seed, (self.suite,), reason, status)
+                continue
+            row = row_of(self.run, quantity)
+            if self.by_class:  # whatever is frozen of a solver of ours that is graded as a stranger is
+                row = judged_by_class(row.model_copy(update={"passed": None, "open_finding": None}))
+            if row.gated:  # a class says nothing of a zero that has no other value of its unit beside it
+                yield row
+
+
+def expected_runs(scope: Scope, current: CurrentRuns, ask: bool = True) -> Iterator[Expected]:
+    """Yield what a scope should have; with `ask`, solvers have to be there, and say what they decline."""
+    for solver in scope.solvers:
+        find_solver(solver)
+    # A case may be in several suites, and a deterministic solver answers for every seed: each run counts once.
+    seen: set[tuple[str, str, int | None]] = set()
+    for suite in scope.suites or _suites_that_compare():
+        for case in catalog.cases_of(suite):
+            for run in catalog.find_suite(suite).runs_for(case.name):
+                # Tolerances hold for the default settings only.
+                if run.settings or (scope.solvers and run.solver not in scope.solvers):
+                    continue
+                for seed in scope.seeds or run.seeds:
+                    found = current.find(case.name, run.solver, {}, seed, installed=ask)
+                    known_seed = found.record.identity.seed if found else seed
+                    if (case.name, run.solver, known_seed) in seen:
+                        continue
+                    seen.add((case.name, run.solver, known_seed))
+                    why = _lack if ask else _absence
+                    lack = NOTHING_LACKS if found else why(current, case, run.solver, seed)
+                    yield Expected(suite, case, run.solver, seed, found, lack)
+
+
+def expected_of_strangers(scope: Scope, solvers: set[str], current: CurrentRuns) -> Iterator[Expected]:
+    """Yield what strangers that are named should have: an answer to each case of the suites, or why they decline."""
+    # Seeds are those that were given, or that a line of the suite declares, or one.
+    for solver in sorted(solvers & set(scope.solvers)):
+        seen: set[tuple[str, int]] = set()
+        for suite in scope.suites:
+            for case in catalog.cases_of(suite):
+                lines = [run for run in catalog.find_suite(suite).runs_for(case.name) if run.solver == solver]
+                declared = tuple(seed for run in lines if not run.settings for seed in run.seeds)
+                for seed in scope.seeds or declared or (FIRST_SEED,):
+                    if (case.name, seed) not in seen:
+                        seen.add((case.name, seed))
+                        yield expected_of_stranger(suite, case, solver, seed, current)
+
+
+def expected_of_stranger(suite: str, case: Problem, solver: str, seed: int, current: CurrentRuns) -> Expected:
+    """Return what a solver that is judged by class should have of a case: an answer, or why it declines."""
+    found = current.find(case.name, solver, {}, seed)
+    lack = NOTHING_LACKS if found else _lack(current, case, solver, seed)
+    return Expected(suite, case, solver, seed, found, lack, by_class=True)
+
+
+def _suites_that_compare() -> list[str]:
+    """Return the suites that are judged unless some are named: a study may need what is not installed."""
+    return [name for name in catalog.suite_names() if catalog.find_suite(name).study is None]
+
+
+def _lack(current: CurrentRuns, case: Problem, solver: str, seed: int) -> Lack:
+    """Say why there is no record that counts; only now is the solver imported, to hear whether it declines."""
+    try:
+        reason = declines(asked(find_solver(solver)), case)
+    except (InputError, PluginError) as error:
+        return "missing", f"no record: {error}"
+    if reason is not None:
+        return "declined", f"the solver declines the case: {reason}"
+    return _absence(current, case, solver, seed)
+
+
+def _absence(current: CurrentRuns, case: Problem, solver: str, seed: int) -> Lack:
+    stale = current.why_not(case.name, solver, seed)
+    return "missing", f"no record that counts: {stale}" if stale else "no record"

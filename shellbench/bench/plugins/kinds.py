@@ -1,0 +1,120 @@
+"""Kinds of problem by name, found through the entry-point group ``shellbench.problems``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from shellbench.bench.plugins.registry import SolverEntry, registered
+from shellbench.errors import InputError
+from shellbench.problem import Kind, Problem
+from shellbench.protocol.picture import Portrait
+from shellbench.protocol.schema import read_toml
+
+GROUP = "shellbench.problems"
+DEFAULT = "shell"
+
+
+@cache  # as `find_kind`: what is installed is looked for once
+def kind_entries() -> dict[str, SolverEntry]:
+    """Return where the kinds are, by name."""
+    return registered(GROUP, "kind of problem")
+
+
+def load_here() -> None:
+    """Have this process load kinds of other packages: one that runs their solvers, and judges nothing."""
+    _LOADED_HERE.append(True)
+
+
+_LOADED_HERE: list[bool] = []
+
+
+@cache
+def find_kind(name: str) -> Kind:
+    """Return a kind of problem; a stand-in (`shellbench.bench.plugins.foreign`) for one of another package.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it can't be imported.
+    """
+    entries = kind_entries()
+    if name not in entries:
+        raise InputError(f"field 'kind': found {name!r}, but it must be {' or '.join(map(repr, entries))}")
+    if not entries[name].own and not _LOADED_HERE:
+        # By a name that is put together: what stands in for a kind measures nothing, and is no part of its digest.
+        stand_in: Kind = import_module(f"{__package__}.foreign").kind(entries[name])
+        return stand_in
+    module, _, attribute = entries[name].target.partition(":")
+    try:
+        kind = getattr(import_module(module), attribute)
+    except Exception as error:  # a plug-in's import can raise anything
+        raise InputError(f"problems of kind '{name}' can't be used: {' '.join(str(error).split())}") from error
+    if not isinstance(kind, Kind):
+        raise InputError(f"problems of kind '{name}' can't be used: {entries[name].target} is no Kind")
+    return kind
+
+
+def kinds_of_theories(theories: Iterable[str]) -> tuple[str, ...]:
+    """Return the names of the kinds whose problems can ask for one of these theories; the default's if none can."""
+    asked, entries = set(theories), kind_entries()
+    ours = {theory for name, entry in entries.items() if entry.own for theory in find_kind(name).theories}
+    # a kind of another package is looked into only for theories that none of ours has
+    looked_into = [name for name, entry in entries.items() if entry.own or asked - ours]
+    return tuple(name for name in looked_into if asked & set(find_kind(name).theories)) or (DEFAULT,)
+
+
+def headline_of(name: str, unit: str) -> str:
+    """Return what the headline quantities of a kind in this unit are; in general words if it is not known here."""
+    try:
+        kind = find_kind(name or DEFAULT)
+        return kind.headlines.get(unit, kind.headline)
+    except InputError:
+        return Kind.headline
+
+
+def kind_name(data: Mapping[str, Any]) -> str:
+    """Return the name of the kind of a problem's data."""
+    return str(data.get("kind", DEFAULT))
+
+
+def kind_of(data: Mapping[str, Any]) -> Kind:
+    """Return the kind of a problem's data."""
+    return find_kind(kind_name(data))
+
+
+def module_of(kind: str) -> str:
+    """Return the module of a kind: what it imports decides what a record keeps of a solution."""
+    entry = kind_entries().get(kind)
+    return entry.module if entry else ""
+
+
+def read_problem(path: Path) -> Problem:
+    """Read and check a case file of whatever kind; InputError in one sentence."""
+    data = read_toml(path)
+    try:
+        kind = kind_of(data)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    return kind.problem.build(data, name=path.stem, where=str(path))
+
+
+def problem_of(data: Mapping[str, Any]) -> Problem:
+    """Make a problem again of `Problem.data`.
+
+    Raises
+    ------
+    ValidationError
+        If it is malformed.
+    InputError
+        If its kind is not installed.
+    """
+    return kind_of(data).problem.model_validate(data)
+
+
+def portrait_of_named(case: Problem) -> Portrait:
+    """Return the portrait of a problem."""
+    return find_kind(case.kind).portrait(case)

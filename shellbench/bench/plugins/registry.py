@@ -1,0 +1,129 @@
+"""Solvers by name, found through the entry-point group ``shellbench.solvers``.
+
+Nothing is imported until a solver is asked for: entry points are text in the metadata of installed packages.
+A plug-in registers like our own solvers do::
+
+    [project.entry-points."shellbench.solvers"]
+    mine = "my_package.solver:MySolver"
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.metadata import Distribution, entry_points
+from typing import Any
+
+from shellbench.errors import InputError
+from shellbench.problem import Solver
+from shellbench.protocol.spelling import did_you_mean
+
+GROUP = "shellbench.solvers"
+OWN = "shellbench"  # our package and our distribution
+PARTS = ("name", "capabilities", "settings_type", "declines", "solve", "load")
+
+
+@dataclass(frozen=True)
+class SolverEntry:
+    """A registered solver, not yet imported.
+
+    Attributes
+    ----------
+    name
+        Name on the command line and in records.
+    target
+        Where it is, ``module:attribute``.
+    distribution, version
+        The installed package that registers it.
+    """
+
+    name: str
+    target: str
+    distribution: str
+    version: str
+
+    @property
+    def module(self) -> str:
+        """Dotted name of the solver's module."""
+        return self.target.partition(":")[0].strip()
+
+    @property
+    def own(self) -> bool:
+        """Whether it is one of ours, and no plug-in."""
+        return self.module.partition(".")[0] == OWN and self.distribution in ("", OWN)
+
+
+def solver_entries() -> dict[str, SolverEntry]:
+    """Return all registered solvers by name.
+
+    Raises
+    ------
+    InputError
+        If two packages register different solvers under one name.
+    """
+    return registered(GROUP, "solver")
+
+
+def registered(group: str, what: str) -> dict[str, SolverEntry]:
+    """Return all that is registered in a group of entry points, by name; InputError as `solver_entries`."""
+    entries: dict[str, SolverEntry] = {}
+    named: dict[Distribution | None, tuple[str, str]] = {}  # each question reads the package's metadata anew
+    for point in entry_points(group=group):
+        if point.dist not in named:
+            named[point.dist] = (str(point.dist.name), str(point.dist.version)) if point.dist else ("", "")
+        entry = SolverEntry(point.name, point.value, *named[point.dist])
+        known = entries.setdefault(entry.name, entry)
+        if known.target != entry.target:
+            raise InputError(
+                f"two installed packages call a {what} '{entry.name}': {known.distribution} and {entry.distribution}"
+            )
+    return dict(sorted(entries.items()))
+
+
+def find_solver(name: str) -> SolverEntry:
+    """Return the registered solver of this name; InputError, naming the known ones, if there is none."""
+    entries = solver_entries()
+    if name not in entries:
+        hint = did_you_mean(name, entries)
+        raise InputError(f"unknown solver '{name}'{hint}: solvers are {', '.join(entries) or 'not installed'}")
+    return entries[name]
+
+
+def loads_here(entry: SolverEntry) -> bool:
+    """Whether a solver is loaded by the process that judges: only what comes with shellbench is."""
+    return entry.own
+
+
+def load(entry: SolverEntry, what: str, make: Callable[[Any], Any] = lambda found: found) -> Any:
+    """Import what is registered, and make of it what is wanted.
+
+    Raises
+    ------
+    InputError
+        If that raises anything, one sentence that names it.
+    """
+    module, _, attribute = entry.target.partition(":")
+    try:
+        found: Any = import_module(module.strip())
+        for part in attribute.strip().split("."):
+            found = getattr(found, part)
+        return make(found)
+    except Exception as error:  # a plug-in's import can raise anything, and must cost that plug-in only
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(f"{what} '{entry.name}' can't be used: {reason}") from error
+
+
+def load_solver(entry: SolverEntry) -> Solver:
+    """Import a solver and make one.
+
+    Raises
+    ------
+    InputError
+        If its module can't be imported, whatever the reason, or what it names is not a solver.
+    """
+    solver: Solver = load(entry, "solver", lambda found: found() if isinstance(found, type) else found)
+    missing = [part for part in PARTS if not hasattr(solver, part)]
+    if missing:
+        raise InputError(f"solver '{entry.name}' can't be used: {entry.target} has no {', '.join(missing)}")
+    return solver

@@ -1,0 +1,201 @@
+"""Code of others, seen from outside: in a process that may crash, hang or talk nonsense at the cost of one answer."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import subprocess
+import time
+from dataclasses import dataclass
+from typing import Any, Protocol, Self
+
+import psutil
+
+from shellbench.bench.plugins.line import LOOK, Line, Look
+from shellbench.bench.plugins.process import SolverProcess, is_overdue, worked
+
+GIGABYTE = 1e9
+
+
+class NoAnswer(Exception):
+    """What a solver did instead of answering, in one clause; a check that meets it unprepared has failed."""
+
+
+class Refused(NoAnswer):
+    """It raised InputError."""
+
+
+class SolveFailed(NoAnswer):
+    """It raised SolveFailure."""
+
+
+class UnknownName(NoAnswer):
+    """It raised KeyError."""
+
+
+class Raised(NoAnswer):
+    """It raised something else."""
+
+
+class Lost(NoAnswer):
+    """Its process died, or did not answer in time."""
+
+
+KINDS: dict[str, tuple[type[NoAnswer], str]] = {
+    "refused": (Refused, "refused: "),
+    "failed": (SolveFailed, "failed: "),
+    "unknown": (UnknownName, "raised "),
+    "raised": (Raised, "raised "),
+}
+
+
+def outcome(operation: str, kind: str, result: Any) -> Any:
+    """Return the result of what a solver was asked for, or raise the `NoAnswer` that it was."""
+    if kind == "ok":
+        return result
+    trouble, prefix = KINDS[kind]
+    raise trouble(f"{operation} {prefix}{result}")
+
+
+class Respondent(Protocol):
+    """Who answers for a solver; see `Subject`."""
+
+    @property
+    def alive(self) -> bool:
+        """Whether it can be asked."""
+        ...
+
+    def call(self, operation: str, *arguments: Any) -> Any:
+        """Have it do something."""
+        ...
+
+    def stop(self) -> None:
+        """End it."""
+        ...
+
+
+@dataclass
+class Subject:
+    """A process that answers (`shellbench.bench.plugins.inside.serve`).
+
+    Attributes
+    ----------
+    seconds
+        Longest time that it may take for one answer (`shellbench.bench.plugins.process.is_overdue`).
+    memory
+        Most memory that it may have meanwhile, bytes; None for any.
+    greeting
+        What it said when it was ready.
+    """
+
+    process: SolverProcess
+    line: Line
+    seconds: float
+    memory: float | None = None
+    greeting: Any = None
+    asked: int = 0
+
+    @classmethod
+    def start(cls, module: str, *arguments: str, seconds: float, memory: float | None = None, threads: int = 1) -> Self:
+        """Start a module whose first argument is the descriptor of its end of a line, and have it import what it needs.
+
+        Raises
+        ------
+        NoAnswer
+            If that can't be imported: `Refused` with the reason, as a rule.
+        """
+        ours, theirs = socket.socketpair()
+        number = theirs.fileno()
+        process = SolverProcess.start(
+            module, str(number), *arguments, threads=threads, stdin=subprocess.DEVNULL, pass_fds=(number,)
+        )
+        theirs.close()
+        subject = cls(process, Line(ours), seconds, memory)
+        try:
+            subject.greeting = subject._hear("the import", subject._look("the import"))
+        except NoAnswer:
+            subject.stop()
+            raise
+        return subject
+
+    @property
+    def alive(self) -> bool:
+        """Whether it can be asked."""
+        return self.process.process.poll() is None and not self.line.closed
+
+    def call(self, operation: str, *arguments: Any) -> Any:
+        """Have it do something; its module says what it can do.
+
+        Raises
+        ------
+        NoAnswer
+            The kind says whether it refused, failed, raised or was lost.
+        """
+        what = str(arguments[1]) if operation == "ask" else operation
+        look = self._look(what)
+        self.asked += 1
+        try:
+            self.line.send((self.asked, operation, arguments), look)
+        except OSError:
+            raise Lost(f"{what}: {self._end()}") from None
+        return self._hear(what, look)
+
+    def _hear(self, operation: str, look: Look) -> Any:
+        try:
+            match self.line.receive(look):
+                case [self.asked, str() as kind, result] if kind == "ok" or (kind in KINDS and isinstance(result, str)):
+                    return outcome(operation, kind, result)
+        except (EOFError, OSError):
+            raise Lost(f"{operation}: {self._end()}") from None
+        except ValueError:  # no message, then
+            pass
+        self.stop()
+        raise Lost(f"{operation}: it wrote something else than its answer to where answers go")
+
+    def _look(self, operation: str) -> Look:
+        """Return a look at the process, which raises `Lost`, and ends it, once it has had its time or memory."""
+        pid, began = self.process.process.pid, time.monotonic()
+        before, looked = worked(pid), began
+
+        def look() -> None:
+            nonlocal looked
+            if time.monotonic() - looked < LOOK:
+                return
+            looked = time.monotonic()
+            if self.memory is not None and memory_of(pid) > self.memory:
+                self.stop()
+                raise Lost(f"{operation} took more than {self.memory / GIGABYTE:.3g} GB of memory")
+            waited = time.monotonic() - began
+            if waited >= self.seconds and is_overdue(self.seconds, waited, worked(pid) - before):
+                self.stop()
+                raise Lost(f"{operation} did not end within {self.seconds:g} s")
+
+        return look
+
+    def _end(self) -> str:
+        """Say how the process died."""
+        try:
+            code = self.process.process.wait(5)
+        except subprocess.TimeoutExpired:
+            self.stop()
+            return "it closed the line on which answers go"
+        words = self.process.last_words()[:200]
+        self.stop()
+        how = f"signal {-code}" if code < 0 else f"exit code {code}"
+        return f"its process died ({how}{': ' + words if words else ''})"
+
+    def stop(self) -> None:
+        """End the process and all that it has started."""
+        if not self.line.closed:
+            self.process.end()
+            self.line.close()
+
+
+def memory_of(pid: int) -> float:
+    """Return the resident memory of a process and its children, bytes."""
+    total = 0.0
+    with contextlib.suppress(psutil.Error):
+        for process in (top := psutil.Process(pid), *top.children(recursive=True)):
+            with contextlib.suppress(psutil.Error):
+                total += process.memory_info().rss
+    return total

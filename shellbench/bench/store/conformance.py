@@ -1,0 +1,122 @@
+"""Conformance: whether a solver has passed the checks without which it holds no class.
+
+Known values judge a handful of numbers. A solver that looks them up is right in all of them, and has no field. So
+`shellbench check-solver` asks for what no list of values answers: that a field is continuous, that its energies are
+those of its strains, that it follows the load and the placement. What it found is kept in the store, one sealed file
+for each solver and kind of problem. It counts for runs of the very source that was checked.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from shellbench.bench.plugins.kinds import kind_name
+from shellbench.bench.plugins.registry import SolverEntry
+from shellbench.bench.store.identity import current_source
+from shellbench.bench.store.record import SEAL, Digest, Record, sealed
+from shellbench.bench.store.store import Store
+from shellbench.disk import said_plainly
+from shellbench.protocol.schema import Model
+
+FOLDER = ".conformance"
+LARGEST_FILE = 1_000_000  # bytes
+NOT_ASKED = "no checks are known of it"
+
+
+class Conformance(Model):
+    """Findings of the checks of a solver.
+
+    Attributes
+    ----------
+    kind
+        Of the problems that it was asked.
+    source
+        SHA-256 as in the identity of its runs.
+    checks
+        By check: how it ended for each case that was asked, such as "passed".
+    lacking
+        Why it holds no class, one clause each; empty if it has passed all checks that a class needs.
+    """
+
+    solver: str
+    kind: str
+    source: Digest
+    checks: dict[str, tuple[str, ...]]
+    lacking: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Noted:
+    """Findings of conformance that a store holds.
+
+    Attributes
+    ----------
+    found
+        One for each solver and kind.
+    damaged
+        One sentence for each file that is none, or was changed since it was written.
+    """
+
+    found: tuple[Conformance, ...] = ()
+    damaged: tuple[str, ...] = ()
+
+
+def note_conformance(
+    store: Store, entry: SolverEntry, kind: str, checks: Mapping[str, tuple[str, ...]], lacking: tuple[str, ...]
+) -> None:
+    """Keep what the checks found of today's source of a solver, in place of what was found before.
+
+    Raises
+    ------
+    StoreError
+        If the store can't be written.
+    """
+    source = current_source(entry, kind)
+    one = Conformance(solver=entry.name, kind=kind, source=source, checks=dict(checks), lacking=lacking)
+    folder = store.folder / FOLDER
+    # Names may have any characters and any case: their digest has neither.
+    path = folder / f"{hashlib.sha256(json.dumps([entry.name, kind]).encode()).hexdigest()[:16]}.json"
+    with said_plainly(store.folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        partial = path.with_suffix(".partial")
+        partial.write_text(json.dumps(sealed(one.model_dump(mode="json")), indent=1) + "\n", encoding="utf-8")
+        partial.replace(path)
+
+
+def read_conformance(store: Store) -> Noted:
+    """Return what a store knows of conformance."""
+    found: list[Conformance] = []
+    damaged: list[str] = []
+    for path in sorted((store.folder / FOLDER).glob("*.json")):
+        try:
+            if not path.is_file() or path.stat().st_size > LARGEST_FILE:
+                raise OSError
+            found.append(_read(json.loads(path.read_bytes())))
+        except (OSError, TypeError, ValueError, RecursionError):
+            damaged.append(f"{path}: is left out, for it is no whole result of checks; `check-solver` makes it anew")
+    return Noted(tuple(found), tuple(damaged))
+
+
+def _read(data: Any) -> Conformance:
+    """Return what sealed data say; ValueError if they are damaged."""
+    content = {key: value for key, value in dict(data).items() if key != SEAL}
+    if sealed(content) != data:
+        raise ValueError("its content is not that of which its checksum was taken")
+    return Conformance.model_validate_json(json.dumps(content), strict=True)
+
+
+def why_unchecked(solver: str, runs: Iterable[Record], noted: Iterable[Conformance]) -> str:
+    """Return why the source of a solver's runs is not checked, as a clause; empty if it is."""
+    known = {(one.kind, one.source): one for one in noted if one.solver == solver}
+    for kind, source in sorted({(kind_name(run.case), run.identity.source) for run in runs}):
+        one = known.get((kind, source))
+        if one is None:
+            earlier = any(name == kind for name, _ in known)
+            return "its source has changed since it was checked" if earlier else NOT_ASKED
+        if one.lacking:
+            return one.lacking[0]
+    return ""

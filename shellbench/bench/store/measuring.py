@@ -1,0 +1,225 @@
+"""What of a solution goes into a record: its values, its cost, how it came about, and fields for pictures.
+
+Each part is measured by itself: what can't be measured, such as a quantity at a state that a failed solve did not
+reach, costs nothing of the rest.
+"""
+
+from __future__ import annotations
+
+import errno
+import math
+import traceback
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from shellbench.bench.plugins.kinds import find_kind
+from shellbench.bench.store.record import Measured
+from shellbench.errors import InputError, without_middle
+from shellbench.problem import Problem, Solution
+from shellbench.protocol.history import MOST, HistoryStep, finite
+from shellbench.protocol.schema import LONGEST_VALUE, one_sentence
+
+FIELDS = "fields.npz"
+NOT_REACHED = "not_reached"  # of a solution's diagnostics: names of the quantities that it did not reach
+SOLUTION = "solution"
+DRAWS = 2.0  # one draw of noise moves an answer too little as often as too much: twice that covers 7 of 10
+UNREACHED = (InputError, ValueError)  # how a solution and its measuring say that a state was not reached
+Part = Callable[[], dict[str, Any]]
+
+
+def measured(solution: Solution, case: Problem, folder: Path) -> tuple[dict[str, Any], str | None]:
+    """Measure a solution, and put its arrays and itself into the folder.
+
+    Returns
+    -------
+    tuple
+        Fields of a record, and why it is not whole, in one sentence; None if it is.
+    """
+    kind = find_kind(case.kind)
+    values, lost = values_of(solution, case)
+    result: dict[str, Any] = {"values": values}
+    headline = next(quantity.name for quantity in case.quantities if quantity.primary)
+    # A solver that names what it did not reach, and so has not settled, has an answer if it reached the headline.
+    told = headline in values and why_unsettled(solution) is not None
+    told = told and set(lost) <= set(solution.diagnostics.get(NOT_REACHED, ()))
+    why = without_values(lost) if lost and not told else why_misstated(solution, case)
+    numbers = {name: found.value for name, found in values.items()}
+    accounts = {name: partial(account, solution, case, numbers) for name, account in kind.accounts.items()}
+
+    def measure(*parts: Part) -> None:
+        nonlocal why
+        for part in parts:
+            try:
+                result.update(part())
+            except Exception as error:
+                pass_on_full_disk(error)
+                why = why or f"the solution can't be measured: {said(error)}"
+                traceback.print_exc()
+
+    measure(partial(cost, solution), partial(course, solution), partial(kept, solution, case, folder))
+    if "fields_file" in result:  # else there is no finite state of which anything could be said
+        measure(*(partial(_field, name, account) for name, account in accounts.items()))
+    for name, study in kind.studies.items():  # they stand beside the answer: one that fails is left out
+        try:
+            result[name] = tuple(study(solution, case, numbers))
+        except Exception as error:
+            pass_on_full_disk(error)
+            traceback.print_exc()
+    return result, why
+
+
+def _field(name: str, account: Callable[[], Any]) -> dict[str, Any]:
+    return {name: tuple(account())}
+
+
+def values_of(solution: Solution, case: Problem) -> tuple[dict[str, Measured], dict[str, str]]:
+    """Return the finite values of the case's quantities, and of the others why there is none (empty: not finite)."""
+    values: dict[str, Measured] = {}
+    lost: dict[str, str] = {}
+    for quantity in case.quantities:
+        name = quantity.name
+        try:
+            value = finite(quantity.measure(solution))
+            if value is None:
+                lost[name] = ""
+                continue
+            uncertainty = stated(solution.uncertainty.get(name))
+            extrapolated = stated(solution.extrapolated.get(name))
+            factor = quantity.factor
+            values[name] = Measured(
+                value=value * factor,
+                uncertainty=None if uncertainty is None else uncertainty * factor,
+                extrapolated=None if extrapolated is None else extrapolated * factor,
+            )
+        except Exception as error:
+            pass_on_full_disk(error)
+            lost[name] = said(error)
+            if not isinstance(error, UNREACHED):
+                traceback.print_exc()
+    return values, lost
+
+
+def stated(value: Any) -> float | None:
+    """Return a number that a solution states; None if there is none that a record can keep."""
+    try:
+        return None if isinstance(value, str | bytes) else finite(value)
+    except (TypeError, ValueError):
+        return None
+
+
+def why_misstated(solution: Solution, case: Problem) -> str | None:
+    """Say which uncertainty or extrapolated value is no finite number, or negative; None if all can be kept."""
+    for part, least in (("uncertainty", 0.0), ("extrapolated", -math.inf)):
+        for name in (quantity.name for quantity in case.quantities):
+            given = getattr(solution, part).get(name)
+            number = stated(given)
+            if given is not None and (number is None or number < least):
+                found = without_middle(" ".join(repr(given).split()), LONGEST_VALUE)
+                allowed = "a finite number" + (" of at least 0" if least == 0 else "")
+                return f"the solver states {found} as {part} of {name}, but it must be {allowed}"
+    return None
+
+
+def without_values(lost: Mapping[str, str]) -> str:
+    """Say which quantities have no value, and why the first of them that has a reason has none."""
+    why = next(filter(None, lost.values()), "")
+    return f"the solution has no finite value for {', '.join(lost)}" + (f": {why}" if why else "")
+
+
+def cost(solution: Solution) -> dict[str, Any]:
+    """Return what the solution takes, and what the solver says of it."""
+    return {
+        "parameters": int(solution.parameters),
+        "storage_bytes": int(solution.storage_bytes),
+        "diagnostics": json_only(dict(solution.diagnostics)),
+    }
+
+
+def course(solution: Solution) -> dict[str, Any]:
+    """Return how the solution came about."""
+    return {"history": history_of(solution)}
+
+
+def kept(solution: Solution, case: Problem, folder: Path) -> dict[str, Any]:
+    """Keep arrays of the solution, and itself; nothing if it has no finite state yet."""
+    if not write_fields(solution, case, folder / FIELDS):
+        return {}
+    return {"fields_file": FIELDS, "solution_file": solution.save(folder / SOLUTION).name}
+
+
+def write_fields(solution: Solution, case: Problem, path: Path) -> bool:
+    """Write the arrays that the kind of problem keeps as npz; return whether there are any."""
+    arrays = find_kind(case.kind).keep(solution, case)
+    if arrays is None:
+        return False
+    for name, array in arrays.items():
+        if np.asarray(array).dtype.kind in "cO":
+            raise ValueError(f"its {name} is no array of real numbers, but of {np.asarray(array).dtype}")
+    np.savez_compressed(path, **arrays)  # type: ignore[arg-type] # its stub takes them for its own options
+    return True
+
+
+def history_of(solution: Solution) -> tuple[HistoryStep, ...]:
+    """Return the history as a record keeps it; a step whose energy is not finite ends it."""
+    kept: list[HistoryStep] = []
+    for step in solution.history:
+        if finite(step.energy) is None:
+            break
+        kept.append(
+            HistoryStep(
+                iteration=int(step.iteration),
+                seconds=float(step.seconds),
+                energy=float(step.energy),
+                unknowns=int(step.unknowns),
+                at=float(step.at),
+                gap=finite(step.gap),
+                quantities={k: float(v) for k, v in step.quantities.items() if finite(v) is not None},
+                phase=step.phase,
+                iterations=None if step.iterations is None else int(step.iterations),
+            )
+        )
+    return tuple(kept)
+
+
+def json_only(data: Any) -> Any:
+    """Return diagnostics as JSON data: arrays as lists, what is no figure that a record keeps as None."""
+    match data:
+        case Mapping():
+            return {str(key): json_only(value) for key, value in data.items()}
+        case list() | tuple() | set():
+            return [json_only(value) for value in data]
+        case np.ndarray() | np.generic():
+            return json_only(data.tolist())
+        case float():
+            return finite(data)
+        case int():
+            return data if abs(data) <= MOST else finite(data)
+        case None | str():
+            return data
+        case _:
+            return str(data)
+
+
+def said(error: Exception) -> str:
+    """Return what an error says, in one line; those that are not meant for a reader with their kind."""
+    words = one_sentence(error) if isinstance(error, ValidationError) else " ".join(str(error).split())
+    if words and isinstance(error, UNREACHED):
+        return words
+    return f"{type(error).__name__}: {words}" if words else type(error).__name__
+
+
+def pass_on_full_disk(error: Exception) -> None:
+    """Raise the error again if it says that the disk is full: that is no fault of the solver."""
+    if isinstance(error, OSError) and error.errno in {errno.ENOSPC, errno.EDQUOT}:
+        raise error
+
+
+def why_unsettled(solution: Solution) -> str | None:
+    """Return why a solution has not settled, as a clause, or None if it has, or does not say."""
+    why = getattr(solution, "unsettled", None)
+    return None if why is None else " ".join(str(why).split()) or "its solver does not say what moves"

@@ -1,0 +1,131 @@
+"""Points of a shell at which something acts: how they are held, and how softly the shell gives way there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shellbench.problems.shell.posed.rigid import middle_and_size
+from shellbench.problems.shell.posed.shell import Shell
+from shellbench.problems.shell.question.directions import held_directions, local_directions
+from shellbench.problems.shell.question.places import Place, Point, Whole
+from shellbench.problems.shell.question.surface import Domain
+
+Array = NDArray[np.float64]
+
+ROUNDING = 1e-6  # of a vector: a smaller part of it is rounding
+SLACK = 1e-9  # of a side, or of a row: what differs by less is the same
+EFFECTIVE = 4.0  # a force on a cell acts as if spread over something between the cell and its quarter
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A point of the shell at which something acts.
+
+    Attributes
+    ----------
+    normal
+        Unit normal (3,) there.
+    held
+        Orthonormal directions (n, 3) in which supports hold it.
+    softness
+        Displacement that a unit force along the midsurface adds with each halving of the cell, m/N.
+    halvings
+        How often a cell as large as the shell is halved until it is as small as the thickness.
+    bent
+        Thickness times the largest curvature there.
+    shears
+        Whether the theory lets a force along the normal move it without bound, too.
+    """
+
+    name: str
+    xi: tuple[float, float]
+    normal: Array
+    held: Array
+    softness: float
+    halvings: float
+    bent: float
+    shears: bool
+
+    def free(self, vector: ArrayLike) -> Array:
+        """Return the part (3,) of a vector that no support holds."""
+        given = np.asarray(vector, dtype=float)
+        return np.asarray(given - self.held.T @ (self.held @ given))
+
+    def unlimited(self, vector: ArrayLike) -> Array:
+        """Return the part (3,) of a vector along which the point moves without bound."""
+        free = self.free(vector)
+        return free if self.shears else free - self.normal * (self.normal @ free)
+
+    def share(self, direction: ArrayLike) -> float:
+        """Return how large that part of a direction is, from 0 to 1; 0 if it is rounding."""
+        share = float(np.linalg.norm(self.unlimited(direction)) / np.linalg.norm(direction))
+        return share if share > ROUNDING else 0.0
+
+
+def spot_at(case: Shell, place: Point) -> Spot:
+    """Return what is to be known of a point at which something acts."""
+    domain, point = case.surface.domain, np.array([place.xi])
+    x = case.surface.derivatives(point, order=2)
+    normal = local_directions(case.surface, point)[0, 2]
+    modulus, thickness = (float(f[0]) for f in case.material.factors(point, case.surface.named_constants))
+    modulus *= case.material.youngs_modulus
+    thickness *= case.material.thickness
+    nu = case.material.poissons_ratio
+    first, second = x[1, 0][0], x[0, 1][0]
+    metric = np.array([[first @ first, first @ second], [first @ second, second @ second]])
+    curvature = np.array([[x[2, 0][0], x[1, 1][0]], [x[1, 1][0], x[0, 2][0]]]) @ normal
+    largest = thickness * float(np.abs(np.linalg.eigvals(np.linalg.solve(metric, curvature))).max())
+    angle = _angle(domain, place.xi, first, second)
+    unit = (1 + nu) * (3 - nu) / (4 * math.pi) if angle is None else 2 / (angle - math.sin(angle))
+    return Spot(
+        name=place.name,
+        xi=place.xi,
+        normal=normal,
+        held=held_at(case, place, points=True),
+        softness=unit * math.log(2) / (modulus * thickness),
+        halvings=math.log2(EFFECTIVE * max(1.0, 2 * middle_and_size(case.surface)[1] / thickness)),
+        bent=largest if largest > ROUNDING else 0.0,
+        shears=case.theory == "naghdi-linear",
+    )
+
+
+def _angle(domain: Domain, xi: tuple[float, float], first: Array, second: Array) -> float | None:
+    """Return the angle that the shell takes up around a point of its edge; None inside."""
+    ends = []
+    for axis, tangent in enumerate((first, second)):
+        at = (xi[axis] - domain.lower[axis]) / domain.size[axis]
+        if not domain.periodic[axis] and min(abs(at), abs(at - 1)) <= SLACK:
+            ends.append(tangent / np.linalg.norm(tangent) * (1 if at < 0.5 else -1))
+    if len(ends) < len(xi):
+        return math.pi if ends else None
+    return math.acos(float(np.clip(ends[0] @ ends[1], -1.0, 1.0)))
+
+
+def is_on(case: Shell, place: Place, xi: tuple[float, float]) -> bool:
+    """Tell whether a point lies on a place."""
+    if isinstance(place, Whole):
+        return True
+    domain = case.surface.domain
+    point = domain.wrap(xi)
+    at = place.xi if isinstance(place, Point) else place.project(domain, point)
+    covered = isinstance(place, Point) or bool(place.covers(domain, point[1 - place.axis]))
+    return covered and bool(np.all(np.abs(domain.wrap(at) - point) <= SLACK * np.asarray(domain.size)))
+
+
+def held_at(case: Shell, place: Point, points: bool) -> Array:
+    """Return orthonormal directions (k, 3) in which supports hold a point; those on points alone count if asked."""
+    rows = [np.zeros((1, 3))]
+    for support, other in case.supported_places():
+        if (points or not isinstance(other, Point)) and is_on(case, other, place.xi):
+            rows.append(held_directions(case.surface, support, other, np.array([place.xi]))[0])
+    return orthonormal(np.concatenate(rows))
+
+
+def orthonormal(rows: Array) -> Array:
+    """Return an orthonormal basis (k, 3) of what rows (n, 3) of lengths up to 1 span."""
+    _, sizes, basis = np.linalg.svd(rows, full_matrices=False)
+    return np.asarray(basis[sizes > SLACK])

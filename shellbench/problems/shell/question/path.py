@@ -1,0 +1,70 @@
+"""Paths: how a static case is loaded from rest, and which of its states are kept.
+
+Dynamics: that a case is one of motion, and until when.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from shellbench.protocol.schema import Finite, Model, Name, Positive
+
+
+class Path(Model):
+    """How the load factor t goes from rest, where t = 0, and which states are kept.
+
+    Attributes
+    ----------
+    control
+        "load": t is prescribed and grows to `until`. "displacement": the displacement quantity grows to `until`, and
+        t follows from equilibrium. "arc_length": the path is followed through turning points of both, until the
+        displacement quantity first reaches `until`.
+    quantity
+        Name of that displacement quantity.
+    until
+        End of the path: a load factor, or a displacement in metres.
+    after_buckling
+        Under load control, at a state that is no minimum of the energy: "stop" there, or "follow" the shell to a stable
+        state and go on from it. A path that stops ends there if critical points are asked for, and fails otherwise.
+    states
+        Marks on the path of states that are kept beside those that quantities ask for: load factors, or values of
+        the displacement quantity at its first passage.
+    """
+
+    control: Literal["load", "displacement", "arc_length"] = "load"
+    quantity: Name | None = None
+    until: Positive = 1.0
+    after_buckling: Literal["stop", "follow"] = "stop"
+    states: tuple[Positive, ...] = ()
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> Self:
+        if (self.control == "load") != (self.quantity is None):
+            raise ValueError("a path names its displacement quantity if, and only if, its control is not 'load'")
+        if self.after_buckling == "follow" and self.control != "load":
+            raise ValueError("after_buckling = 'follow' belongs to a path with control = 'load'")
+        if any(state > self.until for state in self.states):
+            raise ValueError(f"the path ends at {self.until:g}, but a state beyond it is to be kept")
+        return self
+
+
+SHORTEST, LONGEST = 1e-9, 1e9  # seconds: what is beyond is a slip of the pen
+
+
+class Dynamics(Model):
+    """A motion by Newton's law, from rest at t = 0.
+
+    The areal density times the acceleration is the load less the derivative of the strain energy, and nothing damps it.
+
+    Attributes
+    ----------
+    until
+        Final time, s.
+    states
+        Times that are kept beside those that quantities ask for, s.
+    """
+
+    until: Annotated[Finite, Field(ge=SHORTEST, le=LONGEST)]
+    states: tuple[Positive, ...] = ()

@@ -1,0 +1,72 @@
+"""The frame of a case's mirrors: there the planes in which the shell is its own mirror image are coordinate planes.
+
+Mirrors are looked for in coordinate planes only (`shellbench.problems.shell.posed.mirrors`). A shell that stands askew
+in space has its mirrors too: where a coordinate is reflected, all points move along one direction, the normal of the
+plane. The case is turned so that these normals are axes; whether loads and supports are symmetric is looked at there.
+"""
+
+from __future__ import annotations
+
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from shellbench.errors import InputError
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.posed.mirrors import ROUNDING, Mirror, Sight
+from shellbench.problems.shell.variants.placing import follows, placed_data
+
+Array = NDArray[np.float64]
+
+NOTHING = 1e-12  # entry of a rotation that is rounding: what planes may be turned by, and still be seen as mirrors
+
+
+def in_frame_of_mirrors(case: Case) -> tuple[Case, Array] | None:
+    """Return a case turned into the frame of its mirrors, and the rotation (3, 3), x' = R x.
+
+    None if its midsurface has no mirror, or the frame is that of the case already, or what holds the shell by single
+    components would not do so there.
+    """
+    rotation = _rotation(case)
+    if rotation is None or np.abs(rotation - np.eye(3)).max() <= NOTHING or not follows(case, rotation):
+        return None
+    first, second, third = (tuple(row) for row in rotation.tolist())
+    try:
+        return Case.model_validate(placed_data(case, (first, second, third))), rotation
+    except (InputError, ValidationError):  # what can't be asked there is asked where it was
+        return None
+
+
+def _rotation(case: Case) -> Array | None:
+    """Return the least rotation after which the normals of the midsurface's mirrors are axes; None if it has none."""
+    # 1. The normals of the middle of an open coordinate, and of two lines a quarter of a turn apart of a closed one.
+    # 2. An orthonormal basis that begins with them.
+    # 3. Each axis is given the vector of the basis that is nearest to it, in its own sense.
+    domain, points = case.surface.domain, Sight.spread(case).points
+    normals: list[Array] = []
+    for axis in (0, 1):
+        lower, size = domain.lower[axis], domain.size[axis]
+        for at in (lower, lower + size / 4) if domain.periodic[axis] else (lower + size / 2,):
+            normal = _normal(case, Mirror(axis, at, 0), points)
+            if normal is not None and all(abs(normal @ other) <= ROUNDING for other in normals):
+                normals.append(normal)
+    if not normals:
+        return None
+    basis = np.linalg.qr(np.column_stack([*normals, np.eye(3)]))[0].T
+    basis[: len(normals)] = normals
+    order = max(permutations(range(3)), key=lambda chosen: float(np.abs(basis[list(chosen), range(3)]).sum()))
+    rotation = basis[list(order)]
+    rotation *= np.where(np.diagonal(rotation) < 0, -1.0, 1.0)[:, None]
+    if np.linalg.det(rotation) < 0:
+        return None
+    return np.asarray(np.where(np.abs(rotation) <= NOTHING, 0.0, rotation))
+
+
+def _normal(case: Case, mirror: Mirror, points: Array) -> Array | None:
+    """Return the unit vector (3,) along which a reflection moves all points (n, 2) of the shell; None if none is."""
+    wrap, position = case.surface.domain.wrap, case.surface.position
+    moved = position(wrap(mirror.image(points))) - position(wrap(points))
+    _, sizes, directions = np.linalg.svd(moved, full_matrices=False)
+    return directions[0] if sizes[1] <= ROUNDING * sizes[0] else None

@@ -1,0 +1,63 @@
+"""Variants: the same question asked otherwise. Known values carry over, and a solver that is right answers alike.
+
+Who is right only for axes as usual, metres, or coordinates along lines of curvature, is not right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from shellbench.errors import InputError
+from shellbench.problem import Variant
+from shellbench.problems.shell.posed.shell import Shell
+from shellbench.problems.shell.quantities.quantities import CentreOfMass, PositionQuantity
+from shellbench.problems.shell.variants import reparametrisation
+from shellbench.problems.shell.variants.placing import CYCLE, placed_data, turning
+from shellbench.problems.shell.variants.units import KILOMETRES_GRAMS, MILLIMETRES_TONNES, Units, converted_data
+
+SHIFT = (0.3, -0.7, 1.1)  # of the shell's size
+
+
+def size(case: Shell) -> float:
+    """Return the diagonal of the box around a shell, m."""
+    x = case.surface.position(case.surface.domain.grid(9, 9)).reshape(-1, 3)
+    return float(np.linalg.norm(x.max(axis=0) - x.min(axis=0)))
+
+
+def _permuted(case: Shell) -> dict[str, Any]:
+    return placed_data(case, CYCLE)
+
+
+def _turned(case: Shell) -> dict[str, Any]:
+    """Return the case turned by the most general rotation that it can follow, and shifted where no value would move."""
+    moves = any(isinstance(q, PositionQuantity | CentreOfMass) for q in case.quantities)
+    unit = 0.0 if moves else float(f"{size(case):.1g}")  # one digit, so that it is the same everywhere
+    return placed_data(case, turning(case), [part * unit for part in SHIFT])
+
+
+def _in_units(case: Shell, units: Units) -> dict[str, Any]:
+    if case.path.control != "load":
+        raise InputError("a displacement in metres marks the states of its path")
+    return converted_data(case, units)
+
+
+def _in_chart(make: reparametrisation.MakeChart) -> Callable[[Shell], dict[str, Any]]:
+    return partial(reparametrisation.in_chart, make=make)
+
+
+VARIANTS: Mapping[str, Variant] = {
+    "axes": Variant("axes permuted", _permuted),
+    "turned": Variant("turned and shifted in space", _turned),
+    "units": Variant("in mm, t and s", partial(_in_units, units=MILLIMETRES_TONNES)),
+    "kilometres": Variant("in km, g and s", partial(_in_units, units=KILOMETRES_GRAMS)),
+    "flipped": Variant("xi1 reversed, other normal", _in_chart(reparametrisation.flipped)),
+    "swapped": Variant("xi1 and xi2 exchanged, other normal", _in_chart(reparametrisation.swapped)),
+    "stretched": Variant("coordinates stretched", _in_chart(reparametrisation.stretched)),
+    "warped": Variant("coordinates graded", _in_chart(reparametrisation.warped)),
+    "oblique": Variant("coordinates oblique", _in_chart(reparametrisation.oblique)),
+    "helical": Variant("coordinate lines wound as helices", _in_chart(reparametrisation.helical)),
+}

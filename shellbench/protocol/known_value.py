@@ -1,0 +1,68 @@
+"""Known values that a case file brings along: what its author holds answers against."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from shellbench.protocol.schema import Finite, Flag, Model, Name, Positive
+
+SHARPER = 3.0  # a tolerance is so many uncertainties of its known value at least, or the value could not judge
+
+
+class Known(Model):
+    """What one quantity of the case should be.
+
+    Attributes
+    ----------
+    quantity
+        Name of the quantity.
+    value
+        In the quantity's unit.
+    uncertainty
+        Half width that surely covers the truth, in the same unit.
+    source
+        Where it comes from: a book and its page, a formula, a measurement.
+    tolerance
+        The largest error that passes, relative to the value and below 1. It gates every solver that answers with
+        default settings. Without it the value is shown and judges nothing.
+    absolute
+        Whether the tolerance is in the quantity's unit instead.
+    """
+
+    quantity: Name
+    value: Finite
+    uncertainty: Annotated[Finite, Field(ge=0)] = 0.0
+    source: Annotated[str, Field(min_length=1, max_length=300)]
+    tolerance: Positive | None = None
+    absolute: Flag = False
+
+    @model_validator(mode="after")
+    def _can_judge(self) -> Self:
+        if self.tolerance is None:
+            return self
+        named = f"the known value of '{self.quantity}'"
+        if not self.absolute and abs(self.value) <= self.uncertainty:
+            raise ValueError(f"{named} may be zero, so that its tolerance needs `absolute = true`")
+        if not self.absolute and self.tolerance >= 1:
+            raise ValueError(f"{named} has the tolerance {self.tolerance:g}, but a relative one must be less than 1")
+        least = SHARPER * self.uncertainty / (1 if self.absolute else abs(self.value))
+        if self.tolerance < least:
+            raise ValueError(
+                f"{named} is uncertain by {self.uncertainty:g}, so that its tolerance must be at least {least:g}, not"
+                f" {self.tolerance:g}"
+            )
+        return self
+
+
+def check_known(known: Iterable[Known], quantities: Iterable[str]) -> None:
+    """Raise ValueError if a known value is of no quantity, or two are of the same."""
+    names, seen = tuple(quantities), set()
+    for one in known:
+        if one.quantity not in names:
+            raise ValueError(f"a known value is of '{one.quantity}', which is no quantity; they are {', '.join(names)}")
+        if one.quantity in seen:
+            raise ValueError(f"two known values are of '{one.quantity}'; one must judge it")
+        seen.add(one.quantity)

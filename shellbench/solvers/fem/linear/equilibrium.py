@@ -1,0 +1,177 @@
+"""Equilibrium of the linear shell on one mesh: assemble, tie, remove rigid motions, solve, read off the reactions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.errors import SolveFailure
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.posed.rigid import free_motions
+from shellbench.problems.shell.question.conditions import RIGID_MOTIONS
+from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix
+from shellbench.solvers.fem.algebra.cell_matrices import CellMatrices
+from shellbench.solvers.fem.algebra.choices import Method
+from shellbench.solvers.fem.algebra.direct_solve import Answer, Careful, solve_reduced
+from shellbench.solvers.fem.linear.contact import settle
+from shellbench.solvers.fem.mechanics.assembly import InternalForces, root_operators, spring_blocks, stiffness
+from shellbench.solvers.fem.mechanics.clamping import clamped_edges
+from shellbench.solvers.fem.mechanics.constraints import Ties
+from shellbench.solvers.fem.mechanics.contact_points import ContactPoints
+from shellbench.solvers.fem.mechanics.loads import Loading
+from shellbench.solvers.fem.mechanics.pins import determinate_pins
+from shellbench.solvers.fem.mechanics.rigid_motions import mean_rigid_motion, nodal_rigid_motions
+from shellbench.solvers.fem.mechanics.solution import FemSolution
+from shellbench.solvers.fem.mesh.mesh import COMPONENTS, TensorMesh
+from shellbench.solvers.fem.mesh.quadrature import Quadrature
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+BALANCE = 1e-6  # work of the loads on a removed rigid motion that still counts as rounding, relative to all loads
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """The answer on one mesh.
+
+    Attributes
+    ----------
+    solution
+        The field, without history.
+    potential_energy
+        Energy of strains and springs less the work of the loads at the last state, J.
+    residual, correction, noise
+        See `shellbench.solvers.fem.algebra.direct_solve.Answer`.
+    """
+
+    solution: FemSolution
+    potential_energy: float
+    residual: float
+    correction: float = 0.0
+    noise: float = 0.0
+
+
+def solve(
+    case: Case,
+    mesh: TensorMesh,
+    states: Sequence[float],
+    quadrature_order: int,
+    method: Method,
+    near: FemSolution | None = None,
+) -> Equilibrium:
+    """Solve a linear case on a mesh at the times or load factors `states`; contact may start from another mesh.
+
+    Raises
+    ------
+    InputError
+        If supports contradict each other.
+    SolveFailure
+        If the loads are not in balance with the removed rigid motions, or the linear solve fails.
+    """
+    quadrature = Quadrature.of_order(mesh, quadrature_order)
+    loading = Loading.on_mesh(case, mesh, quadrature, states)
+    ties = Ties.from_case(case, mesh, states)
+    # a case that names no rigid motion was checked to have none that is free
+    loose = free_motions(case) if case.remove_rigid_motions else np.zeros((len(RIGID_MOTIONS), 0))
+    check_balance(loading, loose)
+    if loose.size:
+        ties = ties.pinned(*determinate_pins(ties, nodal_rigid_motions(case, mesh) @ loose))
+
+    roots = root_operators(mesh, case.surface, case.material, quadrature)
+    matrix = stiffness(mesh, case.surface, case.material, quadrature, roots)
+    springs = replace(matrix, blocks=spring_blocks(case, mesh)) if case.springs else None
+    if springs:
+        matrix = replace(matrix, blocks=matrix.blocks + springs.blocks)
+    clamps = list(clamped_edges(case, mesh, states))
+    system = matrix
+    if clamps and isinstance(matrix, CellMatrices):
+        system = matrix.with_own(np.concatenate([clamp.cells for clamp in clamps]))
+    elif clamps:
+        system = replace(matrix, blocks=matrix.blocks.copy())
+    forces = loading.nodal
+    for clamp in clamps:
+        clamp.add_to(system)
+        forces = forces + clamp.right_hand_side(mesh.node_count)
+    careful: list[InternalForces] = []
+
+    def internal_forces(nodal: Array) -> Array:
+        if not careful:
+            return matrix @ nodal
+        return careful[0](nodal) + (springs @ nodal if springs else 0.0)
+
+    def solved(system: BlockMatrix | CellMatrices, forces: Array, state: slice = slice(None)) -> tuple[Array, Answer]:
+        particular = ties.particular[..., state]
+
+        def resisted(nodal: Array) -> Array:
+            if not careful:
+                careful.append(InternalForces(mesh, quadrature, roots))
+            held = system @ nodal - matrix @ nodal if system is not matrix else 0.0
+            return internal_forces(nodal) + held
+
+        by_strains = Careful(
+            residual=lambda unknowns: ties.to_free(forces - resisted(ties.to_nodal(unknowns) + particular)),
+            product=lambda unknowns: ties.to_free(resisted(ties.to_nodal(unknowns))),
+        )
+
+        right = ties.to_free(forces - system @ particular)
+        reduced = ties.reduce_cells(system) if isinstance(system, CellMatrices) else ties.reduce(system)
+        answer = solve_reduced(reduced, right, mesh, method, by_strains)
+        return ties.to_nodal(answer.unknowns) + particular, answer
+
+    pushed: Array | float = 0.0
+    touching = None
+    if case.obstacles:
+        points = ContactPoints.on_mesh(case, mesh)
+        found = [
+            settle(points, system, forces[..., k : k + 1], t, partial(solved, state=slice(k, k + 1)), near)
+            for k, t in enumerate(states)
+        ]
+        q, answer = np.concatenate([f.q for f in found], axis=-1), found[-1].answer
+        pushed = np.concatenate([points.nodal(f.forces) for f in found], axis=-1)
+        touching = tuple(points.touch(f.forces) for f in found)
+    else:
+        q, answer = solved(system, forces)
+
+    internal = internal_forces(q)
+    energy = np.sum(q[..., -1] * (internal / 2 - loading.nodal)[..., -1])
+    unbalanced = internal - loading.nodal - pushed + sum(clamp.gap_forces(q) for clamp in clamps)
+    reactions = unbalanced[ties.nodes]
+    scales = mesh.node_scales[:, None, :, None]
+    shape = (COMPONENTS, len(mesh.kinds), len(states))
+    coefficients, shares = q.reshape(-1, *shape) / scales, ties.sharing.shares(reactions)
+    if loose.size:
+        coefficients = coefficients - mean_rigid_motion(case, mesh, quadrature, coefficients, loose)
+    solution = FemSolution(
+        case=case,
+        mesh=mesh,
+        coefficients=coefficients,
+        states=tuple(states),
+        support_nodes=ties.nodes,
+        support_forces=shares.reshape(*shares.shape[:2], *shape) * scales[ties.nodes],
+        quadrature_order=quadrature_order,
+        parameters=int(np.count_nonzero(ties.free)),
+        touching=touching or (),
+    )
+    return Equilibrium(solution, float(energy), answer.residual, answer.correction, answer.noise)
+
+
+def check_balance(loading: Loading, loose: Array) -> None:
+    """Check that the loads do no work on the rigid motions that nothing resists.
+
+    Raises
+    ------
+    SolveFailure
+        If they do.
+    """
+    imbalance = np.abs(loose.T @ loading.resultant).max(initial=0.0)
+    scale = loading.magnitude.max()  # the motions are of like magnitude, so that one scale serves them all
+    if imbalance > BALANCE * scale:
+        raise SolveFailure(
+            "the loads are not in balance: they push the shell along a rigid motion that no support resists"
+            f" (imbalance {imbalance / scale:.1e} of the loads)"
+        )

@@ -1,0 +1,294 @@
+"""Modes on one mesh: small vibrations about rest or about a loaded state, and buckling under the case's loads.
+
+    vibration  (K + G(S)) u = omega^2 M u        buckling  K u = -lambda G(S) u
+
+K is the stiffness of the linear shell, M its consistent mass. S are the stress resultants of the linear answer to the
+case's loads, and G(S) is the sum of these times the second variations of the strains, at the shell's reference state:
+what the tangent stiffness of the non-linear theory has besides K when stresses come before displacements.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+from shellbench.errors import SolveFailure
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.posed.rigid import free_motions
+from shellbench.problems.shell.quantities.modes import why_too_few
+from shellbench.solvers.fem.algebra.block_matrix import (
+    NEIGHBOURS,
+    NODE_DOFS,
+    BlockMatrix,
+    add_cell_matrices,
+    neighbour_columns,
+)
+from shellbench.solvers.fem.algebra.cell_matrices import CellMatrices, cell_dofs
+from shellbench.solvers.fem.algebra.choices import Method
+from shellbench.solvers.fem.algebra.direct_solve import factorised
+from shellbench.solvers.fem.algebra.eigenpairs import BLOCK, NotFoundError, largest
+from shellbench.solvers.fem.algebra.factor import NotPositiveDefiniteError
+from shellbench.solvers.fem.linear.equilibrium import Equilibrium, solve
+from shellbench.solvers.fem.mechanics.assembly import (
+    InternalForces,
+    derivatives_on_cells,
+    product_matrix,
+    root_operators,
+    spring_blocks,
+    stiffness,
+)
+from shellbench.solvers.fem.mechanics.clamping import clamped_edges
+from shellbench.solvers.fem.mechanics.constraints import Ties
+from shellbench.solvers.fem.mechanics.kinematics import (
+    DERIVATIVES,
+    GRADIENT,
+    Deformation,
+    Midsurface,
+    elasticities,
+    stiffness_moduli,
+    strain_operator,
+)
+from shellbench.solvers.fem.mechanics.pins import determinate_pins
+from shellbench.solvers.fem.mechanics.rigid_motions import nodal_rigid_motions
+from shellbench.solvers.fem.mechanics.solution import FemSolution
+from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CORNERS, CUBIC, KINDS, TensorMesh, present_functions, tabulate
+from shellbench.solvers.fem.mesh.quadrature import Quadrature, basis_scales, chunks
+
+Array = NDArray[np.float64]
+Matrix = BlockMatrix | CellMatrices
+
+FULL_LOAD = 1.0
+SHIFT = 1.0  # of the unit B / (rho L^4) of a plate's squared frequencies, by which a shell that may move is held
+SIZE_SAMPLES = 9  # points a side of the grid that gives the size of a shell
+
+
+@dataclass(frozen=True)
+class _Modes:
+    """A case on a mesh, with the matrices of its modes."""
+
+    case: Case
+    mesh: TensorMesh
+    quadrature: Quadrature
+    method: Method
+
+    @cached_property
+    def vibrates(self) -> bool:
+        """Whether frequencies are asked for, and not buckling loads."""
+        return self.case.quantities[0].kind == "frequency"
+
+    @cached_property
+    def loose(self) -> Array:
+        """(6, n): rigid motions that nothing holds."""
+        return free_motions(self.case)
+
+    @cached_property
+    def ties(self) -> Ties:
+        ties = Ties.from_case(self.case, self.mesh, (FULL_LOAD,))
+        if self.vibrates or not self.loose.size:
+            return ties
+        # Stresses do no work on a translation: held or not, it changes no buckling load.
+        return ties.pinned(*determinate_pins(ties, nodal_rigid_motions(self.case, self.mesh) @ self.loose))
+
+    @cached_property
+    def plain(self) -> Matrix:
+        """The stiffness of the shell alone."""
+        return stiffness(self.mesh, self.case.surface, self.case.material, self.quadrature)
+
+    @cached_property
+    def held(self) -> Matrix | None:
+        """What springs, and clamps between nodes, add to it; None where there are none."""
+        clamps = list(clamped_edges(self.case, self.mesh, (FULL_LOAD,)))
+        if not clamps and not self.case.springs:
+            return None
+        springs = spring_blocks(self.case, self.mesh) if self.case.springs else np.zeros_like(self.plain.blocks)
+        matrix = replace(self.plain, blocks=springs)
+        for clamp in clamps:
+            clamp.add_to(matrix)
+        return matrix
+
+    @cached_property
+    def mass(self) -> Matrix:
+        density = self.case.material.areal_density
+        return product_matrix(
+            self.mesh, self.case.surface, self.quadrature, lambda points: np.full((len(points), COMPONENTS), density)
+        )
+
+    @cached_property
+    def geometric(self) -> Matrix | None:
+        """The geometric stiffness of the case's loads; None where nothing loads the shell."""
+        if not self.case.loads and not any(support.motion is not None for support in self.case.supports):
+            return None
+        order = 2 * self.mesh.degree + 1
+        loaded = solve(self.case, self.mesh, (FULL_LOAD,), order, self.method).solution
+        return geometric_stiffness(loaded, self.quadrature)
+
+    def sum(self, *matrices: Matrix | None) -> Matrix:
+        blocks = [matrix.blocks for matrix in matrices if matrix is not None]
+        return replace(self.plain, blocks=sum(blocks[1:], start=blocks[0]))
+
+    def reduced(self, matrix: Matrix) -> Matrix:
+        return self.ties.reduce_cells(matrix) if isinstance(matrix, CellMatrices) else self.ties.reduce(matrix)
+
+    @cached_property
+    def shift(self) -> float:
+        """What is added to squared angular frequencies of a shell that may move freely, 1/s^2."""
+        if not self.vibrates or not self.loose.size:
+            return 0.0
+        position = self.case.surface.position(self.mesh.domain.grid(SIZE_SAMPLES, SIZE_SAMPLES))
+        size = float(np.ptp(position, axis=(0, 1)).max())
+        material = self.case.material
+        return SHIFT * material.bending_stiffness / (material.areal_density * size**4)
+
+    def pairs(self, count: int) -> tuple[Array, Array, Array]:
+        """Return the values (count,) increasing, the same as rounded in K, and nodal modes (nodes, dofs, count)."""
+        # 1. B is K, with stresses and a shift where there are any; A is M or -G. Factorise B on what supports leave.
+        # 2. The largest mu of A u = mu B u, of as many modes as are asked for, and of rigid motions.
+        # 3. Rayleigh-Ritz with these modes: their energy by way of strains, which K as a matrix has more rounded.
+        # 4. Strike out the rigid motions: in vibration they are the first ones, at zero.
+        first = len(self.loose.T) if self.vibrates else 0
+        if self.vibrates:
+            ahead, geometric = self.mass, self.geometric
+            shift = replace(self.mass, blocks=self.shift * self.mass.blocks) if self.shift else None
+            stiff = self.sum(self.plain, self.held, geometric, shift)
+        else:
+            geometric = self.geometric
+            assert geometric is not None  # a case that asks for buckling loads has loads
+            ahead, stiff = replace(geometric, blocks=-geometric.blocks), self.sum(self.plain, self.held)
+        try:
+            backward = factorised(self.reduced(stiff), self.mesh, self.method)
+        except NotPositiveDefiniteError:
+            raise SolveFailure("the shell is not stable at the state about which it is to vibrate") from None
+        on_free, shape = self.reduced(ahead), (*self.ties.free.shape, -1)
+        start = np.random.default_rng(0).normal(size=(self.ties.free.size, BLOCK)) * self.ties.free.reshape(-1, 1)
+        wanted = first + count
+
+        def forward(x: Array) -> Array:
+            return (on_free @ x.reshape(shape)).reshape(x.shape)
+
+        def back(x: Array) -> Array:
+            return backward(x.reshape(shape)).reshape(x.shape)
+
+        try:
+            inverse, vectors = largest(forward, back, start, wanted)
+        except NotFoundError as error:
+            if self.vibrates or error.positive >= wanted:
+                raise SolveFailure(f"the shell has no {count} modes on this mesh, or they do not converge") from None
+            nearest = None
+            if not error.positive:  # the factors of the load turned round
+                with contextlib.suppress(NotFoundError):
+                    nearest = -1 / float(largest(lambda x: -forward(x), back, start, 1)[0][0])
+            raise SolveFailure(why_too_few(count, error.positive, nearest)) from None
+        modes = self.ties.to_nodal(vectors.reshape(shape))
+        roots = root_operators(self.mesh, self.case.surface, self.case.material, self.quadrature)
+        energy = _between(modes, InternalForces(self.mesh, self.quadrature, roots)(modes))
+        for matrix in (self.held, geometric if self.vibrates else None):
+            if matrix is not None:
+                energy += _between(modes, matrix @ modes)
+        # By mu again, which is finite whatever rigid motions have for an energy.
+        product = _between(modes, ahead @ modes)
+        found, shares = eigh(product, energy + self.shift * product)
+        values = 1 / found[::-1][first:wanted] - self.shift
+        return values, 1 / inverse[first:wanted] - self.shift, modes @ shares[:, ::-1][:, first:wanted]
+
+
+def _between(modes: Array, images: Array) -> Array:
+    """Return the products (m, m) of vectors (nodes, dofs, m) with what a symmetric matrix makes of them."""
+    product = np.einsum("ndi,ndj->ij", modes, images)
+    return np.asarray((product + product.T) / 2)
+
+
+def solve_modes(case: Case, mesh: TensorMesh, quadrature_order: int, method: Method) -> Equilibrium:
+    """Find the modes that a case asks for on a mesh. What stands for the potential energy is their mean value.
+
+    Raises
+    ------
+    SolveFailure
+        If the state is not stable about which the shell is to vibrate, or there are not so many modes.
+    """
+    modes = _Modes(case, mesh, Quadrature.of_order(mesh, quadrature_order), method)
+    marks = case.states
+    asked = [int(mark) for mark in marks]
+    values, rounded, shapes = modes.pairs(asked[-1])
+    kept = [number - 1 for number in asked]
+    scales = mesh.node_scales[:, None, :, None]
+    coefficients = shapes[..., kept].reshape(-1, COMPONENTS, len(mesh.kinds), len(marks)) / scales
+    solution = FemSolution(
+        case=case,
+        mesh=mesh,
+        coefficients=_unit_shapes(coefficients),
+        states=marks,
+        support_nodes=modes.ties.nodes,
+        support_forces=np.zeros((len(case.supports), len(modes.ties.nodes), COMPONENTS, len(mesh.kinds), len(marks))),
+        quadrature_order=quadrature_order,
+        parameters=int(np.count_nonzero(modes.ties.free)),
+        mode_values=dict(zip(asked, _shown(values[kept], modes.vibrates), strict=True)),
+    )
+    # The Ritz values have lost the first order of the rounding that the matrix K has; its square is left.
+    loss = float(np.abs(values - rounded).max() / np.abs(values).max())
+    return Equilibrium(solution, float(values.mean()), residual=loss, correction=loss)
+
+
+def _shown(values: Array, vibrates: bool) -> Sequence[float]:
+    """Return frequencies, Hz, from squared angular ones; load factors are what they are."""
+    return [math.sqrt(max(value, 0.0)) / (2 * math.pi) if vibrates else float(value) for value in values]
+
+
+def _unit_shapes(coefficients: Array) -> Array:
+    """Return modes (nodes, 3, kinds, m) of which the largest nodal component is 1 m."""
+    nodal = coefficients[:, :, 0].reshape(-1, coefficients.shape[-1])
+    largest_one = np.take_along_axis(nodal, np.abs(nodal).argmax(axis=0)[None], axis=0)[0]
+    return np.asarray(coefficients / largest_one)
+
+
+def geometric_stiffness(loaded: FemSolution, quadrature: Quadrature) -> Matrix:
+    """Return the sum of a linear answer's stress resultants times the second variations of the strains."""
+    mesh, case = loaded.mesh, loaded.case
+    present = present_functions(mesh.degree)
+    unit = [tabulate(quadrature.points, d, mesh.degree) for d in DERIVATIVES]
+    table = np.stack([t.reshape(len(t), -1)[:, present] for t in unit], axis=1)
+    parts = []
+    for cells in chunks(mesh):
+        points, weights = quadrature.on_cells(mesh, cells)
+        flat = points.reshape(-1, 2)
+        reference = Midsurface.at(case.surface.derivatives(flat, order=2))
+        gradients = derivatives_on_cells(mesh, cells, quadrature, loaded.coefficients)[..., 0]
+        operator = np.swapaxes(strain_operator(reference), -1, -2).reshape(len(flat), 6, GRADIENT)
+        strains = (operator @ gradients.reshape(len(flat), GRADIENT, 1)).reshape(-1, 2, 3, 1)
+        moduli = stiffness_moduli(case.surface, case.material, flat)[..., None]
+        stresses = (elasticities(reference, case.material) @ strains)[..., 0] * moduli
+        stresses *= (weights.ravel() * reference.area)[:, None, None]
+        rest = Deformation.from_gradients(reference, np.zeros((len(flat), len(DERIVATIVES), COMPONENTS)))
+        form = rest.second_variation(stresses.reshape(-1, 6))
+        parts.append(_cell_forms(mesh, cells, form.reshape(*weights.shape, GRADIENT, GRADIENT), table, present))
+    if mesh.degree > CUBIC:
+        count = mesh.node_count * COMPONENTS * len(mesh.kinds)
+        return CellMatrices(np.concatenate(parts), cell_dofs(mesh), present, count)
+    blocks = np.zeros((mesh.node_count, len(NEIGHBOURS), NODE_DOFS, NODE_DOFS))
+    shape = (COMPONENTS, len(CORNERS), len(KINDS))
+    for cells, matrices in zip(chunks(mesh), parts, strict=True):
+        add_cell_matrices(blocks, mesh.nodes[cells], matrices.reshape(-1, *shape, *shape))
+    return BlockMatrix(blocks, neighbour_columns(mesh))
+
+
+def _cell_forms(mesh: TensorMesh, cells: slice, form: Array, table: Array, present: NDArray[np.int64]) -> Array:
+    """Turn forms (cells, q, 15, 15) of derivatives (slow) and components into the cells' matrices (cells, f, f)."""
+    sizes, (points, derivatives, functions) = mesh.sizes[cells], table.shape
+    steps = np.stack([sizes[:, 0] ** i * sizes[:, 1] ** j for i, j in DERIVATIVES], axis=-1)
+    shaped = form.reshape(-1, points, derivatives, COMPONENTS, derivatives, COMPONENTS)
+    shaped = shaped / (steps[:, None, :, None, None, None] * steps[:, None, None, None, :, None])
+    scales = basis_scales(mesh, cells).reshape(len(sizes), -1)[:, present]
+    matrices = np.empty((len(sizes), COMPONENTS, functions, COMPONENTS, functions))
+    flat = table.reshape(-1, functions)
+    for c in range(COMPONENTS):
+        for d in range(COMPONENTS):
+            half = (shaped[:, :, :, c, :, d] @ table).reshape(len(sizes), points * derivatives, functions)
+            matrices[:, c, :, d] = flat.T @ half
+    matrices *= scales[:, None, :, None, None] * scales[:, None, None, None, :]
+    return matrices.reshape(len(sizes), COMPONENTS * functions, -1)

@@ -1,0 +1,421 @@
+"""Supports as linear ties between the degrees of freedom of one node, and the form u = T q + u0 that satisfies them.
+
+On a held edge the value and the tangential derivative of the held components are prescribed at every node; the
+trace of the bicubic element is the Hermite interpolant of both, so a constant or linear motion is met exactly on the
+whole edge. A clamped edge prescribes besides, for the fixed coordinate k and the running coordinate t,
+
+    c(u) = (a_tt u,k - a_kt u,t) . N  =  (a positive factor) u,n . a3,      N = a1 x a2,
+
+and its derivative along the edge: u,n is the derivative along the conormal. The right-hand sides are c of the
+prescribed motion, so that a support that turns carries its normal along. At finite strain N is the turned normal: on
+an edge whose position is prescribed, the condition that the surface be normal to it is linear all the same. Across a
+plane of symmetry the components in the plane have no derivative at all.
+
+All conditions at a node, from whatever supports meet there, are resolved together by a singular value decomposition:
+what is said twice counts once, and contradictions are found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.errors import InputError
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.question.conditions import COMPONENTS, LOCAL, Support
+from shellbench.problems.shell.question.places import Edge, Place, Point, Whole
+from shellbench.solvers.fem.algebra.block_matrix import NEIGHBOURS, NODE_DOFS, BlockMatrix
+from shellbench.solvers.fem.algebra.cell_matrices import CellMatrices
+from shellbench.solvers.fem.mechanics.bubble_conditions import Motion, bubble_conditions, motion_at, tied_together
+from shellbench.solvers.fem.mechanics.kinematics import Midsurface, local_axes
+from shellbench.solvers.fem.mechanics.sharing import RANK_TOLERANCE, Conditions, Sharing
+from shellbench.solvers.fem.mesh.mesh import CUBIC, KINDS, Derivative, TensorMesh
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+MIRROR_SAMPLES = 17  # points of an edge at which coordinate lines are compared with a plane of symmetry
+IN_PLANE = 1e-9  # largest sine of the angles by which a shell may miss its plane of symmetry
+OBLIQUE = 1e-12  # |cos| of the angle between the coordinate lines below which they count as orthogonal
+
+
+def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterator[Conditions]:
+    """Yield what each support asks at each of its places.
+
+    Raises
+    ------
+    InputError
+        If a clamp can't be stated node by node.
+    """
+    for number, support in enumerate(case.supports):
+        for name in support.on:
+            place = case.places[name]
+            edge = place if isinstance(place, Edge) else None
+            nodes = support_nodes(mesh, place)
+            points = mesh.node_points[nodes]
+            motion = motion_at(case, support, place, mesh.domain, points, states)
+            rows, values = (
+                _held_locally(case, support, edge, mesh.domain.wrap(points), motion)
+                if support.local
+                else _held(support, place, motion, len(mesh.kinds))
+            )
+            if edge is not None and support.holds_slope:
+                x = case.surface.derivatives(mesh.domain.wrap(points), order=2)
+                turn = case.turn(support, states[-1])  # at finite strain there is one state at a time
+                slope = (
+                    _mirror(edge, x, support, len(mesh.kinds))
+                    if support.symmetry
+                    else _slope(edge, x, support, motion, turn, len(mesh.kinds))
+                )
+                slope = slope[0], np.broadcast_to(slope[1], (*slope[0].shape[:2], len(states)))
+                rows = np.concatenate([rows, slope[0]], axis=1)
+                values = np.concatenate([values, slope[1]], axis=1)
+            if edge is not None and mesh.degree > CUBIC:
+                more = bubble_conditions(case, mesh, support, edge, states)
+                rows, values = (np.concatenate(pair, axis=1) for pair in zip((rows, values), more, strict=True))
+            # Unit rows in scaled degrees of freedom: only so does the rank of conditions from different supports mean
+            # anything.
+            scales = np.tile(mesh.node_scales[nodes], len(COMPONENTS))
+            rows = rows / scales[:, None]
+            lengths = np.linalg.norm(rows, axis=-1, keepdims=True)
+            rows, values = rows / lengths, values / lengths
+            acting = np.any(np.abs(rows) > RANK_TOLERANCE, axis=1)
+            if edge is not None and support.clamped:
+                # Ties and the terms between nodes both hold a clamp. These act on all slopes across the edge.
+                slopes = np.array([kind[edge.axis] == 1 for kind in mesh.kinds])
+                acting[:, np.tile(slopes, len(COMPONENTS))] = True
+            yield Conditions(number, nodes, rows, values, acting, edge)
+
+
+def support_nodes(mesh: TensorMesh, place: Place) -> Integers:
+    """Return the nodes (n,) of a place."""
+    match place:
+        case Edge():
+            return mesh.edge_nodes(place)
+        case Point():
+            return np.array([mesh.node_at(place.xi)])
+        case _:
+            return np.arange(mesh.node_count)
+
+
+def _dof(component: int, kind: Derivative, kinds: int) -> int:
+    return component * kinds + KINDS.index(kind)
+
+
+def _held(support: Support, place: Place, motion: Motion, carried: int) -> tuple[Array, Array]:
+    """Prescribe the held components, along an edge with their tangential derivative, and everywhere with all."""
+    # A Lagrange element holds values only. The Hermite trace needs the slope along the edge too, or the edge bulges
+    # between the nodes. The slopes across are left free: to hold them all would clamp, and stop membrane shear.
+    kinds: list[Derivative] = [(0, 0)]
+    if isinstance(place, Edge):
+        kinds.append((1, 0) if place.axis == 1 else (0, 1))
+    elif isinstance(place, Whole):
+        kinds = list(KINDS)
+    chosen = [(COMPONENTS.index(c), kind) for c in support.held for kind in kinds]
+    count, _, states = motion[0, 0].shape
+    rows = np.zeros((count, len(chosen), len(COMPONENTS) * carried))
+    values = np.zeros((count, len(chosen), states))
+    for row, (component, kind) in enumerate(chosen):
+        rows[:, row, _dof(component, kind, carried)] = 1.0
+        values[:, row] = motion[kind][:, component]
+    return rows, values
+
+
+def _held_locally(
+    case: Case, support: Support, edge: Edge | None, points: Array, motion: Motion
+) -> tuple[Array, Array]:
+    """Prescribe u . d for directions d that may turn along an edge, with its derivative, u,t . d + u . d,t."""
+    # Between the nodes u . d is a cubic times a varying direction, and opens by the order of the element at most.
+    count, _, states = motion[0, 0].shape
+    axes, turns = local_axes(case.surface.derivatives(points, order=2), edge)
+    rows, values = [], []
+    for number in (LOCAL.index(name) for name in support.held):
+        # terms of u . d, and along an edge of its derivative: kind of derivative of u -> factor (n, 3)
+        conditions: list[dict[Derivative, Array]] = [{(0, 0): axes[:, number]}]
+        if edge is not None:
+            running: Derivative = (0, 1) if edge.axis == 0 else (1, 0)
+            conditions.append({(0, 0): turns[:, number], running: axes[:, number]})
+        for terms in conditions:
+            row, value = np.zeros((count, NODE_DOFS)), np.zeros((count, states))
+            for kind, factor in terms.items():
+                row[:, [_dof(c, kind, len(KINDS)) for c in range(len(COMPONENTS))]] = factor
+                value += np.einsum("nc,ncs->ns", factor, motion[kind])
+            rows.append(row)
+            values.append(value)
+    return np.stack(rows, axis=1), np.stack(values, axis=1)
+
+
+def why_no_mirror(case: Case) -> str | None:
+    """Return why what mirrors a shell at an edge is no condition on these coordinates, as a clause, or None.
+
+    Across the plane of symmetry goes a base vector, or else its conditions would mix derivatives.
+    """
+    for support, place in case.supported_places():
+        if support.symmetry is None or not isinstance(place, Edge):
+            continue
+        points = place.samples(case.surface.domain, MIRROR_SAMPLES)
+        surface = Midsurface.at(case.surface.derivatives(case.surface.domain.wrap(points), order=2))
+        across = COMPONENTS.index(support.held[0])
+        base = surface.base / np.linalg.norm(surface.base, axis=-1, keepdims=True)
+        # The edge lies in the plane, and the shell crosses it at right angles: what is wrong is in the lines alone.
+        inside = np.abs([base[:, 1 - place.axis, across], surface.normal[:, across]]).max() <= IN_PLANE
+        if inside and np.abs(np.delete(base[:, place.axis], across, axis=-1)).max() > IN_PLANE:
+            return f"it mirrors shells at coordinate lines alone, and those at '{place.name}' are oblique"
+    return None
+
+
+def _mirror(edge: Edge, x: Mapping[Derivative, Array], support: Support, carried: int) -> tuple[Array, Array]:
+    """Let a field be its own mirror image: what lies in the plane of symmetry does not change across it.
+
+    That holds the slope and is the natural condition of the membrane shear besides, so that a part of a symmetric
+    mesh has exactly the solution of the whole.
+    """
+    fixed, running = ((1, 0), (0, 1)) if edge.axis == 0 else ((0, 1), (1, 0))
+    across = COMPONENTS.index(support.held[0])
+    tangents = [x[key] / np.linalg.norm(x[key], axis=-1, keepdims=True) for key in (fixed, running)]
+    if (
+        np.abs(np.delete(tangents[0], across, axis=-1)).max() > IN_PLANE
+        or np.abs(tangents[1][:, across]).max() > IN_PLANE
+    ):
+        raise InputError(
+            f"support '{support.name}': the shell does not cross the plane of symmetry along '{edge.name}' at right"
+            " angles in its coordinates"
+        )
+    inside = [c for c in range(len(COMPONENTS)) if c != across]
+    rows = np.zeros((len(x[0, 0]), 2 * len(inside), len(COMPONENTS) * carried))
+    for row, (component, kind) in enumerate((c, kind) for c in inside for kind in (fixed, (1, 1))):
+        rows[:, row, _dof(component, kind, carried)] = 1.0
+    return rows, np.zeros(1)
+
+
+def why_no_slope(case: Case) -> str | None:
+    """Return why a slope that is held at an edge can't be stated at nodes, as a clause, or None."""
+    for support, place in case.supported_places():
+        if not isinstance(place, Edge) or support.symmetry or not support.holds_slope:
+            continue
+        points = place.samples(case.surface.domain, MIRROR_SAMPLES)
+        x = case.surface.derivatives(case.surface.domain.wrap(points), order=2)
+        if _needs_more(place, x, support, np.cross(x[1, 0], x[0, 1])):
+            return (
+                f"on oblique lines, as at '{place.name}', it holds a slope only with the displacement along the normal"
+            )
+    return None
+
+
+def _needs_more(edge: Edge, x: Mapping[Derivative, Array], support: Support, normal: Array) -> bool:
+    """Tell whether the slope about an edge, at points of it, asks for what is no degree of freedom.
+
+    On oblique lines it asks for u,tt . N. That is known where the support prescribes the edge's displacement along N,
+    and only there.
+    """
+    x_k, x_t = (x[(1, 0)], x[(0, 1)]) if edge.axis == 0 else (x[(0, 1)], x[(1, 0)])
+    tt, kt = (np.sum(x_t * v, axis=-1, keepdims=True) for v in (x_t, x_k))
+    oblique = np.abs(kt) > OBLIQUE * np.sqrt(tt) * np.linalg.norm(x_k, axis=-1, keepdims=True)
+    loose = [number for number, c in enumerate(COMPONENTS) if c not in support.held]
+    length = np.linalg.norm(normal, axis=-1, keepdims=True)
+    if support.local:
+        # A local support gives u,tt . N the motion's value where it holds all, or a normal that does not turn.
+        straight = np.ptp(normal / length, axis=0).max() <= IN_PLANE
+        known = len(support.held) == len(COMPONENTS) or (straight and "normal" in support.held)
+        loose = [] if known else loose
+    return bool(np.any(oblique & (np.abs(normal[:, loose]) > OBLIQUE * length)))
+
+
+def _slope(
+    edge: Edge, x: Mapping[Derivative, Array], support: Support, motion: Motion, turn: Array, carried: int
+) -> tuple[Array, Array]:
+    """Prescribe the rotation about an edge, and its derivative along the edge; `turn` carries its normal along."""
+    fixed, running = ((1, 0), (0, 1)) if edge.axis == 0 else ((0, 1), (1, 0))
+    # c(u) and its derivative along the edge, by the product rule, in the degrees of freedom u,k u,t u,kt (and u,tt).
+    # c'(u) = (a_tt u,k - a_kt u,t) . N' + (a_tt' u,k + a_tt u,kt - a_kt' u,t - a_kt u,tt) . N.
+    twice = (2 * running[0], 2 * running[1])
+    x_k, x_t, x_tt, x_kt = x[fixed], x[running], x[twice], x[1, 1]
+    along = x_tt if edge.axis == 0 else x_kt  # derivative of a2 or of a1 along the edge
+    normal = np.cross(x[1, 0], x[0, 1])
+    turning = np.cross(x_kt if edge.axis == 0 else x_tt, x[0, 1]) + np.cross(x[1, 0], along)
+    # At finite strain the support carries N along by its rotation.
+    normal, turning = normal @ turn.T, turning @ turn.T
+    tt, kt = (np.sum(x_t * v, axis=-1, keepdims=True) for v in (x_t, x_k))
+    tt_t = 2 * np.sum(x_t * x_tt, axis=-1, keepdims=True)
+    kt_t = np.sum(x_kt * x_t + x_k * x_tt, axis=-1, keepdims=True)
+    functional = {
+        0: {fixed: tt * normal, running: -kt * normal},
+        1: {
+            fixed: tt_t * normal + tt * turning,
+            running: -kt_t * normal - kt * turning,
+            (1, 1): tt * normal,
+            twice: -kt * normal,
+        },
+    }
+    if _needs_more(edge, x, support, normal):
+        raise InputError(
+            f"support '{support.name}' holds the slope of '{edge.name}', where the coordinate lines are oblique,"
+            " without holding the displacement along the normal: fem can't state that at its nodes"
+        )
+    count, _, states = motion[0, 0].shape
+    rows, values = np.zeros((count, 2, len(COMPONENTS) * carried)), np.zeros((count, 2, states))
+    for row, terms in functional.items():
+        for kind, factor in terms.items():
+            if kind in KINDS:
+                for component in range(len(COMPONENTS)):
+                    rows[:, row, _dof(component, kind, carried)] = factor[:, component]
+                values[:, row] += np.einsum("nc,ncs->ns", factor, motion[kind])
+            # the second derivative along the edge is the motion's own on both sides, and drops out
+    return rows, values
+
+
+@dataclass(frozen=True)
+class Ties:
+    """The form q = B z + q0 that satisfies all conditions: z is free where `free`, and zero elsewhere.
+
+    Attributes
+    ----------
+    nodes
+        (k,) nodes with conditions.
+    basis
+        (k, 12, 12) orthogonal matrices B of these nodes; that of all others is the identity.
+    free
+        (nodes, 12) which of z are unknowns.
+    particular
+        (nodes, 12, states) q0.
+    sharing
+        Which supports bear what of the forces at these nodes.
+    """
+
+    nodes: Integers
+    basis: Array
+    free: Flags
+    particular: Array
+    sharing: Sharing
+
+    @classmethod
+    def from_case(cls, case: Case, mesh: TensorMesh, states: Sequence[float]) -> Ties:
+        """Resolve all supports of a case.
+
+        Raises
+        ------
+        InputError
+            If supports contradict each other where they meet.
+        """
+        # 1. Stack all rows R q = r that supports state at a node, padded by zeros to one size.
+        # 2. R = U S V^T for all nodes at once. Directions with S above rounding are bound: q0 = V S^-1 U^T r.
+        # 3. The others are free. B = V turns a node's degrees of freedom into bound and free ones.
+        # 4. Whatever R q0 misses of r is a contradiction between supports.
+        # Textbooks eliminate a slave by a master, and must choose which and in what order. The decomposition chooses by
+        # itself, B is orthogonal, and K keeps its condition. Penalties and multipliers would cost it or its
+        # definiteness.
+        stated = list(conditions(case, mesh, states))
+        nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(c.nodes for c in stated)]))
+        counts = np.zeros(len(nodes), dtype=np.int64)
+        starts = []
+        for condition in stated:
+            at = np.searchsorted(nodes, condition.nodes)
+            starts.append(counts[at].copy())
+            counts[at] += condition.rows.shape[1]
+        carried = len(COMPONENTS) * len(mesh.kinds)
+        most = int(counts.max(initial=0))
+        rows = np.zeros((len(nodes), most, carried))
+        values = np.zeros((len(nodes), most, len(states)))
+        owners = np.full((len(nodes), most), -1)
+        for condition, start in zip(stated, starts, strict=True):
+            at = np.searchsorted(nodes, condition.nodes)
+            place = start[:, None] + np.arange(condition.rows.shape[1])
+            rows[at[:, None], place] = condition.rows
+            values[at[:, None], place] = condition.values
+            owners[at[:, None], place] = condition.support
+        free = np.tile(mesh.carried, len(COMPONENTS))
+        particular = np.zeros((mesh.node_count, carried, len(states)))
+        basis = np.zeros((len(nodes), carried, carried))
+        for group in tied_together(mesh.kinds):
+            stating = np.flatnonzero(np.any(rows[:, :, group], axis=(0, 2)))
+            several = max(len(stating), len(group))
+            part, asked = np.zeros((len(nodes), several, len(group))), np.zeros((len(nodes), several, len(states)))
+            part[:, : len(stating)], asked[:, : len(stating)] = rows[:, stating][..., group], values[:, stating]
+            left, singular, right = np.linalg.svd(part)
+            bound = singular > RANK_TOLERANCE
+            inverse = np.where(bound, 1.0 / np.where(bound, singular, 1.0), 0.0)
+            known = inverse[..., None] * (np.swapaxes(left, -1, -2)[:, : len(group)] @ asked)
+            turned = np.swapaxes(right, -1, -2)
+            basis[:, group[:, None], group] = turned
+            free[nodes[:, None], group] &= ~bound
+            particular[nodes[:, None], group] = turned @ known
+        misfit = np.abs(rows @ particular[nodes] - values)
+        if misfit.size and misfit.max() > RANK_TOLERANCE * np.abs(values).max():
+            node = nodes[np.unravel_index(np.argmax(misfit), misfit.shape)[0]]
+            raise InputError(_contradiction(case, mesh, stated, int(node)))
+        return cls(nodes, basis, free, particular, Sharing.from_conditions(stated, nodes, rows, owners, mesh))
+
+    def pinned(self, nodes: Integers, dofs: Integers) -> Ties:
+        """Return the same ties with single degrees of freedom of untied nodes held at zero besides."""
+        free = self.free.copy()
+        free[nodes, dofs] = False
+        return replace(self, free=free)
+
+    def to_free(self, vector: Array) -> Array:
+        """Return B^T vector (nodes, 12, n), zero where z is not free."""
+        result = vector.copy()
+        result[self.nodes] = np.swapaxes(self.basis, -1, -2) @ vector[self.nodes]
+        return result * self.free[..., None]
+
+    def to_nodal(self, unknowns: Array) -> Array:
+        """Return B z (nodes, 12, n)."""
+        result = unknowns.copy()
+        result[self.nodes] = self.basis @ unknowns[self.nodes]
+        return result
+
+    def reduce_cells(self, matrix: CellMatrices) -> CellMatrices:
+        """Return what `reduce` does of a sum of cell matrices; a diagonal is the number of cells that have it."""
+        # Conditions tie what belongs to one vertex or one side of a cell. A cell has all of that or nothing of it.
+        dofs = matrix.dofs
+        carried = self.free.shape[1]
+        place = np.full(len(self.free), -1)
+        place[self.nodes] = np.arange(len(self.nodes))
+        node, dof = np.divmod(dofs, carried)
+        tied, free = np.any(place[node] >= 0, axis=1), self.free.ravel()[dofs]
+        partly = ~free.all(axis=1)
+        result = matrix.with_own(np.flatnonzero(tied | partly))
+        blocks = result.instead
+        for at_edge, number in ((k, cell) for k, cell in enumerate(result.changed) if tied[cell]):
+            at, own = place[node[number]], dof[number]
+            known = self.basis[at[:, None], own[:, None], own]
+            turn = np.where(at[:, None] >= 0, known, own[:, None] == own) * (node[number][:, None] == node[number])
+            blocks[at_edge] = turn.T @ blocks[at_edge] @ turn
+        free = free[result.changed]
+        blocks *= free[:, :, None] & free[:, None]
+        cell, row = np.nonzero(~free)
+        blocks[cell, row, row] = 1.0
+        return result
+
+    def reduce(self, matrix: BlockMatrix) -> BlockMatrix:
+        """Return B^T K B with the rows and columns of what is not free replaced by those of the identity."""
+        # 1. B^T K B, block by block: the pattern stays, since conditions tie degrees of freedom of one node only.
+        # 2. Zero the rows and columns that are not free, and put ones on their diagonal.
+        # Textbooks strike them out. Kept, all nodes have 12 unknowns, and the dissection's blocks stay alike.
+        blocks = matrix.blocks.copy()
+        blocks[self.nodes] = np.swapaxes(self.basis, -1, -2)[:, None] @ blocks[self.nodes]
+        # The additional entry is that of the neighbour -1 beyond the mesh's end: it is tied to nothing.
+        place = np.full(len(blocks) + 1, -1)
+        place[self.nodes] = np.arange(len(self.nodes))
+        row, slot = np.nonzero(place[matrix.columns] >= 0)
+        blocks[row, slot] = blocks[row, slot] @ self.basis[place[matrix.columns[row, slot]]]
+        partly = np.flatnonzero(~self.free.all(axis=1))
+        blocks[partly] *= self.free[partly][:, None, :, None]
+        fixed = np.zeros(len(blocks) + 1, dtype=bool)
+        fixed[partly] = True
+        row, slot = np.nonzero(fixed[matrix.columns])
+        blocks[row, slot] *= self.free[matrix.columns[row, slot]][:, None, :]
+        node, dof = np.nonzero(~self.free)
+        blocks[node, NEIGHBOURS.index((0, 0)), dof, dof] = 1.0
+        return BlockMatrix(blocks, matrix.columns)
+
+
+def _contradiction(case: Case, mesh: TensorMesh, stated: Sequence[Conditions], node: int) -> str:
+    names = sorted({f"'{case.supports[c.support].name}'" for c in stated if node in c.nodes})
+    where = ", ".join(f"{v:.6g}" for v in mesh.node_points[node])
+    who = f"supports {' and '.join(names)} contradict each other" if len(names) > 1 else f"support {names[0]}"
+    verb = "" if len(names) > 1 else " contradicts itself"
+    return f"{who}{verb} at (xi1, xi2) = ({where}): they prescribe motions that no displacement has"

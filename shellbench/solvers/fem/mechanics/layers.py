@@ -1,0 +1,79 @@
+"""Layers along held edges, thin beside the way to the middle of the shell, and meshes that grade toward them.
+
+Where an edge is clamped, bending along it dies out inward as exp(-x / l). On a curved shell that is the simple edge
+effect of Goldenveizer and Novozhilov, B w'''' + E h k^2 w = 0 with k the normal curvature along the edge, so that
+
+    1 / l = (E h k^2 / (4 B))^(1/4),    which is (3 (1 - nu^2))^(1/4) sqrt(k / h) of a homogeneous shell.
+
+Along asymptotic lines k is zero: the layers there are as h^(1/3) or h^(1/4), wider, and none is graded. On a slender
+shell what its end is held by dies out as the least harmonic between its sides, l = width / pi, whatever its curvature.
+Edges that may turn have edge effects as well, but roofs and cylinders on diaphragms settle as soon on uniform meshes,
+at any thickness of the study of thinness. Other edges are graded where the one opposite is. Planes of symmetry never
+are: nothing dies out there.
+
+Uniform cells as long as the layer would be many. With lines at (i/n)^g of the way to the middle a part `SHARE` of them
+falls into the layer if g = log(l / way) / log(SHARE). Wider layers than `THIN` are left to uniform meshes.
+
+Goldenveizer (1961), Theory of elastic thin shells, part IV; Novozhilov (1959), The theory of thin shells, section 40.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.question.places import Edge, Side
+from shellbench.solvers.fem.mechanics.kinematics import Midsurface, stiffness_moduli
+from shellbench.solvers.fem.mesh.grading import Ends
+
+Array = NDArray[np.float64]
+
+SIDES: tuple[Side, Side] = ("min", "max")
+
+THIN = 0.05  # of the way from an edge to the middle: meshes that settle without grading have cells about so long
+SHARE = 0.25  # of the cells from an edge to the middle that lie in a layer
+STEEPEST = 4.5  # grading: layers of 1/500 of the way; more would cost digits at the edge
+SAMPLES = 33  # points along an edge at which the layer's thickness is looked at
+
+
+def layer_gradings(case: Case) -> Ends:
+    """Return by coordinate the exponents g of the mesh lines' distances from its lower and its upper edge."""
+    found = {(axis, side): 1.0 for axis in (0, 1) for side in SIDES}
+    mirrors: set[tuple[int, str]] = set()
+    for support, place in case.supported_places():
+        if isinstance(place, Edge) and support.symmetry is None:
+            steep = _steepness(relative_layer(case, replace(place, between=None), support.clamped))
+            found[place.axis, place.side] = max(found[place.axis, place.side], steep)
+        elif isinstance(place, Edge):
+            mirrors.add((place.axis, place.side))
+    # A mesh that is graded at one end is coarsest at the other, where a free edge has a layer as thin.
+    for axis in (0, 1):
+        for side, other in zip(SIDES, reversed(SIDES), strict=True):
+            if found[axis, other] > found[axis, side] == 1 and (axis, side) not in mirrors:
+                found[axis, side] = _steepness(relative_layer(case, Edge(f"xi{axis + 1}_{side}", axis, side), True))
+    return (found[0, "min"], found[0, "max"]), (found[1, "min"], found[1, "max"])
+
+
+def _steepness(relative: float) -> float:
+    """Return the exponent that puts `SHARE` of the cells into a layer; 1 for one that is not thin."""
+    return min(math.log(relative) / math.log(SHARE), STEEPEST) if relative < THIN else 1.0
+
+
+def relative_layer(case: Case, edge: Edge, clamped: bool) -> float:
+    """Return the length l of the thinnest layer along an edge over the way to the middle, in the coordinate across."""
+    domain, axis, along = case.surface.domain, edge.axis, 1 - edge.axis
+    points = domain.wrap(edge.samples(domain, SAMPLES))
+    surface = Midsurface.at(case.surface.derivatives(points, order=2))
+    tangent = np.linalg.norm(surface.base[:, along], axis=-1)
+    across = surface.area / tangent  # m a unit of the coordinate, normal to the edge
+    curvature = np.abs(np.sum(surface.second[:, along] * surface.normal, axis=-1)) / tangent**2
+    membrane, bending = stiffness_moduli(case.surface, case.material, points).T
+    stretching = membrane * (1 - case.material.poissons_ratio**2)  # E h
+    decay = (stretching * curvature**2 / (4 * bending)) ** 0.25
+    width = float(tangent.mean()) * domain.size[along]
+    thinnest = 1 / np.maximum(decay if clamped else 0.0, math.pi / width) * np.ones(len(points))
+    return float((thinnest / across).min()) / (domain.size[axis] / 2)

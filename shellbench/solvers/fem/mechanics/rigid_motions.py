@@ -1,0 +1,106 @@
+"""Rigid motions of a mesh: their nodal interpolants, and how to take their mean away.
+
+Waves that may travel around a shell of revolution: the direction in which a buckled state has no stiffness.
+
+Where x,1 = e cross x + d, a turn about the axis e carries the midsurface into itself, and a state of equilibrium that
+is not symmetric into another one of the same energy. A uniform mesh keeps that symmetry for turns by whole cells only:
+in between the energy has a trace of a minimum at every cell, so that the tangent has a small eigenvalue of either sign.
+Newton's method then holds the waves where they are, w . dq = 0, which costs nothing and counts for nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.posed.rigid import middle_and_size, motions_of
+from shellbench.problems.shell.symmetry.symmetry import axis_of_revolution
+from shellbench.solvers.fem.mechanics.assembly import derivatives_on_cells
+from shellbench.solvers.fem.mechanics.kinematics import cross
+from shellbench.solvers.fem.mesh.bubbles import interpolated
+from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CUBIC, KINDS, Derivative, TensorMesh
+from shellbench.solvers.fem.mesh.quadrature import Quadrature, chunks
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+def nodal_rigid_motions(case: Case, mesh: TensorMesh) -> Array:
+    """Return the interpolants (nodes, 3 (p - 1)^2, 6) of the rigid motions, in the scaled degrees of freedom."""
+    # The position is interpolated, and not the motions: they are linear in it, and twice as many functions.
+    centre, size = middle_and_size(case.surface)
+
+    def arms(points: Array) -> Mapping[Derivative, Array]:
+        x = case.surface.derivatives(mesh.domain.wrap(points), order=2)
+        return {key: (value - centre if key == (0, 0) else value) / size for key, value in x.items()}
+
+    if mesh.degree == CUBIC:
+        at = arms(mesh.node_points)
+        nodal = np.stack([at[kind] for kind in KINDS], axis=1)
+    else:
+        nodal = np.swapaxes(interpolated(mesh, arms), 1, 2)
+    motions = motions_of(nodal, False)
+    motions[:, KINDS.index((0, 0)), :, :COMPONENTS] = np.eye(COMPONENTS)
+    scaled = np.swapaxes(motions, 1, 2) * mesh.node_scales[:, None, :, None]
+    return np.asarray(scaled.reshape(mesh.node_count, COMPONENTS * len(mesh.kinds), -1))
+
+
+def mean_rigid_motion(case: Case, mesh: TensorMesh, quadrature: Quadrature, coefficients: Array, loose: Array) -> Array:
+    """Return the part of a field (nodes, 3, 4, states) that is a loose rigid motion in the mean over the area."""
+    motions = (nodal_rigid_motions(case, mesh) @ loose).reshape(*coefficients.shape[:-1], -1)
+    motions = motions / mesh.node_scales[:, None, :, None]
+    fields = np.concatenate([coefficients, motions], axis=-1)
+    products = np.zeros((loose.shape[1], fields.shape[-1]))
+    centre, size = middle_and_size(case.surface)
+    for cells in chunks(mesh):
+        points, weights = quadrature.on_cells(mesh, cells)
+        x = case.surface.derivatives(points.reshape(-1, 2), order=1)
+        area = weights.ravel() * np.linalg.norm(cross(x[1, 0], x[0, 1]), axis=-1)
+        exact = motions_of((x[0, 0] - centre) / size, True) @ loose
+        values = derivatives_on_cells(mesh, cells, quadrature, fields, ((0, 0),))
+        weighted = (exact * area[:, None, None]).reshape(-1, loose.shape[1])
+        products += weighted.T @ values.reshape(-1, fields.shape[-1])
+    overlap, gram = np.split(products, [coefficients.shape[-1]], axis=1)
+    return np.asarray(motions @ np.linalg.solve(gram, overlap))
+
+
+UNIFORM = 1e-9  # relative difference of the mesh's steps that is rounding
+STILL = 1e-6  # largest change of a state by a turn, relative to its displacements, by which it is symmetric
+
+
+@dataclass(frozen=True)
+class Revolution:
+    """A shell of revolution without loads, on a uniform mesh around its axis.
+
+    Attributes
+    ----------
+    mesh
+        Its mesh.
+    turn
+        (3, 3) rotation by one cell.
+    """
+
+    mesh: TensorMesh
+    turn: Array
+
+    @classmethod
+    def from_case(cls, case: Case, mesh: TensorMesh) -> Revolution | None:
+        """Return what is symmetric about a case; None if its waves could not travel."""
+        steps = np.diff(mesh.lines[0])
+        axis = axis_of_revolution(case) if case.surface.domain.periodic[0] else None
+        if axis is None or np.ptp(steps) > UNIFORM * steps.max():
+            return None
+        return cls(mesh, Rotation.from_rotvec(steps[0] * axis).as_matrix())
+
+    def direction(self, q: Array) -> Array | None:
+        """Return the difference (nodes, 12) between a state turned on and turned back by a cell; None if it is none."""
+        fields = q.reshape(*self.mesh.shape, COMPONENTS, len(KINDS))
+        on = np.einsum("cd,ijdk->ijck", self.turn, np.roll(fields, 1, axis=0))
+        back = np.einsum("dc,ijdk->ijck", self.turn, np.roll(fields, -1, axis=0))
+        change = (on - back).reshape(q.shape)
+        return change if np.abs(change).max() > STILL * np.abs(q).max() else None

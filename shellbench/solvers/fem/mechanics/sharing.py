@@ -1,0 +1,135 @@
+"""How nodal forces are divided among the supports that hold a node.
+
+A support bears the force along its own edges. Where supports meet that hold the same direction, the node's force is the
+sum of what their edges bear over half a cell, and of a force concentrated at the point: twice the twisting moment at a
+plate's corner. Both supports hold that one, and each has an equal share of it, by convention.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.problems.shell.question.conditions import COMPONENTS
+from shellbench.problems.shell.question.places import Edge
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+RANK_TOLERANCE = 1e-8  # a condition this close to a combination of the others adds nothing, and must agree with them
+CENTROID = 0.3  # of the Hermite cubic that is 1 at 0 and 0 at 1, from 0
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Linear conditions on the degrees of freedom of n nodes, r of each.
+
+    Attributes
+    ----------
+    support
+        Number of the support that states them.
+    nodes
+        (n,) different nodes.
+    rows
+        (n, r, 12) coefficients of the scaled degrees of freedom.
+    values
+        (n, r, states) right-hand sides.
+    acting
+        (n, 12) degrees of freedom on which the support can exert a force; a clamp acts on all slopes across its edge.
+    edge
+        On which the nodes lie in a row, or None.
+    """
+
+    support: int
+    nodes: Integers
+    rows: Array
+    values: Array
+    acting: Flags
+    edge: Edge | None
+
+
+@dataclass(frozen=True)
+class End:
+    """Where an edge of a support ends: its force there is a sum of those at the next two nodes along it."""
+
+    support: int
+    node: int
+    beside: tuple[int, int]
+    parts: tuple[float, float]
+
+
+def ends(support: int, nodes: Integers, line: Array) -> Iterator[End]:
+    """Yield both ends of an edge with nodes (n,) at coordinates (n,)."""
+    # The force per length is linear over the first three cells. A nodal force is its value at the centroid of the
+    # node's function, times half of the cells at the node.
+    if len(nodes) < 4:
+        return
+    for order in (slice(None), slice(None, None, -1)):
+        first, second, third = np.abs(np.diff(line[order])[:3])
+        at = np.array([first + CENTROID * (second - first), first + second + CENTROID * (third - second)])
+        ahead = (at[0] - CENTROID * first) / (at[1] - at[0])
+        parts = first * np.array([1 + ahead, -ahead]) / np.array([first + second, second + third])
+        end, *beside = nodes[order][:3]
+        yield End(support, int(end), (int(beside[0]), int(beside[1])), (float(parts[0]), float(parts[1])))
+
+
+@dataclass(frozen=True)
+class Sharing:
+    """Which of s supports bear what of the forces at k nodes with d degrees of freedom.
+
+    Attributes
+    ----------
+    holders
+        (k, s, d) whether a support acts on a degree of freedom.
+    values
+        (3,) the degrees of freedom that are components of the displacement.
+    ends
+        Where edges of supports end, their nodes numbered as here.
+    meeting, division
+        (m,) nodes where several supports act on one degree of freedom, and (m, s, d, d) what each bears of the forces
+        there.
+    """
+
+    holders: Flags
+    values: Integers
+    ends: tuple[End, ...]
+    meeting: Integers
+    division: Array
+
+    @classmethod
+    def from_conditions(
+        cls, stated: Sequence[Conditions], nodes: Integers, rows: Array, owners: Integers, mesh: TensorMesh
+    ) -> Sharing:
+        """Divide by the rows (k, r, d) at nodes (k,), and the supports (k, r) that state them."""
+        count = 1 + max((c.support for c in stated), default=-1)
+        holders, found = np.zeros((len(nodes), count, rows.shape[2]), dtype=bool), list[End]()
+        for c in stated:
+            at = np.searchsorted(nodes, c.nodes)
+            holders[at, c.support] |= c.acting
+            if c.edge is not None and not mesh.domain.periodic[1 - c.edge.axis]:
+                found += ends(c.support, at, mesh.node_points[c.nodes, 1 - c.edge.axis])
+        # A force R^T m has its least multipliers m: unique where conditions differ, equal where they are the same.
+        meeting = np.flatnonzero((holders.sum(axis=1) > 1).any(axis=1))
+        least = np.swapaxes(np.linalg.pinv(rows[meeting], rcond=RANK_TOLERANCE), 1, 2)
+        own = owners[meeting, None] == np.arange(count)[:, None]
+        division = np.swapaxes(rows[meeting, None] * own[..., None], 2, 3) @ least[:, None]
+        values = np.arange(len(COMPONENTS)) * len(mesh.kinds)
+        return cls(holders, values, tuple(end for end in found if end.node in meeting), meeting, division)
+
+    def shares(self, forces: Array) -> Array:
+        """Return what each support bears (s, k, d, n) of nodal forces (k, d, n)."""
+        # 1. What edges bear along their last cells, from the nodes beside.
+        # 2. Of the rest, what conditions tell apart; 3. equal shares of what is left, as of a clamp's terms.
+        result = np.zeros((self.holders.shape[1], *forces.shape))
+        for end in self.ends:
+            near = sum(part * forces[node, self.values] for node, part in zip(end.beside, end.parts, strict=True))
+            result[end.support, end.node, self.values] += near * self.holders[end.node, end.support, self.values, None]
+        rest = (forces - result.sum(axis=0))[self.meeting, None]
+        result[:, self.meeting] += np.swapaxes(self.division @ rest, 0, 1)
+        equal = self.holders / np.maximum(self.holders.sum(axis=1, keepdims=True), 1)
+        return np.asarray(result + np.swapaxes(equal, 0, 1)[..., None] * (forces - result.sum(axis=0)))

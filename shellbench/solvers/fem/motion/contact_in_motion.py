@@ -1,0 +1,282 @@
+"""Obstacles during one step in time: what presses at its end, and rubs along it.
+
+Where a step ends no point is in an obstacle. Forces that keep it out are impulses at the step's begin: r = M^-1 R of
+the nodal forces R moves the end by h^2 r and changes the velocity by h r, beside what the generalised-alpha method does
+of all other forces (`time_step`). So an impact brings a point's velocity along the normal to zero in two steps,
+whatever the part of the step at which it happens: no point rebounds. What rests has its weight as R, and what slides
+the right friction. Chung & Hulbert's own treatment of forces would rebound, by a velocity that depends on that part.
+
+Friction is Coulomb's: along the obstacle a point moves with it as long as the force for that is at most the coefficient
+times the pressure; else the force is that much, against the slip over the step.
+
+Forces are the unknowns of a small dual problem: with a factorised tangent K of the shell without obstacles, unit forces
+at points move points by B K^-1 B^T (Delassus's operator). It is kept as long as K, so that another set of points in
+contact costs a dense solve and no factorisation.
+
+Chen, Acary, Virlez & Brüls (2013), A nonsmooth generalized-alpha scheme for flexible multibody systems with unilateral
+constraints, International Journal for Numerical Methods in Engineering 96, part smooth forces and impulses alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.question.contact import Touch, nearest_obstacle
+from shellbench.solvers.fem.mechanics.contact_points import REACH
+from shellbench.solvers.fem.mechanics.kinematics import Midsurface
+from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS, TensorMesh, gauss_rule, tabulate
+from shellbench.solvers.fem.mesh.quadrature import basis_scales
+from shellbench.solvers.fem.motion.contact_balance import ROUNDING, Balance, Framed
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Solve = Callable[[Array], Array]
+"""Solves with the kept tangent and the supports: forces (nodes, 12, n) to displacements."""
+
+CLOSED = 1e-8  # of the shell's size: depths that are rounding
+STEEPER = 2.0  # weight of depths in the merit, in the largest force: more than one makes the least merit feasible
+PORTION = 300  # unit forces that are solved for at once
+
+
+def _rule(first: bool, last: bool) -> tuple[Array, Array]:
+    """Return points and weights on the unit cell: Gauss's two, and with the edges of the shell Radau's or Lobatto's."""
+    # All are exact for cubics: what lies on a flat floor is pressed evenly, and nothing bends. As many points as a C1
+    # cubic spline has freedom: Gauss's alone would leave out the edges, which are what hits in the shell's own plane.
+    root = np.sqrt(6.0)
+    radau = np.array([0.0, (6 - root) / 10, (6 + root) / 10]), np.array([4.0, 16 + root, 16 - root]) / 36
+    if first and last:
+        return np.array([0.0, 0.5, 1.0]), np.array([1.0, 4.0, 1.0]) / 6
+    if first:
+        return radau
+    if last:
+        return 1 - radau[0][::-1], radau[1][::-1]
+    x, w = gauss_rule(2)
+    return (x + 1) / 2, w / 2
+
+
+@dataclass(frozen=True)
+class TouchingPoints:
+    """The n points of a mesh at which the gap is asked in motion.
+
+    Attributes
+    ----------
+    points
+        (n, 2) in the domain, in rows along both coordinates.
+    operator
+        (3 n, 12 nodes) from scaled degrees of freedom to displacements.
+    lengths, reach
+        See `shellbench.problems.shell.question.contact.Touch`.
+    """
+
+    case: Case
+    mesh: TensorMesh
+    points: Array
+    operator: sp.csr_matrix
+    lengths: Array
+    reach: Array
+
+    @classmethod
+    def on_mesh(cls, case: Case, mesh: TensorMesh) -> TouchingPoints:
+        """Choose the points of a mesh."""
+        rows = []
+        for axis, count in enumerate(mesh.cells):
+            ends = [
+                (k == 0, k == count - 1) if not mesh.domain.periodic[axis] else (False, False) for k in range(count)
+            ]
+            rules = [_rule(*end) for end in ends]
+            rows.append(
+                (
+                    np.repeat(np.arange(count), [len(x) for x, _ in rules]),
+                    *map(np.concatenate, zip(*rules, strict=True)),
+                )
+            )
+        (i, x, v), (j, y, w) = rows
+        cells = (i[:, None] * mesh.cells[1] + j).ravel()
+        unit, shares = (
+            np.stack(np.meshgrid(*pair, indexing="ij"), axis=-1).reshape(-1, 2) for pair in ((x, y), (v, w))
+        )
+        points = mesh.domain.wrap(mesh.origins[cells] + unit * mesh.sizes[cells])
+        base = Midsurface.at(case.surface.derivatives(points, order=2)).base
+        sides = np.linalg.norm(base, axis=-1).reshape(-1, 2) * mesh.sizes[cells]
+        values = (tabulate(unit, (0, 0)) * basis_scales(mesh, slice(None))[cells]).reshape(len(cells), -1)
+        # row: a point's component; column: node, component, kind
+        kinds = np.arange(len(KINDS))
+        columns = (mesh.nodes[cells][..., None] * COMPONENTS * len(KINDS) + kinds).reshape(len(cells), 1, -1)
+        columns = columns + (np.arange(COMPONENTS) * len(KINDS))[:, None]
+        each = np.broadcast_to(values[:, None], columns.shape)
+        starts = np.arange(0, columns.size + 1, columns.shape[-1])
+        shape = (COMPONENTS * len(cells), COMPONENTS * len(KINDS) * mesh.node_count)
+        operator = sp.csr_matrix((each.ravel(), columns.ravel(), starts), shape=shape)
+        return cls(case, mesh, points, operator, sides * shares, REACH * sides.max(axis=0))
+
+    @cached_property
+    def rest(self) -> Array:
+        """(n, 3) where the points are at rest, m."""
+        return self.case.surface.position(self.points)
+
+    def nearest(self, u: Array, t: float) -> tuple[Array, Array, Integers]:
+        """Return gaps (n,), m, normals (n, 3) and numbers of obstacles (n,) where points are displaced by u (n, 3)."""
+        return nearest_obstacle(self.case, self.points, u, t, self.rest)
+
+    def displacement(self, q: Array) -> Array:
+        """Return the displacement (n, 3) at the points of q (nodes, 12)."""
+        return np.asarray((self.operator @ q.ravel()).reshape(-1, COMPONENTS))
+
+    def nodal(self, forces: Array) -> Array:
+        """Return the nodal forces (nodes, 12) of forces (n, 3), N, at the points."""
+        return np.asarray((self.operator.T @ forces.ravel()).reshape(self.mesh.node_count, -1))
+
+    def touch(self, forces: Array) -> Touch:
+        """Return forces (n, 3) with what they act on."""
+        return Touch(self.points, forces, self.lengths, self.reach)
+
+
+@dataclass
+class Compliance:
+    """How far unit forces at some points move these, by a kept tangent: B K^-1 B^T.
+
+    Attributes
+    ----------
+    chosen
+        (w,) numbers of the points.
+    matrix
+        (w, 3, w, 3) m/N, in the step's own unknown.
+    """
+
+    points: TouchingPoints
+    solve: Solve
+    chosen: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    matrix: Array = field(default_factory=lambda: np.zeros((0, COMPONENTS, 0, COMPONENTS)))
+    _framed: Framed | None = None
+
+    def framed(self, normal: Array, rough: bool) -> Framed:
+        """Return the matrix in axes of normals (w, 3): the last ones as long as these are the same."""
+        if self._framed is None or not np.array_equal(self._framed.axes[:, 0], normal):
+            self._framed = Framed.from_compliance(self.matrix, normal, rough)
+        return self._framed
+
+    def extend(self, more: Integers) -> None:
+        """Add points."""
+        old = len(self.chosen)
+        self.chosen = np.concatenate([self.chosen, more])
+        rows = self._rows(self.chosen)
+        columns = []
+        for start in range(0, len(more), PORTION):
+            unit = self._rows(more[start : start + PORTION]).T.toarray()
+            moved = self.solve(unit.reshape(self.points.mesh.node_count, -1, unit.shape[-1]))
+            columns.append(rows @ moved.reshape(unit.shape))
+        new = np.concatenate(columns, axis=1).reshape(len(self.chosen), COMPONENTS, len(more), COMPONENTS)
+        matrix = np.empty((len(self.chosen), COMPONENTS, len(self.chosen), COMPONENTS))
+        matrix[:old, :, :old], matrix[:, :, old:] = self.matrix, new
+        matrix[old:, :, :old] = new[:old].transpose(2, 3, 0, 1)
+        self.matrix = matrix
+
+    def _rows(self, points: Integers) -> sp.csr_matrix:
+        return self.points.operator[(COMPONENTS * points[:, None] + np.arange(COMPONENTS)).ravel()]
+
+
+@dataclass(frozen=True)
+class Pushed:
+    """What obstacles exert in an iteration: forces (n, 3), N, and what counts in the equation of the step's unknown.
+
+    That is `nodal` and, of friction alone, `rubbing` (nodes, 12); `weight`, N, is that of depths in the merit.
+    """
+
+    forces: Array
+    nodal: Array
+    rubbing: Array
+    weight: float
+
+
+@dataclass(frozen=True)
+class StepContact:
+    """Obstacles during a step; see the top.
+
+    Attributes
+    ----------
+    points
+        Where the gap is asked.
+    begin, end
+        Times, s.
+    start
+        (n, 3) displacement at the step's begin, m.
+    before
+        (n, 3) forces of the step before, N.
+    """
+
+    points: TouchingPoints
+    begin: float
+    end: float
+    start: Array
+    before: Array
+
+    def gap(self, u: Array) -> tuple[Array, Array, Integers]:
+        """Return gaps (n,), m, normals (n, 3) and numbers of obstacles (n,) where the step ends at u (n, 3)."""
+        return self.points.nearest(u, self.end)
+
+    def depths(self, u: Array) -> Array:
+        """Return how deep points (n,) are in obstacles at the step's end, m."""
+        return np.maximum(-self.gap(u)[0], 0.0)
+
+    def pushed(self, u: Array, step: Array, compliance: Compliance, share: float, whole: float) -> tuple[Array, Array]:
+        """Return the forces (n, 3), N, that keep points out of obstacles, taken for planes, and the step with them.
+
+        Parameters
+        ----------
+        u
+            (n, 3) displacement of the step's end now, m.
+        step
+            (nodes, 12) that the step's unknown would make without obstacles.
+        compliance
+            Of that unknown.
+        share, whole
+            What a force counts in the equation of the unknown, and what a change of the unknown moves the end by.
+
+        Raises
+        ------
+        NotConvergedError
+            If no set of points in contact is found.
+        """
+        # Of interest are points that were pressed, those that would be inside, and those that the others push in.
+        gap, normal, nearest = self.gap(u)
+        obstacles = self.points.case.obstacles
+        friction = np.array([o.friction for o in obstacles])[nearest]
+        rough = any(o.friction > 0 for o in obstacles)
+        slip = u - self.start - self._shifts[nearest]
+        free = whole * self.points.displacement(step)
+        least = ROUNDING * max(np.abs(gap).max(), np.abs(free).max())
+        forces, moved, answer = np.zeros_like(u), free, step
+        wanted = np.any(self.before != 0, axis=-1)
+        while True:
+            wanted |= gap + np.sum(normal * moved, axis=-1) < -least
+            wanted[compliance.chosen] = False
+            if np.any(wanted):
+                compliance.extend(np.flatnonzero(wanted))
+            elif answer is not step or not len(compliance.chosen):
+                return forces, answer
+            w = compliance.chosen
+            unit = share * whole
+            small = Balance(
+                compliance.matrix, normal[w], friction[w], (gap + np.sum(normal * free, axis=-1))[w] / unit,
+                (slip + free)[w] / unit, least / unit, compliance.framed(normal[w], rough),
+            )  # fmt: skip
+            forces[w] = small.forces(self.before[w])
+            answer = step + share * compliance.solve(self.points.nodal(forces)[..., None])[..., 0]
+            moved = whole * self.points.displacement(answer)
+
+    def work(self, forces: Array) -> float:
+        """Return the work that moving obstacles do by forces (n, 3), J."""
+        _, _, nearest = self.points.nearest(self.start, self.begin)
+        return float(np.sum(forces * self._shifts[nearest]))
+
+    @property
+    def _shifts(self) -> Array:
+        """(obstacles, 3) how far obstacles move in the step, m."""
+        return np.array([o.at(self.end)[0] - o.at(self.begin)[0] for o in self.points.case.obstacles])

@@ -1,0 +1,318 @@
+"""Through buckling: the critical state by the inertia of the tangent, and the way from there to a stable one.
+
+On a path of states that are all in equilibrium the first one at which the tangent has a negative eigenvalue is
+bracketed by regula falsi. Beyond it the shell is left to itself: from a state pushed a little along the softest mode,
+pseudo-transient continuation,
+
+    (K + mu M) dq = r,
+
+goes downhill in the potential energy, M being the shell's area as a mass and 1/mu the length of a step in time
+(Kelley & Keyes 1998). mu is large enough that the matrix is positive definite and the energy falls, and smaller the
+better that works; at the end it is Newton's method. Only a minimum is taken for an answer.
+
+Waves that may travel around a shell of revolution are held where they are (`revolution`); in a relaxation, which is
+free to move them, mu does not fall below `NEUTRAL` of the softest stiffness at rest.
+
+Kelley & Keyes (1998), Convergence analysis of pseudo-transient continuation, SIAM J. Numer. Anal. 35.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix
+from shellbench.solvers.fem.algebra.factor import Factor, NotPositiveDefiniteError, factorise
+from shellbench.solvers.fem.mechanics.assembly import weighted_products
+from shellbench.solvers.fem.mechanics.constraints import Ties
+from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS
+from shellbench.solvers.fem.path.continuation import CUT, EASY, GROWTH, PathEndsError
+from shellbench.solvers.fem.path.finite_state import FiniteState, Hold, NotConvergedError, TangentFactor, on_free
+from shellbench.solvers.fem.path.problem import FiniteProblem
+
+Array = NDArray[np.float64]
+
+NEUTRAL = 1e-3  # least mu, relative to the stiffness of the softest mode at rest
+BRACKET = 1e-6  # of the load factor: how closely the critical state is bracketed
+EASY_WITH_OLD = 2  # times as many iterations count as easy as by new tangents: old ones make more, and cheaper ones
+BEYOND = 0.01  # of the critical load factor: how far beyond it the shell is left to itself
+INVERSE_STEPS = 12  # of inverse iteration for the softest mode, at most
+SETTLED = 1e-6  # relative change of its stiffness that ends them: its square root is the error of the mode
+PUSH = 0.05  # of the thickness: how far a state is pushed along its softest mode
+SADDLES = 5  # that are left again before a relaxation gives up
+EASIER, HARDER = 0.2, 8.0  # of mu after a step that lowers the energy as it should, and after one that does not
+GAINED = 0.25  # share of the predicted gain of energy below which mu does not fall
+MOST_STEPS = 400  # of a relaxation
+RELAXED = (1e-7, 1e-9, 1e-11)  # predicted gain, relative to the energy, at which Newton's method tries to take over
+
+
+def following_steps(
+    problem: FiniteProblem, marks: Sequence[float], first: float, shortest: float
+) -> Iterator[FiniteState]:
+    """Yield the stable states on the way from rest to the end of the path, through buckling or up to it.
+
+    Parameters
+    ----------
+    problem
+        What is solved.
+    marks
+        Load factors that are landed on, increasing.
+    first, shortest
+        Length of the first step, and of the shortest one.
+
+    Raises
+    ------
+    PathEndsError
+        If no stable state is found, or the shell buckles before a mark of a path that ends there.
+    """
+    # 1. Load steps with Newton's method, as long as their states are minima.
+    # 2. Between the first state that is none and the one before find the critical one, and yield it.
+    # 3. End there, or from there go downhill to a stable state a little beyond, wherever that lies.
+    # 4. Load steps again, with travelling waves held. A step that fails or ends on a saddle is cut.
+    # 5. Where none can be cut further, leave the shell to itself once more.
+    # Textbooks switch branches at the critical point by its eigenvector. That needs an isolated, simple mode. Thin
+    # shells buckle in clusters of modes, and the branch found may be unstable: downhill finds a minimum.
+    buckling = Buckling(problem)
+    state, step, buckled = problem.rest(), first, False
+    for mark in marks:
+        while state.t < mark:
+            remaining = mark - state.t
+            parts = np.ceil(remaining / step * (1 - 1e-9))
+            target = mark if parts <= 1 else state.t + remaining / parts
+            try:
+                found = buckling.equilibrium(state, target, holding=buckled)
+                stable = found.stable
+            except NotConvergedError:
+                found, stable = state, False
+            # A step that did not converge says nothing of buckling: only an unstable equilibrium starts the search.
+            if not stable and not buckled and found is not state:
+                state = buckling.critical(state, found)
+                yield replace(state, critical=True)
+                if problem.case.ends_critical:
+                    if any(mark > state.t for mark in problem.case.states):
+                        raise PathEndsError(f"the shell buckles at load factor {state.t:.6g}")
+                    return
+                buckled, step = True, BEYOND * state.t
+                state = _left_to_itself(buckling, state, min(mark, state.t + step))
+                yield state
+                continue
+            if not stable:
+                step = (target - state.t) * CUT
+                if step >= shortest:
+                    continue
+                step = max(BEYOND * state.t, shortest)  # far enough for the instability to show
+                found = _left_to_itself(buckling, state, min(mark, state.t + step))
+            elif found.iterations <= EASY_WITH_OLD * EASY:
+                step = max(step, (target - state.t) * GROWTH)
+            state = found
+            yield state
+
+
+def _left_to_itself(buckling: Buckling, state: FiniteState, t: float) -> FiniteState:
+    try:
+        return buckling.relaxed(state, t)
+    except NotConvergedError:
+        raise PathEndsError(f"no stable state was found at load factor {t:.6g}") from None
+
+
+@dataclass(frozen=True)
+class Buckling:
+    """The means to follow a shell through buckling."""
+
+    problem: FiniteProblem
+
+    @cached_property
+    def area(self) -> BlockMatrix:
+        """The area as a mass, m^2."""
+        case, mesh = self.problem.case, self.problem.mesh
+        return weighted_products(
+            mesh, case.surface, self.problem.quadrature, lambda points: np.ones((len(points), COMPONENTS))
+        )
+
+    @cached_property
+    def softest(self) -> float:
+        """Stiffness of the softest mode at rest, N/m^3."""
+        rest = self.problem.rest()
+        if rest.factor is None:
+            raise NotConvergedError
+        return self.softest_mode(self.problem.ties(0.0), rest.factor)[1]
+
+    @cached_property
+    def holding(self) -> FiniteProblem:
+        """The problem with travelling waves held."""
+        return replace(self.problem, holding=True)
+
+    def softest_mode(self, ties: Ties, factor: TangentFactor) -> tuple[Array, float]:
+        """Return the mode (nodes, 12) of the stiffness nearest zero, of unit largest displacement, and that, N/m^3."""
+        # Inverse iteration, M-weighted, for the eigenvalue nearest zero, until Rayleigh's quotient of the mode settles:
+        # x . K x = x . M m where K x = M m. In a cluster any mixture of its modes is soft, and only the direction of a
+        # push is wanted. The seed is fixed, so that answers repeat.
+        mode, stiffness = np.random.default_rng(0).normal(size=(self.problem.mesh.node_count, 12)), math.inf
+        weighted = _times(self.area, mode)
+        for _ in range(INVERSE_STEPS):
+            mode, before = on_free(ties, factor, weighted), stiffness
+            work, weighted = float(np.sum(mode * weighted)), _times(self.area, mode)
+            stiffness = work / float(np.sum(mode * weighted))
+            size = np.abs(mode[:, :: len(KINDS)]).max()
+            mode, weighted = mode / size, weighted / size
+            if abs(stiffness - before) <= SETTLED * abs(stiffness):
+                break
+        return mode, stiffness
+
+    def tangent(self, state: FiniteState) -> BlockMatrix:
+        """Return the tangent stiffness K at a state, supports not applied."""
+        return self.problem.tangent(state.q, state.t, state.strained, state.strained.stresses)
+
+    def stiffness(self, tangent: BlockMatrix, t: float, mu: float = 0.0) -> Factor:
+        """Return the factorised K + mu M on what the supports leave free at a load factor.
+
+        Raises
+        ------
+        NotConvergedError
+            If it is singular.
+        """
+        matrix = replace(tangent, blocks=tangent.blocks + mu * self.area.blocks) if mu else tangent
+        reduced = self.problem.ties(t).reduce(matrix)
+        if not np.all(np.isfinite(reduced.blocks)):
+            raise NotConvergedError
+        try:
+            # Not "imposed": pivots made positive front by front give some descent direction. K + mu M gives that of a
+            # short time of motion. The caller raises mu until no pivot is negative.
+            return factorise(reduced, self.problem.dissection, "reported")
+        except NotPositiveDefiniteError:
+            raise NotConvergedError from None
+
+    def critical(self, below: FiniteState, above: FiniteState) -> FiniteState:
+        """Return the last stable state between a stable and an unstable one, within `BRACKET` of where that ends.
+
+        Raises
+        ------
+        PathEndsError
+            If the path can't be followed between them.
+        """
+        # Illinois: regula falsi for the root of the least stiffness, the value at an end that stays twice halved
+        # (Dowell & Jarratt 1971, BIT 11). From stable states only. The textbook solves K + dt dK for its eigenvalue
+        # instead, which is linear in t, and thin shells are not.
+        low, high, unstable, side = below, above.t, above.t, 0
+        at_low, at_high = self._least_stiffness(below), self._least_stiffness(above)
+        while high - low.t > BRACKET * high:
+            # Beside the root, where the tangent is singular, on the side of the end that is farther away.
+            share = at_low / (at_low - at_high) if high == unstable else 0.5
+            trial = low.t + share * (high - low.t) + math.copysign(BRACKET / 4 * high, 0.5 - share)
+            try:
+                middle = self.equilibrium(low, trial)
+                value = self._least_stiffness(middle)
+            except NotConvergedError:
+                high = trial  # too long a step, or beyond buckling: a shorter one tells
+                continue
+            if value > 0:
+                low, at_low, at_high, side = middle, value, at_high / 2 if side > 0 else at_high, 1
+            else:
+                high = unstable = trial
+                at_high, at_low, side = value, at_low / 2 if side < 0 else at_low, -1
+        if high != unstable:  # failures of Newton's method are no evidence of buckling
+            raise PathEndsError(f"no equilibrium was found between {low.t:.6g} and {unstable:.6g}")
+        return low
+
+    def equilibrium(self, start: FiniteState, t: float, holding: bool = False) -> FiniteState:
+        """Return the state at a load factor with its own factorised tangent; waves may be held.
+
+        Raises
+        ------
+        NotConvergedError
+            If Newton's method does not get there, or the tangent is singular.
+        """
+        # Newton's method leaves a tangent of some earlier iteration. Beside a critical state that is too early. The own
+        # one is also that by which the next step begins.
+        problem = self.holding if holding else self.problem
+        found = problem.equilibrium(start, t, frugal=True)
+        tangent = self.tangent(found)
+        factor = self.stiffness(tangent, t)
+        forgiven = int(Hold.from_ties(problem.ties(t), factor, problem.travelling(found.q)).negative)
+        return replace(found, tangent=tangent, factor=factor, forgiven=forgiven)
+
+    def _least_stiffness(self, state: FiniteState) -> float:
+        """Return the stiffness nearest to zero of any mode of a state, N/m^3, negative if the state is unstable."""
+        if state.factor is None:
+            raise NotConvergedError
+        least = abs(self.softest_mode(self.problem.ties(state.t), state.factor)[1])
+        return least if state.stable else -least
+
+    def relaxed(self, start: FiniteState, t: float) -> FiniteState:
+        """Return a stable state at a load factor, downhill from another state whose supports are moved there.
+
+        Raises
+        ------
+        NotConvergedError
+            If none is found.
+        """
+        # 1. Move the supports, and let the shell answer by its tangent.
+        # 2. Push the state along its softest mode, off the saddle or critical point it may stand on.
+        # 3. Go downhill until the gain is small, then try Newton's method, which alone converges quadratically.
+        # 4. Take a minimum. If Newton's method finds a saddle or nothing, go further down; in the end, push again.
+        state = self._carried(start, t)
+        for _ in range(SADDLES):
+            state = self._pushed(state)
+            for relaxed in RELAXED:
+                state = self._downhill(state, relaxed)
+                try:
+                    found = self.equilibrium(state, t, holding=True)
+                except NotConvergedError:
+                    continue
+                if found.stable:
+                    return found  # a saddle is not taken: there is a way further down
+        raise NotConvergedError
+
+    def _carried(self, start: FiniteState, t: float) -> FiniteState:
+        """Return a state with its supports moved, and what the shell answers to that by its tangent."""
+        ties = self.problem.ties(t)
+        moved = ties.particular[..., 0] + ties.to_nodal(ties.to_free(start.q[..., None]))[..., 0] - start.q
+        if np.any(moved):
+            moved, _ = self.holding.carried(start, t, ties, moved)
+        return self.problem.state_at(t, start.q + moved, start)
+
+    def _pushed(self, state: FiniteState) -> FiniteState:
+        """Return a state pushed along its softest mode, to the side where the energy is less."""
+        # At a symmetric state both sides gain alike in second order. The energy itself decides, third order included.
+        mode, _ = self.softest_mode(self.problem.ties(state.t), self.stiffness(self.tangent(state), state.t))
+        push = PUSH * self.problem.case.material.thickness * mode
+        sides = [self.problem.state_at(state.t, state.q + sign * push, state) for sign in (1.0, -1.0)]
+        return min(sides, key=self.problem.potential)
+
+    def _downhill(self, state: FiniteState, relaxed: float) -> FiniteState:
+        """Go downhill in the potential energy until a step is predicted to gain no more than a share of it."""
+        problem, ties = self.problem, self.problem.ties(state.t)
+        # Pseudo-transient continuation, a step in four:
+        # 1. K + mu M, with mu raised until it is positive definite: the step then is downhill.
+        # 2. dq = (K + mu M)^-1 r, whose quadratic model gains r . dq / 2 at least.
+        # 3. Move if the energy falls at all.
+        # 4. Lower mu if it fell by a fair share of the prediction, and raise it otherwise.
+        # Kelley and Keyes set mu by the residual's norm, which may well rise where the energy falls.
+        # Steps are judged by the energy instead, as in a trust region, whose radius 1 / mu stands for.
+        mu, value, tangent = self.softest, problem.potential(state), self.tangent(state)
+        for _ in range(MOST_STEPS):
+            factor = self.stiffness(tangent, state.t, mu)
+            if factor.negative:
+                mu *= HARDER
+                continue
+            residual = problem.forces(state.q, state.t) - state.strained.forces
+            step = on_free(ties, factor, residual)
+            predicted = float(np.sum(residual * step)) / 2
+            if predicted <= relaxed * state.strained.energy:
+                return state
+            found = problem.state_at(state.t, state.q + step, state)
+            gained = value - problem.potential(found)
+            if gained > 0:
+                state, value, tangent = found, value - gained, self.tangent(found)
+            # Where waves may travel, K is nearly singular at the minimum too. A step without mu would run along them.
+            mu = max(mu * EASIER, NEUTRAL * self.softest) if gained >= GAINED * predicted else mu * HARDER
+        raise NotConvergedError
+
+
+def _times(matrix: BlockMatrix, vector: Array) -> Array:
+    return np.asarray((matrix @ vector[..., None])[..., 0])

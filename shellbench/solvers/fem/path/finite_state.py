@@ -1,0 +1,214 @@
+"""States at finite strain, and what else Newton's method asks of a step: one more equation, or a direction held."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.linalg import LinearOperator, gmres
+
+from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix
+from shellbench.solvers.fem.algebra.factor import Factor
+from shellbench.solvers.fem.mechanics.constraints import Ties
+from shellbench.solvers.fem.mechanics.strain_energy import Strained
+
+Array = NDArray[np.float64]
+
+SOLVED = 1e-12  # residual of a step, relative to its right-hand side
+KRYLOV = 60  # products of a step; one that takes more is used as it is, and makes Newton's method an inexact one
+
+
+@dataclass(frozen=True)
+class PressedFactor:
+    """The tangent K - A on what the supports leave free, K factorised.
+
+    Attributes
+    ----------
+    symmetric
+        Factorisation of K.
+    free
+        (nodes, 12) which unknowns are free.
+    skew
+        A, reduced as K is.
+    """
+
+    symmetric: Factor
+    free: Array
+    skew: BlockMatrix
+
+    @classmethod
+    def on_free(cls, symmetric: Factor, skew: BlockMatrix, ties: Ties) -> PressedFactor:
+        """Reduce A to what is free."""
+        return cls(symmetric, ties.free.astype(float), ties.reduce(skew))
+
+    @property
+    def negative(self) -> int:
+        """Number of negative eigenvalues of K.
+
+        If there is none, no step does negative work: the state does not diverge, whatever A is. The converse is not
+        true, so that a path may be ended too early.
+        """
+        return self.symmetric.negative
+
+    def solve(self, right: Array) -> Array:
+        """Solve (K - A) x = right for (nodes, 12, n) right-hand sides."""
+        # x - K^-1 A x = K^-1 right, by GMRES. Where K is positive definite K^-1 A has imaginary eigenvalues only, which
+        # accumulate at zero: 1 - K^-1 A is never singular.
+        return np.stack([self._solve(right[..., k]) for k in range(right.shape[-1])], axis=-1)
+
+    def _solve(self, right: Array) -> Array:
+        shape = right.shape
+
+        def backward(vector: Array) -> Array:
+            return self.symmetric.solve(vector[..., None])[..., 0]
+
+        def product(flat: Array) -> Array:
+            x = flat.reshape(shape)
+            return np.asarray(x - backward((self.skew @ (x * self.free)[..., None])[..., 0] * self.free)).ravel()
+
+        start = backward(right)
+        operator = LinearOperator((right.size, right.size), matvec=product, dtype=float)
+        found, _ = gmres(operator, start.ravel(), x0=start.ravel(), rtol=SOLVED, atol=0.0, restart=KRYLOV, maxiter=1)
+        return np.asarray(found).reshape(shape)
+
+
+@dataclass(frozen=True)
+class TurnedFactor:
+    """The factorised tangent of a state, as an approximate one where supports have moved on.
+
+    Attributes
+    ----------
+    factor
+        The tangent on what the supports leave free at the state.
+    before, ties
+        The supports there, and where it is used.
+    """
+
+    factor: TangentFactor
+    before: Ties
+    ties: Ties
+
+    @property
+    def negative(self) -> int:
+        """Number of negative eigenvalues at the state."""
+        return self.factor.negative
+
+    def solve(self, right: Array) -> Array:
+        """Solve for (nodes, 12, n) right-hand sides."""
+        # The bases of free directions are not comparable: by way of nodal degrees of freedom.
+        free = self.before.to_free(self.ties.to_nodal(right))
+        return self.ties.to_free(self.before.to_nodal(self.factor.solve(free) * self.before.free[..., None]))
+
+
+TangentFactor = Factor | PressedFactor | TurnedFactor
+
+
+@dataclass(frozen=True)
+class FiniteState:
+    """A state of equilibrium.
+
+    Attributes
+    ----------
+    t
+        Load factor.
+    q
+        (nodes, 12) scaled degrees of freedom.
+    strained
+        Strains and stresses.
+    angles
+        By edge moment (n,): the angles by which the normals have turned, rad.
+    factor
+        Factorisation of the tangent stiffness of the last iteration; None if it is singular, or there was none.
+    iterations
+        Newton iterations that led here.
+    residuals
+        Largest residual force before each of them, relative to the largest nodal force.
+    critical
+        Whether it is the last stable state before buckling.
+    forgiven
+        Negative eigenvalues of the tangent that belong to waves that may travel.
+    pressure, touch
+        Of obstacles at the contact points, (n,), Pa, and (n, 3), N; None where there are none, or it is not known.
+    tangent
+        Tangent stiffness of the state itself, supports not applied, if `factor` is its factorisation; else None.
+    """
+
+    t: float
+    q: Array
+    strained: Strained
+    angles: tuple[Array, ...]
+    factor: TangentFactor | None
+    iterations: int = 0
+    residuals: tuple[float, ...] = ()
+    critical: bool = False
+    forgiven: int = 0
+    pressure: Array | None = None
+    touch: Array | None = None
+    tangent: BlockMatrix | None = None
+
+    @property
+    def stable(self) -> bool:
+        """Whether the state is a minimum of the potential energy.
+
+        Under a pressure that follows there is none: then, whether all steps from the state do positive work.
+        """
+        return self.factor is not None and self.factor.negative == self.forgiven
+
+    @property
+    def relieved(self) -> FiniteState:
+        """The state without what only the next step needs, which takes most of the memory."""
+        return replace(self, factor=None, tangent=None, strained=replace(self.strained, deformations=(), stresses=()))
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """One more equation, c . q + d t = s, for a path on which the load factor is unknown."""
+
+    row: Array
+    factor: float
+    value: float
+
+
+@dataclass(frozen=True)
+class Hold:
+    """A direction w in which a step makes no progress, w . dq = 0; none where `answer` is None.
+
+    Attributes
+    ----------
+    row, answer
+        (nodes, 12) w, and what the shell answers to it as a force.
+    negative
+        Whether it is along w that the tangent has a negative eigenvalue: holding w takes it away.
+    """
+
+    row: Array
+    answer: Array | None = None
+    negative: bool = False
+
+    @classmethod
+    def from_ties(cls, ties: Ties, factor: TangentFactor, row: Array | None) -> Hold:
+        """Hold a direction, if there is one, beside the supports."""
+        if row is None:
+            return cls(np.zeros(0))
+        # w is held by a multiplier m: K dq + m w = r and w . dq = 0. That takes one more solve, A = K^-1 w. By the
+        # inertia of the bordered matrix, w . A < 0 says that K has one negative eigenvalue less across w.
+        answer = on_free(ties, factor, row)
+        return cls(row, answer, bool(np.sum(row * answer) < 0))
+
+    def step(self, step: Array) -> Array:
+        """Return a step without what would move along w."""
+        if self.answer is None:
+            return step
+        # m = (w . K^-1 r) / (w . A), by which K itself and its factor stay as they are.
+        return step - self.answer * (np.sum(self.row * step) / np.sum(self.row * self.answer))
+
+
+def on_free(ties: Ties, factor: TangentFactor, right: Array) -> Array:
+    """Return what the shell answers to forces (nodes, 12) where the supports leave it free."""
+    free = ties.to_free(right[..., None])
+    return np.asarray(ties.to_nodal(factor.solve(free) * ties.free[..., None])[..., 0])
+
+
+class NotConvergedError(ArithmeticError):
+    """Newton's method did not converge from here: the step was too long, or there is no equilibrium."""

@@ -1,0 +1,369 @@
+"""A case of the non-linear theory on one mesh: its path from rest, and what of it is kept."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.errors import SolveFailure
+from shellbench.problem import Step
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.posed.rigid import free_motions
+from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
+from shellbench.problems.shell.question.conditions import RIGID_MOTIONS, Value
+from shellbench.problems.shell.variants.edit import between
+from shellbench.solvers.fem.linear.equilibrium import Equilibrium, check_balance
+from shellbench.solvers.fem.mechanics.loads import Loading
+from shellbench.solvers.fem.mechanics.rigid_motions import mean_rigid_motion
+from shellbench.solvers.fem.mechanics.solution import FemSolution
+from shellbench.solvers.fem.mesh.bubbles import interpolated
+from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CUBIC, KINDS, Derivative, TensorMesh
+from shellbench.solvers.fem.mesh.quadrature import Quadrature
+from shellbench.solvers.fem.path.buckling import following_steps
+from shellbench.solvers.fem.path.contact_at_finite_strain import carried_pressure
+from shellbench.solvers.fem.path.continuation import (
+    EASY,
+    STEP_SHARE,
+    PathEndsError,
+    Station,
+    arc_length_steps,
+    displacement_steps,
+    functional,
+    load_steps,
+)
+from shellbench.solvers.fem.path.finite_state import FiniteState, NotConvergedError
+from shellbench.solvers.fem.path.problem import FiniteProblem
+
+Array = NDArray[np.float64]
+
+SHORTEST_EDIT = 1 / 32  # of the way of an edit: where a shorter step were needed, the path is followed from rest
+SHORTEST = 1e-2  # of the way from one state of a trail to the next: the shortest step in between
+RIGID = 1e-6  # component of a rotation among the loose rigid motions that is rounding
+
+
+class PathEndedError(SolveFailure):
+    """A path that ended early; `equilibrium` is what it came to."""
+
+    def __init__(self, reason: str, equilibrium: Equilibrium) -> None:
+        last = equilibrium.solution.history[-1].at
+        super().__init__(f"{reason}; the last converged load factor is {last:.6g}", equilibrium.solution)
+        self.equilibrium = equilibrium
+
+
+def declined(case: Case) -> str | None:
+    """Return what in a case of the non-linear theory fem can't do, as a clause, or None."""
+    for support in case.supports:
+        if support.clamped and isinstance(support.motion, Value):
+            return f"it can't move the clamped support '{support.name}' by a formula at finite strain"
+    moved = next((support for support in case.supports if support.motion is not None), None)
+    if case.path.quantity is not None and moved is not None:
+        return f"it can't move support '{moved.name}' on a path with control = '{case.path.control}'"
+    if case.obstacles and (case.path.quantity is not None or case.path.after_buckling == "follow"):
+        return "it touches obstacles at finite strain by load steps before buckling only"
+    loose = free_motions(case)
+    if case.following and (case.path.quantity is not None or case.path.after_buckling == "follow"):
+        return "it follows a pressure along the deformed normal by load steps before buckling only"
+    if case.following and loose.size:
+        return "it needs supports against all rigid motions where a pressure follows the shell"
+    if case.path.quantity is not None and loose.size:
+        return f"it needs supports against all rigid motions on a path with control = '{case.path.control}'"
+    if loose.size and np.abs(loose[3:]).max() > RIGID:
+        name = RIGID_MOTIONS[3 + int(np.argmax(np.abs(loose[3:]).max(axis=1)))]
+        return f"it needs supports against {name} at finite strain"
+    return None
+
+
+def solve(
+    case: Case,
+    mesh: TensorMesh,
+    quadrature_order: int,
+    steps: tuple[float, float],
+    trail: FemSolution | None = None,
+    tell: Callable[[float], None] | None = None,
+    share: float = STEP_SHARE,
+) -> tuple[Equilibrium, FemSolution]:
+    """Follow the path of a case on a mesh.
+
+    Parameters
+    ----------
+    case, mesh, quadrature_order
+        What is solved, on what, and the degree to which a cell's Gauss rule is exact.
+    steps
+        The load step to begin with, and the shortest one, as parts of the path.
+    trail
+        All states of the path on another mesh: under load control they are corrected one by one, by arc length they
+        lead. Or those of an earlier shell, of which the case is an edit: then the states that are asked for are reached
+        from its own.
+    tell
+        Called with the load factor of each new state.
+    share
+        Part of the path by which a step of displacement control or of arc length moves the displacement.
+
+    Returns
+    -------
+    tuple
+        The answer at the case's marks, and all states of the path.
+
+    Raises
+    ------
+    InputError
+        If supports contradict each other.
+    PathEndedError
+        If the path ends early.
+    SolveFailure
+        If no state beyond rest converged.
+    """
+    # 1. Check that loads do no work on rigid motions that nothing holds.
+    # 2. Follow the path, keeping what each state needs later and dropping its factorisation.
+    # 3. Give the history displacements without the rigid motions that nothing holds.
+    # 4. Keep the states at the marks and the critical ones, and what converged if the path ends early.
+    began = time.perf_counter()
+    problem = FiniteProblem.on_mesh(case, mesh, Quadrature.of_order(mesh, quadrature_order))
+    loose = free_motions(case)
+    for t in () if not loose.size else case.states if case.path.quantity is None else (1.0,):
+        check_balance(Loading.on_mesh(case, mesh, problem.quadrature, (t,)), loose)
+    quantities = {q.name: functional(problem, q) for q in case.quantities if isinstance(q, DisplacementQuantity)}
+    controlled = quantities.get(case.path.quantity or "")
+    states: list[FiniteState] = []
+    seconds: list[float] = []
+    reason: str | None = None
+    try:
+        for state in _path(problem, controlled, steps, share, trail):
+            # Without its factorisation and deformations a state is small: whole paths stay in memory.
+            states.append(state.relieved)
+            seconds.append(time.perf_counter() - began)
+            if tell:
+                tell(state.t)
+    except PathEndsError as error:
+        reason = str(error)
+    except NotConvergedError:
+        reason = "the tangent stiffness is singular"
+    if not states:
+        raise SolveFailure(f"{reason}: no state beyond rest converged")
+    # A mark is a value of what is controlled, be it the load factor or a displacement.
+    marks = [state.t if controlled is None else float(np.sum(controlled * state.q)) for state in states]
+    history = tuple(
+        Step(
+            iteration=number,
+            seconds=after,
+            energy=problem.potential(state),
+            unknowns=_unknowns(problem),
+            at=state.t,
+            quantities={name: float(np.sum(row * q)) for name, row in quantities.items()},
+            phase="critical" if state.critical else "path",
+            iterations=state.iterations,
+        )
+        for number, (state, after, q) in enumerate(zip(states, seconds, _held(problem, states), strict=True))
+    )
+    kept = _kept(case, marks, complete=reason is None)
+    kept = sorted({*kept, *(k for k, state in enumerate(states) if state.critical)})
+    solution = _solution(problem, quadrature_order, [states[k] for k in kept], [marks[k] for k in kept], history)
+    if reason is not None:
+        raise PathEndedError(reason, Equilibrium(solution, problem.potential(states[-1]), states[-1].residuals[-1]))
+    last = states[-1]
+    if problem.points is not None:
+        states, marks = [states[k] for k in kept], [marks[k] for k in kept]
+    equilibrium = Equilibrium(solution, problem.potential(last), last.residuals[-1])
+    return equilibrium, _solution(problem, quadrature_order, states, marks, history)
+
+
+def prescribed(case: Case, mesh: TensorMesh, quadrature_order: int) -> Equilibrium:
+    """Return the interpolant of a displacement that the case prescribes everywhere, at its marks.
+
+    The support carries the loads; what it does besides, to keep the shell in shape, has no resultant.
+    """
+    # Nothing is solved for: coefficients are derivatives of the motion at the nodes, and bubbles what these leave.
+    support, place = next(case.supported_places())
+
+    def moved(points: Array, t: float) -> Mapping[Derivative, Array]:
+        return case.motion(support, place, mesh.domain.wrap(points), t, order=2)
+
+    coefficients = np.stack([interpolated(mesh, partial(moved, t=t)) for t in case.states], axis=-1)
+    quadrature = Quadrature.of_order(mesh, quadrature_order)
+    if case.linear or mesh.degree > CUBIC:
+        carried = Loading.on_mesh(case, mesh, quadrature, case.states).nodal.reshape(coefficients.shape)
+    else:
+        problem = FiniteProblem.on_mesh(case, mesh, quadrature)
+        nodal = (coefficients * mesh.node_scales[:, None, :, None]).reshape(mesh.node_count, -1, len(case.states))
+        loads = [problem.forces(nodal[..., k], t) for k, t in enumerate(case.states)]
+        carried = np.stack(loads, axis=-1).reshape(coefficients.shape)
+    solution = FemSolution(
+        case=case,
+        mesh=mesh,
+        coefficients=coefficients,
+        states=case.states,
+        support_nodes=np.arange(mesh.node_count),
+        support_forces=-(carried * mesh.node_scales[:, None, :, None])[None],
+        quadrature_order=quadrature_order,
+        parameters=0,
+    )
+    return Equilibrium(solution, sum(solution.energies()), 0.0)
+
+
+def _path(
+    problem: FiniteProblem,
+    controlled: Array | None,
+    steps: tuple[float, float],
+    share: float,
+    trail: FemSolution | None,
+) -> Iterator[FiniteState]:
+    case = problem.case
+    match case.path.control:
+        # Each control has its own parameter: t itself, a displacement, or the arc. Only under load control is t given,
+        # so that states of a coarser mesh can be corrected one by one.
+        case "load":
+            if case.buckles:
+                yield from following_steps(problem, case.path_marks, *(step * case.path.until for step in steps))
+            elif trail is None:
+                first, shortest = (step * case.path.until for step in steps)
+                yield from load_steps(problem, case.states, first, shortest)
+            elif trail.case != case:
+                yield from _edited(problem, trail, steps)
+            else:
+                yield from _corrected(problem, trail)
+        case "displacement":
+            assert controlled is not None
+            yield from displacement_steps(problem, controlled, case.states, case.path.until, share)
+        case "arc_length":
+            assert controlled is not None
+            stations = _stations(problem.mesh, trail) if trail else ()
+            yield from arc_length_steps(problem, controlled, case.states, case.path.until, share, stations)
+
+
+def _corrected(problem: FiniteProblem, trail: FemSolution) -> Iterator[FiniteState]:
+    """Yield the states at the load factors of a trail, each from its own displacement there."""
+    # Nested iteration: the coarser mesh's state at the same t is the guess that Newton's method corrects. It may have
+    # been on a branch that this mesh does not have. Then load steps lead there from the state before.
+    before: FiniteState | None = None
+    for t in trail.states:
+        near = before or problem.undeformed()
+        guess = problem.state_at(t, _interpolated(problem.mesh, trail, t), near)
+        if problem.points is not None:
+            guess = replace(guess, pressure=carried_pressure(problem.points, trail.touch(t)))
+        try:
+            state = problem.equilibrium(guess, t, frugal=True)
+        except NotConvergedError:
+            state = guess
+        if state is guess or not state.stable:
+            for state in load_steps(problem, (t,), t - near.t, SHORTEST * (t - near.t), before):  # noqa: B007
+                pass
+        before = state
+        yield state
+
+
+def _edited(problem: FiniteProblem, earlier: FemSolution, steps: tuple[float, float]) -> Iterator[FiniteState]:
+    """Yield the states that are asked for, from those of an earlier shell, or from rest where that fails.
+
+    The edit comes in one step where Newton's method takes it easily, else in shorter ones. All states on the way are
+    stable, so that the branch is that of the earlier path, as far as continuation can tell.
+    """
+    case, mesh, rest = problem.case, problem.mesh, problem.undeformed()
+    states: list[FiniteState] = []
+    for t in case.states:
+        nearest = int(np.argmin(np.abs(np.asarray(earlier.states) - t)))
+        known = abs(earlier.states[nearest] - t) <= 1e-9 * abs(t)
+        q = _interpolated(mesh, earlier, earlier.states[nearest])
+        share, step, iterations = 0.0, 1.0, 0
+        while known and share < 1.0 and step >= SHORTEST_EDIT:
+            target = min(1.0, share + step)
+            part = problem
+            if target < 1.0:
+                part = FiniteProblem.on_mesh(between(earlier.case, case, target), mesh, problem.quadrature)
+            try:
+                found = part.equilibrium(part.state_at(t, q, rest), t)
+                iterations += found.iterations
+                easy = found.stable and (found.iterations <= EASY or step <= 2 * SHORTEST_EDIT)
+            except NotConvergedError:
+                easy = False
+            if not easy:
+                step /= 2
+                continue
+            q, share, step = found.q, target, 2 * step
+        if share < 1.0:
+            first, shortest = (length * case.path.until for length in steps)
+            yield from load_steps(problem, case.states, first, shortest)
+            return
+        states.append(replace(found, iterations=iterations))
+    yield from states
+
+
+def _stations(mesh: TensorMesh, trail: FemSolution) -> Iterator[Station]:
+    """Yield all states of a path on another mesh, interpolated on this one."""
+    for number, (value, step) in enumerate(zip(trail.states, trail.history, strict=True)):
+        # by number: on a path that turns, several states have one displacement
+        alone = replace(trail, coefficients=trail.coefficients[..., number : number + 1], states=(1.0,))
+        yield Station(_interpolated(mesh, alone, 1.0), step.at, value)
+
+
+def _interpolated(mesh: TensorMesh, solution: FemSolution, at: float) -> Array:
+    points = mesh.domain.wrap(mesh.node_points)
+    nodal = np.stack([solution.derivative(points, kind, at) for kind in KINDS], axis=-1)
+    return np.asarray((nodal * mesh.node_scales[:, None, :]).reshape(mesh.node_count, -1))
+
+
+def _kept(case: Case, marks: Sequence[float], complete: bool) -> list[int]:
+    """Return the numbers of the states at the case's marks, or as far as the path goes, and its last one."""
+    kept = []
+    for mark in case.states:
+        # Marks are landed on but for rounding. On a path that turns, the first passage counts.
+        there = [k for k, value in enumerate(marks) if abs(value - mark) <= 1e-9 * abs(mark)]
+        kept += there[:1]
+    if not complete and len(marks) - 1 not in kept:
+        kept.append(len(marks) - 1)
+    return kept
+
+
+def _unknowns(problem: FiniteProblem) -> int:
+    return int(np.count_nonzero(problem.ties(problem.case.path.until).free))
+
+
+def _held(problem: FiniteProblem, states: Sequence[FiniteState]) -> list[Array]:
+    """Return the displacements (nodes, 12) of states without the rigid motions that nothing holds."""
+    loose, scales = free_motions(problem.case), problem.mesh.node_scales[:, None, :, None]
+    if not loose.size:
+        return [state.q for state in states]
+    # Pins hold single displacements, wherever these are. An answer has no rigid motion in the mean over the area
+    # instead.
+    stacked = np.stack([state.q for state in states], axis=-1)
+    fields = stacked.reshape(-1, COMPONENTS, len(KINDS), len(states)) / scales
+    fields = fields - mean_rigid_motion(problem.case, problem.mesh, problem.quadrature, fields, loose)
+    return list(np.moveaxis((fields * scales).reshape(stacked.shape), -1, 0))
+
+
+def _solution(
+    problem: FiniteProblem,
+    quadrature_order: int,
+    states: Sequence[FiniteState],
+    marks: Sequence[float],
+    history: tuple[Step, ...],
+) -> FemSolution:
+    case, mesh, points = problem.case, problem.mesh, problem.points
+    shape = (COMPONENTS, len(KINDS), len(states))
+    scales = mesh.node_scales[:, None, :, None]
+    coefficients = np.stack([state.q for state in states], axis=-1).reshape(-1, *shape) / scales
+    ties = [problem.ties(state.t) for state in states]
+    nodes = ties[0].nodes
+    shares = [
+        tie.sharing.shares(problem.reactions(state)[nodes][..., None]) for tie, state in zip(ties, states, strict=True)
+    ]
+    forces = np.concatenate(shares, axis=-1).reshape(len(case.supports), len(nodes), *shape)
+    loose = free_motions(case)
+    if loose.size:
+        coefficients = coefficients - mean_rigid_motion(case, mesh, problem.quadrature, coefficients, loose)
+    return FemSolution(
+        case=case,
+        mesh=mesh,
+        coefficients=coefficients,
+        states=tuple(marks),
+        support_nodes=nodes,
+        support_forces=forces * scales[nodes],
+        quadrature_order=quadrature_order,
+        parameters=_unknowns(problem),
+        history=history,
+        touching=tuple(points.touch(s.touch) for s in states if points is not None and s.touch is not None),
+    )

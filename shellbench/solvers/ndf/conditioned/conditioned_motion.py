@@ -1,0 +1,342 @@
+"""One neural field in space, time and material: `ndf-conditioned` for cloth that moves in its plane.
+
+The hidden layer is drawn once. Its output weights are a function of time and of the material,
+
+    u(xi, t; material) = W(t, log(E h), nu) phi(xi),
+
+a polynomial through Chebyshev points of a box; thickness and modulus enter by their product alone (`plane_motion`). At
+each point of the materials Newton's law is integrated for the output weights. Its states do not lie in the span of a
+few fields, as the answers of a linear shell do (`reduced`), so that nothing is reduced.
+
+The stated uncertainty is that of what is told, value q or derivative, and comes from the construction alone. With the
+same field of features of a lower degree, q', and the field without its last `LAST` polynomials along time, log(E h) or
+nu, q_k, it is
+
+    the largest, over the held-out materials at the end, of  abs(q - q') + sum over k of abs(q - q_k),
+
+where the derivative is that of each field itself. Values are compared relative to themselves.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import torch
+from numpy.polynomial import chebyshev
+from torch import Tensor
+
+from shellbench.errors import InputError, SolveFailure
+from shellbench.problem import Progress, ProgressCallback, Step
+from shellbench.problems.conditioned.case import ConditionedCase, Material
+from shellbench.problems.conditioned.quantities import Parameter, Value
+from shellbench.problems.conditioned.solving import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer
+from shellbench.solvers.ndf.conditioned.conditioned import ASKED_TIMES, kept_features
+from shellbench.solvers.ndf.conditioned.conditioned_settings import ConditionedSettings
+from shellbench.solvers.ndf.conditioned.plane_motion import PLANE, coordinates, features_of, plane_motion
+from shellbench.solvers.ndf.field.build import FieldSpec
+from shellbench.solvers.ndf.field.field import Features
+from shellbench.solvers.ndf.field.jets import Array
+from shellbench.solvers.ndf.field.network import Network
+from shellbench.solvers.ndf.field.weights import HEADER, described, network_tensors, read_tensors, write_described
+from shellbench.solvers.ndf.linear.refinement import SETTLED
+from shellbench.solvers.ndf.motion.motion import degree_of
+from shellbench.solvers.ndf.motion.motion_problem import Motion
+from shellbench.solvers.ndf.strains.energy import exploits
+from shellbench.solvers.ndf.strains.sampled import Combined, finer, widest
+
+FORMAT = "ndf-conditioned in motion, format 2"
+DEGREE, FEWER = 13, 3  # of the features along a side; how many less those have by which their error is told
+COUNTS = (33, 9, 5)  # points along time, log(E h) and nu
+LAST = 2  # polynomials of each axis that must not matter: odd and even ones may differ
+SETTLED_DERIVATIVE = 1e-2  # of the logarithm: what gates of fields ask for
+ROUNDING = 1e-13  # relative: what a sum of polynomials may leave of zero
+UNUSED = ("snapshots", "tolerance")  # settings of shells at rest
+
+
+@dataclass(frozen=True)
+class Polynomials:
+    """Products of Chebyshev polynomials of time, log(E h) and nu on a box, by its corners."""
+
+    lower: Array
+    upper: Array
+
+    @classmethod
+    def of_case(cls, case: ConditionedCase) -> Polynomials:
+        """Return those of all materials of a case, from rest to its end."""
+        ends = [coordinates(case.ranges.material((share, share, share))) for share in (0.0, 1.0)]
+        until = case.shell_of(case.middle).states[-1]
+        return cls(np.array([0.0, *ends[0]]), np.array([until, *ends[1]]))
+
+    def points(self, axis: int, count: int) -> Array:
+        """Return the Chebyshev extrema (count,) of an axis, increasing."""
+        share = (1 - np.cos(np.linspace(0, np.pi, count))) / 2
+        return np.asarray(self.lower[axis] + share * (self.upper[axis] - self.lower[axis]))
+
+    def coefficients(self, values: Array) -> Array:
+        """Return the coefficients of values (times, log(E h), nu, ...) at the points, of the same shape."""
+        for axis, count in enumerate(values.shape[:3]):
+            matrix = chebyshev.chebvander(-np.cos(np.linspace(0, np.pi, count)), count - 1)
+            values = np.moveaxis(np.tensordot(np.linalg.inv(matrix), values, (1, axis)), 0, axis)
+        return values
+
+    def evaluated(
+        self, coefficients: Array, at: float, place: tuple[float, float], order: tuple[int, int, int] = (0, 0, 0)
+    ) -> Array:
+        """Return the sum (...) of coefficients (times, n, m, ...) at a time and material, or a derivative."""
+        half = (self.upper - self.lower) / 2
+        for x, k, size in zip((np.array([at, *place]) - self.lower) / half - 1, order, half, strict=True):
+            rows = chebyshev.chebval(x, chebyshev.chebder(np.eye(len(coefficients)), k, 1 / size))
+            coefficients = np.tensordot(rows, coefficients, 1)
+        return coefficients
+
+    def told(self, asked: Array, at: float, material: Material, by: Parameter | None) -> float:
+        """Return what is asked, of coefficients (times, n, m), or the derivative of its logarithm by a parameter.
+
+        Raises
+        ------
+        InputError
+            If the value is zero but for rounding, and a derivative is asked.
+        """
+        place = coordinates(material)
+        value = float(self.evaluated(asked, at, place))
+        if by is None:
+            return value
+        if abs(value) <= ROUNDING * float(np.abs(asked).sum()):
+            raise InputError(f"at {at:g} s the displacement is zero: its logarithm has no derivative")
+        order = (0, 0, 1) if by == "poissons_ratio" else (0, 1, 0)
+        return float(self.evaluated(asked, at, place, order)) / value
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConditionedMotion(ConditionedAnswer):
+    """A field for all materials of a range, at all times; see `shellbench.problem.Solution`.
+
+    Attributes
+    ----------
+    spec
+        The choices from which the field is rebuilt.
+    features
+        Scalar features, orthonormal in the area.
+    coefficients
+        (times, n, m, 2, r): Chebyshev coefficients of the output weights.
+    """
+
+    spec: FieldSpec
+    features: Combined
+    coefficients: Tensor
+
+    @cached_property
+    def _polynomials(self) -> Polynomials:
+        return Polynomials.of_case(self.case)
+
+    @cached_property
+    def _asked(self) -> Array:
+        return asked_of(self.case, self.features, self.coefficients.numpy())
+
+    @property
+    def _network(self) -> Network:
+        features = self.features.features
+        assert isinstance(features, Features)
+        return features.network
+
+    @property
+    def parameters(self) -> int:
+        """Output weights that were solved for, at all points."""
+        return int(self.coefficients.numel())
+
+    @property
+    def storage_bytes(self) -> int:
+        """Bytes of all tensors."""
+        return sum(t.numel() * t.element_size() for t in self.tensors().values())
+
+    def displacement(
+        self, points: Array, at: float | None = None, material: Material | Mapping[str, float] | None = None
+    ) -> Array:
+        """Return the displacement (..., 3), m, at points (..., 2) and a time, the end if None; of the middle material.
+
+        Raises
+        ------
+        InputError
+            If the material is beyond the ranges, or the time beyond the motion.
+        """
+        place, moment = coordinates(self.case.chosen_material(material)), self._time(at)
+        flat = np.asarray(points, dtype=float).reshape(-1, 2)
+        found = np.zeros((len(flat), 3))
+        weights = self._polynomials.evaluated(self.coefficients.numpy(), moment, place)
+        found[:, :PLANE] = self.features.values(flat).numpy() @ weights.T
+        return found.reshape(*np.shape(points)[:-1], 3)
+
+    def _time(self, at: float | None) -> float:
+        until = float(self._polynomials.upper[0])
+        if at is not None and not 0 <= at <= until:
+            raise InputError(f"{self.case.name}: the time is {at:g} s, but the motion goes from 0 to {until:g} s")
+        return until if at is None else at
+
+    def asked(self, material: Material | Mapping[str, float], at: float | None = None) -> float:
+        """Return the asked displacement, m, at any material and time, the end if None; InputError beyond them."""
+        return self._polynomials.told(self._asked, self._time(at), self.case.chosen_material(material), None)
+
+    def derivative(self, material: Material | Mapping[str, float], by: Parameter, at: float | None = None) -> float:
+        """Return the derivative of its logarithm by log h, log E or nu; InputError beyond the ranges and at rest."""
+        return self._polynomials.told(self._asked, self._time(at), self.case.chosen_material(material), by)
+
+    def value(self, number: int) -> float:
+        """Return the asked displacement, m, at a held-out material."""
+        return self.asked(self.case.materials[number])
+
+    def sensitivity(self, number: int, by: Parameter) -> float:
+        """Return the derivative of its logarithm at a held-out material."""
+        return self.derivative(self.case.materials[number], by)
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Return all tensors by the names they have in a file."""
+        own = {"combine": self.features.combine, "coefficients": self.coefficients}
+        return {**network_tensors(self._network), **own}
+
+    def save(self, path: Path) -> Path:
+        """Write the field as safetensors, all else as JSON in its header; return the file with its suffix."""
+        words = {
+            "format": FORMAT,
+            "case": self.case.data(),
+            "spec": self.spec.model_dump(mode="json"),
+            "activation": self._network.activation,
+            "uncertainty": dict(self.uncertainty),
+        }
+        return write_described(path, self.tensors(), words)
+
+    @classmethod
+    def load(cls, path: Path) -> ConditionedMotion:
+        """Read what `save` wrote; InputError in one sentence if it is none."""
+        with described(path, FORMAT, "conditioned field") as (words, tensors):
+            case = ConditionedCase.model_validate(words["case"])
+            spec, features = kept_features(case, words, tensors)
+            combined, kept = Combined(features, tensors["combine"]), tensors["coefficients"]
+            if kept.ndim != 5 or kept.shape[3:] != (PLANE, combined.count) or features.count != len(combined.combine):
+                raise ValueError("its tensors do not fit each other")
+            told = {"uncertainty": words["uncertainty"], "spec": spec, "features": combined, "coefficients": kept}
+            return cls(case=case, **told)
+
+
+def is_motion(path: Path) -> bool:
+    """Whether a file says that it holds such a field; InputError if it can't be read."""
+    return FORMAT in read_tensors(path)[0].get(HEADER, "")
+
+
+def asked_of(case: ConditionedCase, features: Combined, weights: Array) -> Array:
+    """Return what is asked (...), m, of output weights (..., 2, r)."""
+    shell = case.shell_of(case.middle)
+    points = np.array([shell.points[name] for name in case.asked.points])
+    directions = np.broadcast_to(np.array(case.asked.direction, dtype=float), (len(points), 3))[:, :PLANE]
+    return np.asarray(np.einsum("...cr,pr,pc->...", weights, features.values(points).numpy(), directions) / len(points))
+
+
+def solve(case: ConditionedCase, settings: ConditionedSettings, progress: ProgressCallback) -> ConditionedMotion:
+    """Build the field of a case.
+
+    Raises
+    ------
+    InputError
+        If settings have no use in motion, or too few neurons are asked.
+    SolveFailure
+        If a motion can't be followed, or exploits its quadrature.
+    """
+    # 1. Features of one degree, and Newton's law of their weights.
+    # 2. Follow the motions of all materials of the grid, those of one stiffness together, and interpolate the weights.
+    # 3. The same with features of a lower degree: with the last polynomials it tells the uncertainty.
+    # 4. Energies at the end, on a finer rule.
+    begin, shell = time.perf_counter(), case.shell_of(case.middle)
+    for name in UNUSED:
+        if name in settings.model_fields_set:
+            raise InputError(f"{case.name}: a motion has no use for the setting '{name}'")
+    degree = degree_of(shell, settings.neurons) if settings.neurons else DEGREE
+    if degree <= FEWER:  # nothing is left to compare with
+        fewest = widest(shell, FEWER + 1)
+        raise InputError(f"field 'neurons': found {settings.neurons}, but a motion needs {fewest} or more")
+    polynomials = Polynomials.of_case(case)
+    times, stiffnesses, ratios = (polynomials.points(axis, count) for axis, count in enumerate(COUNTS))
+    steps: list[Step] = []
+
+    def built(degree: int) -> tuple[Array, ConditionedMotion, float]:
+        """Return what is asked as coefficients, the field of a degree, and its quadrature gap."""
+        motion, features = features_of(shell, degree, settings)
+        law = plane_motion(motion, features)
+        fine = plane_motion(Motion(shell, motion.spec, features, finer(motion.rule_spec)), features)
+        followed, gap = [], 0.0
+        for stiffness in stiffnesses:
+            progress(Progress(len(steps), 2 * len(stiffnesses), f"degree {degree}, E h = {np.exp(stiffness):.4g} N/m"))
+            places = np.array([(stiffness, nu) for nu in ratios])
+            weights, evaluations = law.follow(places, times)
+            energies, work = law.energies(weights[:, -1], places), np.sum(law.gravity * weights[:, -1], axis=(1, 2))
+            gap = max(gap, float(np.max(np.abs(energies - fine.energies(weights[:, -1], places)) / work)))
+            followed.append(weights)
+            seconds = time.perf_counter() - begin
+            steps.append(Step(len(steps), seconds, float(energies[0]), PLANE * law.count, iterations=evaluations))
+        coefficients = polynomials.coefficients(np.stack(followed).transpose(2, 0, 1, 3, 4))
+        field = ConditionedMotion(
+            case=case, spec=motion.spec, features=features, coefficients=torch.as_tensor(coefficients)
+        )
+        return asked_of(case, features, coefficients), field, gap
+
+    with torch.no_grad():
+        asked, found, gap = built(degree)
+        coarse, _, _ = built(degree - FEWER)
+    told: tuple[Parameter | None, ...] = (None, *get_args(Parameter))
+    shares = {by: doubt(polynomials, (asked, coarse), case.materials, by) for by in told}
+    uncertainty = {}
+    for quantity in case.quantities:
+        by = None if isinstance(quantity, Value) else quantity.by
+        uncertainty[quantity.name] = shares[by] * (abs(quantity.measure(found)) if by is None else 1.0)
+    before = time.perf_counter() - begin
+    start = time.perf_counter()
+    for number in range(ASKED_TIMES):
+        found.value(number % len(case.materials))
+    found = replace(
+        found,
+        history=tuple(steps),
+        uncertainty=uncertainty,
+        unsettled=why_unsettled(shares),
+        diagnostics={
+            SECONDS_BEFORE: before,
+            SECONDS_EACH: (time.perf_counter() - start) / ASKED_TIMES,
+            "energy_gap": gap,
+            "degree": degree,
+            "independent_features": found.features.count,
+        },
+    )
+    if (reason := exploits(gap, settings.largest_gap)) is not None:
+        raise SolveFailure(reason, found)
+    return found
+
+
+def why_unsettled(shares: Mapping[Parameter | None, float]) -> str | None:
+    """Return why uncertainties, None for that of values, are too large, as one clause, or None if they are not."""
+    for by, share in shares.items():
+        if not share <= (SETTLED if by is None else SETTLED_DERIVATIVE):
+            asked = "displacements" if by is None else f"derivatives by {by}"
+            return f"{asked} may be off by {share:.1e}"
+    return None
+
+
+def doubt(
+    polynomials: Polynomials, both: tuple[Array, Array], materials: tuple[Material, ...], by: Parameter | None
+) -> float:
+    """Return the uncertainty at the end; of values relative to them. `both` are those of more and fewer features."""
+    asked, coarse = both
+    shorter = []
+    for axis in range(asked.ndim):
+        cut = np.moveaxis(asked.copy(), axis, 0)
+        cut[-LAST:] = 0.0
+        shorter.append(np.moveaxis(cut, 0, axis))
+    until, largest = float(polynomials.upper[0]), 0.0
+    for material in materials:
+        told = polynomials.told(asked, until, material, by)
+        apart = sum(abs(told - polynomials.told(other, until, material, by)) for other in (coarse, *shorter))
+        share = apart / abs(told) if told != 0 else np.inf
+        largest = max(largest, share if by is None else apart)
+    return largest

@@ -1,0 +1,323 @@
+"""From a case and a few choices to the parts of a field: what a file of weights needs beside its tensors.
+
+Also here: how fine a Ritz field and its quadrature must be, from the case alone. What decides is whether the midsurface
+is curved (then edges have layers of the length sqrt(R h)) and whether forces act at points (then the solution is
+resolved over that length, away from edges). The figures were chosen by certified energy on plates, roofs of four
+thicknesses, a hyperbolic paraboloid, and pinched and twisted cylinders.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BeforeValidator
+from pydantic import Field as PydanticField
+
+from shellbench.problems.shell.case import Case
+from shellbench.protocol.schema import Model, Positive
+from shellbench.solvers.ndf.field.choices import (
+    LAYER,
+    MULTIPLIERS,
+    Components,
+    PeriodicInput,
+    Pins,
+    Slopes,
+    StrainName,
+    Supports,
+)
+from shellbench.solvers.ndf.field.corners import CornerPowers
+from shellbench.solvers.ndf.field.creases import Crease, Creases
+from shellbench.solvers.ndf.field.factors import (
+    BoundaryFactors,
+    Lift,
+    MirroredFactors,
+    NoFactors,
+    NoLift,
+    TurnedFactors,
+    Turning,
+    turns,
+)
+from shellbench.solvers.ndf.field.field import Ansatz, Features, FixedFeatures
+from shellbench.solvers.ndf.field.geometry import LINE, side_lengths
+from shellbench.solvers.ndf.field.hinges import TOGETHER, Hinges, hinges_of
+from shellbench.solvers.ndf.field.inputs import Inputs, edge_layers, foci, mirrored_axes, strongest_curvature
+from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
+from shellbench.solvers.ndf.field.mirrors import SAME, Mirrors, mirrors_of, samples
+from shellbench.solvers.ndf.field.network import Network
+from shellbench.solvers.ndf.field.quadrature import RuleSpec
+
+
+def _from_bool(value: Any) -> Any:
+    """Return what a boolean said in files of earlier versions."""
+    return {True: "both", False: "none"}[value] if isinstance(value, bool) else value
+
+
+SavedPeriodicInput = Annotated[PeriodicInput, BeforeValidator(_from_bool)]
+
+
+class FieldSpec(Model):
+    """The choices that turn a case into a field.
+
+    Attributes
+    ----------
+    activation
+        Of the network.
+    periodic_input
+        How a periodic coordinate enters: as (cos, sin); as its cosine, so that the field is even about the seam; or
+        plainly, so that it answers for a slit shell.
+    components
+        What the output layer gives: Cartesian components, or covariant ones.
+    supports
+        Whether boundary factors or springs hold the supports.
+    pins
+        Of the published boundary functions, where nothing holds the shell.
+    slopes
+        How the slope of components is held that are free at its edge.
+    stretched
+        Whether stretched coordinates are added about points that carry a force.
+    layer
+        Their length l in units of sqrt(h R).
+    edge_stretched
+        Whether they are added toward the edges of a curved shell that carries no force at points.
+    multipliers
+        Functions that multiply r^2 log r^2 about each such point; 0 leaves the singular features out.
+    detail
+        What is there beside these: 0 nothing; from 1 on, coordinates stretched toward the edges of any shell, and few
+        powers of the distance from corners that are held; 2 more powers.
+    creases
+        Coordinate lines along which the third derivative jumps: edges of contact.
+    t
+        Load factor.
+    strain
+        Strain measure.
+    mirrors
+        Whether planes of symmetry are built into the field; in linear theory, at rest.
+    vanishing
+        Whether features vanish at held edges by themselves, as products do: the boundary matrix is then the identity.
+    """
+
+    activation: str = "sine"
+    periodic_input: SavedPeriodicInput = "both"
+    components: Components = "cartesian"
+    supports: Supports = "hard"
+    pins: Pins = "points"
+    slopes: Slopes = "even"
+    stretched: bool = True
+    layer: Positive = LAYER
+    edge_stretched: bool = False
+    multipliers: int = PydanticField(MULTIPLIERS, ge=0, le=6)
+    detail: int = PydanticField(0, ge=0, le=2)
+    creases: tuple[Crease, ...] = ()
+    t: float = 1.0
+    strain: StrainName = "linear"
+    mirrors: bool = False
+    vanishing: bool = False
+
+
+def built_in(case: Case, spec: FieldSpec) -> Mirrors | None:
+    """Return the planes of symmetry that are built into a field; None if there are none, or none are asked for.
+
+    Only those are about which the boundary matrix is its own image.
+    """
+    plain = spec.supports == "hard" and spec.components == "cartesian" and spec.periodic_input == "both"
+    if not spec.mirrors or not plain or turns(case):
+        return None
+    found, factors = mirrors_of(case), BoundaryFactors(case, slopes=spec.slopes)
+
+    def matrix(points: Array) -> Array:
+        return factors.matrix(points, Placement(planes=1))[VALUE].numpy()
+
+    points, kept = samples(found.domain), []
+    for mirror in found.each:
+        image = matrix(found.domain.wrap(mirror.image(points))) * mirror.signs[:, None] * mirror.signs
+        if np.abs(image - matrix(points)).max() <= SAME:
+            kept.append(mirror)
+    return replace(found, each=tuple(kept)) if kept else None
+
+
+def build_inputs(case: Case, spec: FieldSpec) -> Inputs:
+    """Return the input coordinates."""
+    around = foci(case, spec.layer)
+    asked = spec.edge_stretched and (spec.detail > 0 or not around)
+    edges = edge_layers(case, flat=spec.detail > 0) if asked else None
+    near = around if spec.stretched else ()
+    hinged = tuple((hinge.axis, hinge.at) for hinge in (hinges_of(case) if spec.detail else ()))
+    return Inputs.from_case(case, spec.periodic_input, near, edges, spec.slopes, built_in(case, spec), hinged)
+
+
+def build_features(case: Case, spec: FieldSpec, network: Network, placement: Placement, inputs: Inputs) -> Features:
+    """Return the features of which the field is a linear combination."""
+    mirrored = mirrored_axes(case.surface.domain, spec.periodic_input)
+    # Other components, and supports that are springs, would need other powers.
+    exact = spec.supports == "hard" and spec.components == "cartesian" and not turns(case)
+    corners = CornerPowers.from_case(case, spec.detail) if exact and spec.detail else None
+    creases = Creases(case.surface.domain, spec.creases) if spec.creases else None
+    found = hinges_of(case) if spec.detail else ()
+    hinges = Hinges(case, found) if found else None
+    around = foci(case, spec.layer)
+    mirrors = built_in(case, spec)
+    fixed = FixedFeatures.from_case(
+        case, around, spec.multipliers, mirrored, corners, spec.slopes, creases, mirrors, hinges
+    )
+    return Features(inputs, network, fixed, placement)
+
+
+def build_ansatz(case: Case, spec: FieldSpec) -> Ansatz:
+    """Return the way the case's supports are built in."""
+    if spec.supports == "soft":
+        return Ansatz(case, NoFactors(case, spec.components == "covariant"), NoLift(), spec.t, soft=True)
+    if spec.vanishing:
+        return Ansatz(case, NoFactors(case), NoLift(), spec.t)
+    factors = BoundaryFactors(case, spec.components == "covariant", spec.slopes)
+    if turns(case):
+        turning = Turning(case, spec.t)
+        return Ansatz(case, TurnedFactors(factors, turning), turning, spec.t)
+    mirrors = built_in(case, spec)
+    held = factors if mirrors is None else MirroredFactors(factors, mirrors)
+    return Ansatz(case, held, Lift(case, spec.t), spec.t, slopes=spec.slopes, mirrors=mirrors)
+
+
+def focal_points(case: Case) -> Array:
+    """Return the points (k, 2) toward which quadrature is graded."""
+    return np.array([focus.xi for focus in foci(case)]).reshape(-1, 2)
+
+
+def graded_points(case: Case, spec: FieldSpec) -> Array:
+    """Return the points (k, 2) toward which the quadrature of a field is graded: forces, or else stretched edges.
+
+    A coordinate toward which nothing is graded is NaN.
+    """
+    focal, domain = focal_points(case), case.surface.domain
+    if len(focal) or not spec.edge_stretched or edge_layers(case) is None:
+        return focal
+    return np.where(domain.periodic, np.nan, np.array([domain.lower, domain.upper]))
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """Width and scales of random features, and the rules that they are integrated with.
+
+    `along` multiplies the scale of the plain inputs of each coordinate; `edge_scale` is that of inputs stretched toward
+    edges.
+    """
+
+    neurons: int
+    scale: float
+    stretched_scale: float
+    rule: RuleSpec
+    fine: RuleSpec
+    along: tuple[float, float] = (1.0, 1.0)
+    edge_scale: float = 2.0
+
+    def scales(self, inputs: Inputs) -> Array:
+        """Return the standard deviation (n,) of the weights of each input."""
+        plain = [1.0 if axis is None else self.scale * self.along[axis] for axis in inputs.axes]
+        stretched = np.where(inputs.from_edges, self.edge_scale, self.stretched_scale)
+        return np.where(inputs.stretched, stretched, plain)
+
+
+def is_flat(case: Case) -> bool:
+    """Tell whether the midsurface has no curvature."""
+    return not strongest_curvature(case)
+
+
+def resolution(case: Case) -> Resolution:
+    """Return the resolution that a case asks for."""
+    flat = is_flat(case)
+    if foci(case):
+        neurons = 700 if any(case.surface.domain.periodic) else 300 if flat else 400
+        rule, fine = (_around_points(case, panels, cuts) for panels, cuts in ((6, 1), (10, 2)))
+        return Resolution(neurons, 3.0, 2.0, rule, fine)
+    if flat:
+        neurons = 240 if any(case.surface.domain.periodic) else 120  # a whole turn is twice as long as a side
+        panels = 8 if any(case.surface.domain.periodic) else 5
+        return Resolution(neurons, 3.5, 2.0, _rule(case, panels, 6), _rule(case, panels + 1, 7))
+    return Resolution(240, 3.0, 2.0, _rule(case, 8, 6, 2.0), _rule(case, 11, 7, 2.0, 1))
+
+
+WIDTHS = (0.5, 1.0, 2.0, 3.5, 3.5)  # of each rung, in units of the usual width
+LENGTHENED = (1.0, 1.0, 2.5, 5.0, math.inf)  # at most, of the scale along the longer side of a flat shell
+LENGTHWAYS, CROSSWAYS = 0.6, -0.25  # powers of the sides' ratio by which scales follow it
+
+
+def rung_count(case: Case) -> int:
+    """Return the number of rungs.
+
+    Where forces act at points the first ones are wide already, and there is one less. The last one is for strips that
+    are so long that the scales of the others do not follow their sides.
+    """
+    usual = len(WIDTHS) - 1
+    if foci(case):
+        return usual - 1
+    return usual + (is_flat(case) and _slenderness(case) ** LENGTHWAYS > LENGTHENED[usual - 1])
+
+
+def first_rung(case: Case) -> int:
+    """Return the first rung that is of use: half of the usual width holds no waves of a buckled shell."""
+    return int(case.path.after_buckling == "follow")
+
+
+def _slenderness(case: Case) -> float:
+    lengths = side_lengths(case)
+    return max(lengths) / min(lengths)
+
+
+def rung(case: Case, number: int) -> Resolution:
+    """Return one of ever finer resolutions for large displacements.
+
+    Linear theory tells little of how a thin strip coils, so the finer rungs resolve its length better than its width.
+    """
+    usual = resolution(case)
+    neurons = usual.neurons * 3 // 4 if foci(case) else usual.neurons
+    less = int(number == 0 or (number == 1 and not foci(case)))
+    rule = replace(usual.rule, order=usual.rule.order - less)  # fewer features need fewer points
+    finer = replace(usual, neurons=round(WIDTHS[number] * neurons), rule=rule)
+    longer = int(np.argmax(side_lengths(case)))
+    factor = min(_slenderness(case) ** LENGTHWAYS, LENGTHENED[number])
+    if factor == 1.0 or not is_flat(case):
+        return finer
+    along = [factor ** (CROSSWAYS / LENGTHWAYS)] * 2
+    along[longer] = factor
+    rules = [_lengthened(spec, longer, factor) for spec in (rule, usual.fine)]
+    return replace(finer, along=(along[0], along[1]), rule=rules[0], fine=rules[1])
+
+
+def _lengthened(spec: RuleSpec, axis: int, factor: float) -> RuleSpec:
+    panels = [spec.panels[0], spec.panels[1]]
+    panels[axis] = round(panels[axis] * factor)
+    return replace(spec, panels=(panels[0], panels[1]))
+
+
+def _rule(case: Case, panels: int, order: int, grading: float = 1.0, cuts: int = 0) -> RuleSpec:
+    """Return a rule with twice the panels along a periodic coordinate, whose inputs run through a whole turn."""
+    first, second = (2 * panels if periodic else panels for periodic in case.surface.domain.periodic)
+    return RuleSpec((first, second), order, grading, cuts, joints=joints_of(case))
+
+
+def joints_of(case: Case) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the values of xi1 and of xi2 at which panels end: kinks, and ends of cells that tell a stiffness."""
+    stiff = [f.division for f in case.features if f.role == "stiffness"]
+    narrow = [[at for d in stiff for at in d.ends(axis)[::TOGETHER].tolist()] for axis in (0, 1)]
+    for hinge in hinges_of(case):
+        narrow[hinge.axis] += hinge.breaks[1:-1].tolist()
+    first, second = (tuple(sorted({*kinks, *ends})) for kinks, ends in zip(case.kinks, narrow, strict=True))
+    return first, second
+
+
+def _around_points(case: Case, panels: int, cuts: int) -> RuleSpec:
+    """Return a rule that is cut at focal points, with as many more panels as coordinates are stretched somewhere."""
+    spec = _rule(case, panels, 7, 1.5, cuts)
+    first, second = (round(n * uneven) for n, uneven in zip(spec.panels, unevenness(case), strict=True))
+    return replace(spec, panels=(first, second), point_cuts=cuts)
+
+
+def unevenness(case: Case) -> tuple[float, float]:
+    """Return, for each coordinate, the largest ratio of its speed to the mean one along the same line."""
+    points = case.surface.domain.grid(LINE, LINE)
+    x = case.surface.derivatives(points, 1)
+    speeds = [np.linalg.norm(x[key], axis=-1) for key in ((1, 0), (0, 1))]
+    first, second = (float((s / s.mean(axis=axis, keepdims=True)).max()) for axis, s in enumerate(speeds))
+    return first, second

@@ -1,0 +1,145 @@
+"""Powers of the distance from corners, as output features of a field.
+
+Where two edges meet of which one is held at least, moments or membrane forces may be infinite: near such a corner the
+solution is a sum of r**lambda phi(theta) (Williams 1952), with exponents that follow from the angle and the supports.
+They are not looked for here. Powers at a few fixed exponents span those between them: on a half line of log r, sums of
+exp(-mu_j s) come as near to exp(-mu s) as the product of abs(mu - mu_j) / (mu + mu_j) (Muentz), which is below 1e-2 for
+four exponents. What they are multiplied by are harmonics of the angle in the tangent plane.
+
+How fast the boundary factors vanish decides which powers of F have finite energy. The normal displacement must go as
+r**(1 + mu) with mu > 0, the tangential one as r**mu. Where no edge holds a tangential displacement, membrane forces are
+finite (Williams's exponents of a wedge with two free edges are 1 and more), and what is tangential has no powers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.question.places import SIDES
+from shellbench.solvers.ndf.field.geometry import surface_size
+from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, constant, from_derivatives, power, product
+from shellbench.solvers.ndf.field.supports import TANGENTIAL, edge_supports
+
+EXPONENTS = ((), (0.25, 0.5), (0.25, 0.5, 0.1, 1.0))  # mu, by the detail that is asked for; the former ones stay
+HARMONICS = (0, 2, 3)  # of the angle, by the same
+AT_THE_CORNER = 1e-30  # (r / size)^2 below this is taken as this: the factors are zero there
+
+
+@dataclass(frozen=True)
+class Corner:
+    """A corner of the rectangle at which an edge is held.
+
+    Attributes
+    ----------
+    xi
+        (xi1, xi2).
+    shift
+        What is added to mu to give the exponent of F.
+    components
+        Which of F's components have these powers: those that need the lowest ones.
+    """
+
+    xi: tuple[float, float]
+    shift: int
+    components: tuple[bool, bool, bool]
+
+
+def held_corners(case: Case) -> tuple[Corner, ...]:
+    """Return the corners of a case at which an edge is held; none if a coordinate is periodic."""
+    domain = case.surface.domain
+    if any(domain.periodic) or case.prescribed:
+        return ()
+    supports, corners = edge_supports(case), []
+    bounds = (domain.lower, domain.upper)
+    for i in (0, 1):
+        for j in (0, 1):
+            xi = (float(bounds[i][0]), float(bounds[j][1]))
+            meeting = [s for s in supports if s.edge.side == SIDES[(i, j)[s.edge.axis]]]
+            if not meeting:
+                continue
+            x = case.surface.derivatives(np.asarray(xi), 1)
+            normal = np.cross(x[1, 0], x[0, 1])
+            normal /= np.linalg.norm(normal)
+            slopes = any(s.tilted for s in meeting)  # their factor is the normal displacement's second one
+            shifts = [
+                int(abs(normal[c]) > TANGENTIAL and not slopes) - sum(c in s.held for s in meeting) for c in range(3)
+            ]
+            stretches = any(abs(float(normal[c])) < 1 - TANGENTIAL for s in meeting for c in s.held)
+            singular = [stretches or abs(float(normal[c])) > TANGENTIAL for c in range(3)]
+            first, second, third = (s == min(shifts) and needed for s, needed in zip(shifts, singular, strict=True))
+            corners.append(Corner(xi, min(shifts), (first, second, third)))
+    return tuple(corners)
+
+
+@dataclass(frozen=True)
+class CornerPowers:
+    """r**(mu + shift) times harmonics of the angle about each corner; r is the chord abs(x - x0) over the size.
+
+    Attributes
+    ----------
+    case
+        Whose surface carries the chords.
+    corners
+        Where.
+    exponents, harmonics
+        mu, and how many pairs (cos m theta, sin m theta) beside 1.
+    """
+
+    case: Case
+    corners: tuple[Corner, ...]
+    exponents: tuple[float, ...]
+    harmonics: int
+
+    @classmethod
+    def from_case(cls, case: Case, detail: int) -> CornerPowers:
+        """Derive the powers of a case: 0 none, 1 few, 2 more of them."""
+        return cls(case, held_corners(case) if detail else (), EXPONENTS[detail], HARMONICS[detail])
+
+    @property
+    def count(self) -> int:
+        """Number of features."""
+        return len(self.corners) * len(self.exponents) * (1 + 2 * self.harmonics)
+
+    def former(self) -> Array:
+        """Return (count,): whether each feature is there with one detail less."""
+        detail = EXPONENTS.index(self.exponents) - 1 if self.exponents else 0
+        powers = np.arange(len(self.exponents)) < len(EXPONENTS[detail])
+        turns = np.arange(1 + 2 * self.harmonics) < 1 + 2 * HARMONICS[detail]
+        return np.tile(np.outer(powers, turns).ravel(), len(self.corners))
+
+    def allowed(self) -> Array:
+        """Return (3, count): whether each component of F has each feature."""
+        each = len(self.exponents) * (1 + 2 * self.harmonics)
+        return np.repeat(np.array([c.components for c in self.corners], dtype=bool).reshape(-1, 3).T, each, axis=1)
+
+    def columns(self, points: Array, placement: Placement) -> list[Tensor]:
+        """Return the jets (6, N) of all features at points (N, 2)."""
+        if not self.corners:
+            return []
+        x, size = from_derivatives(self.case.surface.derivatives(points, 2), placement), surface_size(self.case)
+        columns: list[Tensor] = []
+        for corner in self.corners:
+            at = self.case.surface.derivatives(np.asarray(corner.xi), 1)
+            first = at[1, 0] / np.linalg.norm(at[1, 0])
+            second = at[0, 1] - (at[0, 1] @ first) * first
+            tangents = placement.tensor(np.stack([first, second / np.linalg.norm(second)]))
+            chord = (x - constant(placement.tensor(at[0, 0]).expand(x.shape[1:]), len(x))) / size
+            t1, t2 = (chord @ tangents.T).unbind(-1)
+            square = product(t1, t1) + product(t2, t2)
+            square[VALUE].clamp_min_(AT_THE_CORNER)
+            inverse = power(square, -0.5)
+            c1, s1 = product(t1, inverse), product(t2, inverse)
+            angular, c, s = [constant(torch.ones_like(t1[VALUE]), len(x))], c1, s1
+            for _ in range(self.harmonics):
+                angular += [c, s]
+                c, s = product(c, c1) - product(s, s1), product(c, s1) + product(s, c1)
+            turning = torch.stack(angular, dim=-1)
+            for mu in self.exponents:
+                radial = power(square, (mu + corner.shift) / 2)
+                columns += product(radial[..., None], turning).unbind(-1)
+        return columns

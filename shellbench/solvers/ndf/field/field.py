@@ -1,0 +1,279 @@
+"""The displacement field: u = lift + M W (network features, fixed features), less a rigid motion.
+
+The network is a coordinate network of any depth, whose features carry second-order jets. Fixed features have no weights
+of their own: a constant, and the known singularity of a plate under a point force.
+
+Near a normal point force every shell behaves like a plate, w ~ (P / 8 pi B) r^2 log r with a non-smooth remainder of
+the form r^2 log r^2 times polynomials (Timoshenko & Woinowsky-Krieger, section 19). Here r is the chord |x(xi) - x0|,
+smooth and single-valued on any surface, closed ones included, and the polynomials are in the tangential chords.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.posed.rigid import rigid_modes
+from shellbench.solvers.ndf.field.choices import MULTIPLIERS, Slopes
+from shellbench.solvers.ndf.field.corners import CornerPowers
+from shellbench.solvers.ndf.field.creases import Creases
+from shellbench.solvers.ndf.field.hinges import Hinges
+from shellbench.solvers.ndf.field.inputs import Focus, Inputs, even_columns, independent_columns
+from shellbench.solvers.ndf.field.jets import (
+    D1,
+    VALUE,
+    Array,
+    Integers,
+    Placement,
+    compose,
+    constant,
+    dot,
+    from_derivatives,
+    matrix_product,
+    product,
+)
+from shellbench.solvers.ndf.field.mirrors import Mirrors, samples
+from shellbench.solvers.ndf.field.network import Network
+from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec, area_rule
+from shellbench.solvers.ndf.field.supports import Factors, Lifting, edge_samples, edge_supports
+
+AT_THE_POINT = 1e-30  # r^2 / reach^2 below this is taken as this: r^2 log r^2 is zero there to double precision
+ODD = 1e-9  # slope at an edge, in units of the feature over the side's length, above which a feature is not even
+
+
+@dataclass(frozen=True)
+class FixedFeatures:
+    """A constant, r^2 log r^2 times {1, t1, t2, r^2, ...} for each focus, powers of r about corners, and creases.
+
+    Attributes
+    ----------
+    case
+        Whose surface carries the chords.
+    foci
+        Points that carry a force.
+    multipliers
+        How many functions multiply r^2 log r^2.
+    kept
+        Which of these features are used: all, unless an edge asks for even ones.
+    corners, creases, hinges
+        Powers about corners, and about edges of contact, and integrals across hinges; they come last.
+    mirrors
+        Planes about which each feature is made even, as the mean of its images.
+    """
+
+    case: Case
+    foci: tuple[Focus, ...]
+    multipliers: int
+    kept: tuple[int, ...]
+    corners: CornerPowers | None = None
+    creases: Creases | None = None
+    mirrors: Mirrors | None = None
+    hinges: Hinges | None = None
+
+    @classmethod
+    def from_case(
+        cls,
+        case: Case,
+        around: tuple[Focus, ...] = (),
+        multipliers: int = MULTIPLIERS,
+        mirrored: tuple[int, ...] = (),
+        corners: CornerPowers | None = None,
+        slopes: Slopes = "even",
+        creases: Creases | None = None,
+        mirrors: Mirrors | None = None,
+        hinges: Hinges | None = None,
+    ) -> FixedFeatures:
+        """Derive the features of a case: those that are even where inputs are, and about the seams `mirrored`.
+
+        With `mirrors`, those whose means of all images are independent.
+        """
+        total = 1 + multipliers * len(around) + sum(part.count for part in (corners, creases, hinges) if part)
+        everything = cls(case, around, multipliers, tuple(range(total)), corners, creases, hinges=hinges)
+        even = torch.ones(everything.count, dtype=torch.bool)
+        for support in edge_supports(case):
+            if support.free and slopes == "even":
+                jets = everything.jets(edge_samples(case, support.edge)[1:-1], Placement())
+                slope = jets[D1 + support.edge.axis].abs().amax(0) * case.surface.domain.size[support.edge.axis]
+                even &= slope <= ODD * jets[VALUE].abs().amax(0).clamp_min(1.0)
+        if mirrored:
+            even &= even_columns(lambda p: everything.jets(p, Placement())[VALUE], case.surface.domain, mirrored)
+        kept = tuple(torch.nonzero(even)[:, 0].tolist())
+        return replace(everything, kept=kept) if mirrors is None else everything._made_even(kept, mirrors)
+
+    def _made_even(self, kept: tuple[int, ...], mirrors: Mirrors) -> FixedFeatures:
+        """Return the features with their images' means in their place, of which those remain that are independent."""
+        points, made = samples(mirrors.domain), replace(self, mirrors=mirrors)
+        before, after = (each.jets(points, Placement())[VALUE] for each in (self, made))
+        usable = (after.norm(dim=0) > ODD * before.norm(dim=0)).tolist()
+        others = independent_columns(after, [k in kept and usable[k] for k in range(len(usable))])
+        return replace(made, kept=(0, *others))  # of which no constant is one
+
+    @property
+    def count(self) -> int:
+        """Number of features."""
+        return len(self.kept)
+
+    def former(self) -> Array:
+        """Return (count,): whether each feature is there with one detail less: all but new powers about corners."""
+        first = np.ones(1 + self.multipliers * len(self.foci), dtype=bool)
+        powers = [self.corners.former()] if self.corners else []
+        cut = [np.ones(self.creases.count, dtype=bool)] if self.creases else []
+        cut += [self.hinges.former()] if self.hinges else []
+        return np.asarray(np.concatenate([first, *powers, *cut])[list(self.kept)])
+
+    def allowed(self) -> Array:
+        """Return (3, count): whether each component of F has each feature."""
+        first = np.ones((3, 1 + self.multipliers * len(self.foci)), dtype=bool)
+        powers = [self.corners.allowed()] if self.corners else []
+        cut = [np.ones((3, part.count), dtype=bool) for part in (self.creases, self.hinges) if part]
+        everything = np.concatenate([first, *powers, *cut], axis=1)
+        return np.asarray(everything[:, list(self.kept)])
+
+    def jets(self, points: Array, placement: Placement) -> Tensor:
+        """Return the jets (6, N, count) at points (N, 2)."""
+        if not self.kept:
+            return placement.tensor(np.zeros((placement.planes, len(points), 0)))
+        if self.mirrors is None:
+            return self._kept_columns(points, placement)
+        return self.mirrors.mean(lambda images: self._kept_columns(images, placement), points)
+
+    def _kept_columns(self, points: Array, placement: Placement) -> Tensor:
+        """Return the jets (6, N, count) as they are without mirrors."""
+        columns = [constant(placement.tensor(np.ones(len(points))), placement.planes)]
+        if self.foci and self.multipliers:
+            x = from_derivatives(self.case.surface.derivatives(points, 2), placement)
+            zero = x.new_zeros(x.shape[:2])
+            for focus in self.foci:
+                numbers = range(len(columns), len(columns) + self.multipliers)
+                used = any(k in numbers for k in self.kept)
+                columns += self._around(focus, x, placement) if used else [zero] * self.multipliers
+        if self.corners:
+            columns += self.corners.columns(points, placement)
+        if self.creases:
+            columns += self.creases.columns(points, placement)
+        if self.hinges:
+            columns += self.hinges.columns(points, placement)
+        return torch.stack([columns[k] for k in self.kept], dim=-1)
+
+    def _around(self, focus: Focus, x: Tensor, placement: Placement) -> list[Tensor]:
+        chord = (x - constant(placement.tensor(focus.position).expand(x.shape[1:]), len(x))) / focus.reach
+        first, second = (chord @ placement.tensor(focus.tangents).T).unbind(-1)
+        square = dot(chord, chord)
+        v = square[VALUE].clamp_min(AT_THE_POINT)
+        log = torch.log(v)
+        bubble = compose((v * log, log + 1, 1 / v), square)
+        others = [first, second, square, product(first, second), product(first, first)]
+        return [bubble, *(product(bubble, other) for other in others[: self.multipliers - 1])]
+
+
+@dataclass(frozen=True)
+class Ansatz:
+    """A case with the way its supports are built in: u = lift + M F for any F; if `soft`, springs hold them instead.
+
+    With `mirrors`, for any F that is even about their planes.
+    """
+
+    case: Case
+    factors: Factors
+    lift: Lifting
+    t: float = 1.0
+    soft: bool = False
+    slopes: Slopes = "even"
+    mirrors: Mirrors | None = None
+
+    def rule(self, focal: Array, spec: RuleSpec) -> Rule:
+        """Return the rule over which energies are integrated, graded toward focal points (k, 2).
+
+        With mirrors its points are those of one part, and its weights stand for the images, too.
+        """
+        if self.mirrors is not None:
+            return self.mirrors.rule(focal, spec)
+        return area_rule(self.case.surface.domain, focal, spec)
+
+
+@dataclass(frozen=True)
+class Features:
+    """The scalar features of which F is a linear combination: the network's, the fixed ones, those of others beside."""
+
+    inputs: Inputs
+    network: Network
+    fixed: FixedFeatures
+    placement: Placement
+    beside: Features | None = None
+
+    @property
+    def count(self) -> int:
+        """Number of features M."""
+        return self.network.width + self.fixed.count + (self.beside.count if self.beside else 0)
+
+    def allowed(self) -> Array:
+        """Return (3, M): whether each component of F has each feature."""
+        parts = [np.ones((3, self.network.width), dtype=bool), self.fixed.allowed()]
+        return np.concatenate([*parts, *([self.beside.allowed()] if self.beside else [])], axis=1)
+
+    def pairs(self, part: Integers) -> Array:
+        """Return which of the (component, feature) pairs (3 M,) are solved for, of features with these numbers."""
+        allowed = self.allowed()
+        return np.concatenate([part[allowed[c, part]] + c * self.count for c in range(3)])
+
+    def jets(self, points: Array) -> Tensor:
+        """Return the jets (6, N, M) at points (N, 2)."""
+        hidden = self.network.features(self.inputs.jets(points, self.placement))
+        others = [self.beside.jets(points)] if self.beside else []
+        return torch.cat([hidden, self.fixed.jets(points, self.placement), *others], dim=-1)
+
+    def values(self, points: Array) -> Tensor:
+        """Return the values (N, M) at points (N, 2), at a sixth of the cost of the jets."""
+        placement = self.placement.of_values
+        hidden = self.network.values(self.inputs.jets(points, placement)[VALUE])
+        others = [self.beside.values(points)] if self.beside else []
+        return torch.cat([hidden, self.fixed.jets(points, placement)[VALUE], *others], dim=-1)
+
+
+@dataclass(frozen=True)
+class Field:
+    """A displacement field.
+
+    Attributes
+    ----------
+    output
+        (3, M): the output layer's weights.
+    rigid
+        (6,): the rigid motion that is taken away, in the basis of `shellbench.problems.shell.posed.rigid.rigid_modes`.
+    """
+
+    ansatz: Ansatz
+    features: Features
+    output: Tensor
+    rigid: Tensor
+
+    def __post_init__(self) -> None:
+        # as in `shellbench.solvers.ndf.field.field.Network`; solved weights come column by column
+        for name in ("output", "rigid"):
+            object.__setattr__(self, name, getattr(self, name).contiguous())
+
+    def displacement(self, points: Array) -> Tensor:
+        """Return the displacement (N, 3), metres, at points (N, 2)."""
+        placement = self.features.placement
+        free = self.features.values(points) @ self.output.T
+        u = (self.ansatz.factors.matrix(points, placement.of_values)[VALUE] @ free[..., None])[..., 0]
+        u = u + self.ansatz.lift.jet(points, placement)[VALUE]
+        if bool((self.rigid != 0).any()):
+            modes = rigid_modes(self.ansatz.case.surface, points)[0, 0]
+            u = u - placement.tensor(modes) @ self.rigid
+        return u
+
+    def jet(self, points: Array) -> Tensor:
+        """Return the jet (6, N, 3) of the displacement at points (N, 2), the rigid motion (unstrained) left in."""
+        placement = self.features.placement
+        free = (self.features.jets(points) @ self.output.T)[..., None]
+        matrix = self.ansatz.factors.matrix(points, placement)
+        return matrix_product(matrix, free)[..., 0] + self.ansatz.lift.jet(points, placement)
+
+    def less_rigid(self, rigid: Tensor) -> Field:
+        """Return the field with this rigid motion taken away instead."""
+        return replace(self, rigid=rigid)

@@ -1,0 +1,188 @@
+"""Features of a field that turns within a narrow line, where a shell is much softer than beside it.
+
+Across such a line forces N and moments M are smooth, and strains are not: they follow the compliance c, which is
+1/(E h) of the membrane and 1/(E h^3) of bending. So displacements are integrals of it,
+
+    u = int c N,   w = int int c M,
+
+with N and M about linear in the coordinate x that runs across the line. Integrals of c and (x - x0) c, times smooth
+functions, span them, however narrow the line is. Random features would need as many waves as there are in its width.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+from torch import Tensor
+
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.question.features import quick_lines
+from shellbench.solvers.ndf.field.creases import chebyshev
+from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, compose, coordinates, product
+
+Mask = NDArray[np.bool_]
+
+ALONG, ACROSS = 6, 3  # Chebyshev polynomials of the coordinate that integrals are multiplied by, and of the other one
+TOGETHER = 2  # cells that tell a stiffness in a panel: its Gauss points are exact to twice their degree
+NODES = 8  # of the polynomial in a panel
+TOLD = 1e-6  # of the largest compliance that the polynomial of a panel may be off by
+HALVINGS = 12  # of panels that no polynomial tells: they are left as they are
+MIDDLE, ENDS = 0.5, (0.0, 1.0)  # of a line: where its compliance is taken, and where it may be another
+SOFTER = 2.0  # times the compliance of most of the coordinate line: less is no hinge
+LINE = 65  # points of a coordinate line on which that is looked at
+
+
+@dataclass(frozen=True)
+class Hinge:
+    """A coordinate line across which compliances peak.
+
+    Attributes
+    ----------
+    case
+        Whose material it is.
+    axis
+        Of the coordinate that runs across the line.
+    at
+        Value of that coordinate.
+    start, stop
+        Bounds of the part of the coordinate that belongs to this line.
+    across
+        Place on the line where its compliance is taken, as a share of the other coordinate's side.
+    """
+
+    case: Case
+    axis: int
+    at: float
+    start: float
+    stop: float
+    across: float = MIDDLE
+
+    def compliance(self, power: int) -> Callable[[Array], Array]:
+        """Return 1/(E h^power) along the coordinate."""
+        domain, material = self.case.surface.domain, self.case.material
+
+        def along(x: Array) -> Array:
+            points = np.tile(np.asarray(domain.lower) + self.across * np.asarray(domain.size), (x.size, 1))
+            points[:, self.axis] = x.ravel()
+            young, height = material.factors(points, self.case.surface.named_constants)
+            return np.asarray(1 / (young * height**power)).reshape(x.shape)
+
+        return along
+
+    @cached_property
+    def breaks(self) -> Array:
+        """(n + 1,) ends of panels in each of which a polynomial tells the compliance of bending."""
+        ends = np.concatenate(
+            [f.division.ends(self.axis)[::TOGETHER] for f in self.case.features if f.role == "stiffness"]
+        )
+        breaks = np.unique([self.start, *ends[(ends > self.start) & (ends < self.stop)], self.stop])
+        along = self.compliance(3)
+        between = np.linspace(0, 1, 2 * NODES + 1)
+        for _ in range(HALVINGS):
+            found = _piecewise(along, breaks)
+            points = breaks[:-1, None] + between * np.diff(breaks)[:, None]
+            values = along(points)
+            bad = np.abs(found(points) - values).max(axis=1) > TOLD * values.max()
+            if not bad.any():
+                break
+            breaks = np.sort([*breaks, *((breaks[:-1] + breaks[1:]) / 2)[bad]])
+        return breaks
+
+    @cached_property
+    def profiles(self) -> list[PPoly]:
+        """Integrals of (x - at)^k c for k = 0, 1: twice of bending, and once of the membrane."""
+        side, found = self.case.surface.domain.size[self.axis], []
+        for power, times in ((3, 2), (1, 1)):
+            c = _piecewise(self.compliance(power), self.breaks)
+            # What is beside the line is smooth: without it, profiles of several lines end in what others begin with.
+            peak = PPoly(c.c, c.x)
+            peak.c[-1] -= c(self.breaks).min()
+            for k in (0, 1):
+                lever = _piecewise(lambda x, k=k: ((x - self.at) / side) ** k, self.breaks)  # type: ignore[misc]
+                total = _piecewise(lambda x, p=peak, q=lever: p(x) * q(x), self.breaks)  # type: ignore[misc]
+                size = np.abs(total.antiderivative()(self.breaks)).max()
+                if size > 0:
+                    found.append(PPoly(total.c / size, total.x).antiderivative(times))
+        return found
+
+    def columns(self, points: Array, coordinate: Tensor, placement: Placement) -> list[Tensor]:
+        """Return the jets (6, N) of the profiles at points (N, 2), of the jet of the coordinate."""
+        x = points[:, self.axis]
+        inside = np.clip(x, self.start, self.stop)
+        columns = []
+        for profile in self.profiles:
+            value, slope, bend = (profile.derivative(n)(inside) if n else profile(inside) for n in range(3))
+            value = value + slope * (x - inside)
+            bend = np.where(x == inside, bend, 0.0)
+            parts = tuple(placement.tensor(part) for part in (value, slope, bend))
+            columns.append(compose((parts[0], parts[1], parts[2]), coordinate))
+        return columns
+
+
+def _piecewise(formula: Callable[[Array], Array], breaks: Array) -> PPoly:
+    """Return polynomials through Chebyshev's points of panels."""
+    nodes = (1 - np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)) / 2
+    sizes = np.diff(breaks)
+    values = formula(breaks[:-1, None] + nodes * sizes[:, None])
+    powers = np.arange(NODES - 1, -1, -1)
+    local = np.linalg.solve(nodes[:, None] ** powers, values.T)
+    return PPoly(local / sizes ** powers[:, None], breaks)
+
+
+@dataclass(frozen=True)
+class Hinges:
+    """Profiles of all hinges of a case, times polynomials of both coordinates."""
+
+    case: Case
+    hinges: tuple[Hinge, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of features."""
+        return len(self.former())
+
+    def former(self) -> Mask:
+        """Return (count,): whether each feature is of the middle of its line; the others challenge these."""
+        each = [np.full(len(hinge.profiles) * ALONG * ACROSS, hinge.across == MIDDLE) for hinge in self.hinges]
+        return np.concatenate(each)
+
+    def columns(self, points: Array, placement: Placement) -> list[Tensor]:
+        """Return the jets (6, N) of all features at points (N, 2)."""
+        domain, plain = self.case.surface.domain, coordinates(points, placement)
+        centred = []
+        for axis, coordinate in enumerate(plain):
+            unit = 2 / domain.size[axis] * coordinate
+            unit[VALUE] -= (domain.lower[axis] + domain.upper[axis]) / domain.size[axis]
+            centred.append(unit)
+        columns: list[Tensor] = []
+        for hinge in self.hinges:
+            for profile in hinge.columns(points, plain[hinge.axis], placement):
+                for along in chebyshev(centred[hinge.axis], ALONG):
+                    cut = product(profile, along)
+                    columns += [product(cut, across) for across in chebyshev(centred[1 - hinge.axis], ACROSS)]
+        return columns
+
+
+def hinges_of(case: Case) -> tuple[Hinge, ...]:
+    """Return the lines along open coordinates across which a shell is much softer than beside them."""
+    domain, found = case.surface.domain, []
+    for axis in (a for a in (0, 1) if not domain.periodic[a]):
+        lower, upper = domain.lower[axis], domain.upper[axis]
+        along = Hinge(case, axis, lower, lower, upper).compliance(3)
+        # A peak has places beside it, too, where formulas vary quickly: they are no softer than most of the line.
+        usual = SOFTER * float(np.median(along(np.linspace(lower, upper, LINE))))
+        lines = sorted(at for at, _ in quick_lines(case, axis) if along(np.array([at]))[0] > usual)
+        middles = [(a + b) / 2 for a, b in pairwise(lines)]
+        for at, (start, stop) in zip(lines, pairwise([lower, *middles, upper]), strict=False):  # one part if no line
+            hinge = Hinge(case, axis, at, start, stop)
+            values = hinge.compliance(3)(hinge.breaks)
+            others = [replace(hinge, across=share) for share in ENDS]
+            other = (o for o in others if np.abs(o.compliance(3)(hinge.breaks) - values).max() > TOLD * values.max())
+            found += [hinge, *other]
+    return tuple(found)

@@ -1,0 +1,397 @@
+"""What the network sees of a point: input coordinates as jets, derived from the case alone.
+
+A plain coordinate is scaled to [-1, 1]; a periodic one becomes (cos, sin), or in two ablations its cosine alone (the
+field is then even about the seam: it closes, but can't tell the two sides apart) or a plain coordinate (the field then
+answers for a slit shell); at an edge that holds the slope of free components it is bent so that its derivative vanishes
+there. Distances from points that carry a force, and from the edges of curved shells, enter once more, stretched as
+asinh(d / l) / asinh(reach / l): there the solution varies within the length l of a bending layer. So do distances from
+lines along which loads or stiffnesses have kinks.
+
+These lengths come first. A shell bends within layers of the length sqrt(h R), R the smallest radius of curvature, far
+below its size, around points that carry a force and along edges.
+
+About planes of symmetry that are built into a field (see `mirrors`) every input is even: one that is odd, and goes from
+-1 to 1, enters as 2 z^2 - 1, and one that is neither, such as the distance from one of two edges, as the mean of its
+images.
+
+Also here: which functions of a point are even about the seam of a periodic coordinate, found out by looking.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.question.features import quick_lines
+from shellbench.problems.shell.question.loads import PointLoad
+from shellbench.problems.shell.question.places import Point
+from shellbench.problems.shell.question.surface import Domain
+from shellbench.solvers.ndf.field.choices import LAYER, PeriodicInput, Slopes
+from shellbench.solvers.ndf.field.geometry import SURFACE_SAMPLES, surface_size
+from shellbench.solvers.ndf.field.jets import (
+    VALUE,
+    Array,
+    Placement,
+    compose,
+    coordinates,
+    cosine,
+    from_derivatives,
+    sine,
+)
+from shellbench.solvers.ndf.field.mirrors import Mirrors
+from shellbench.solvers.ndf.field.supports import edge_supports, even_sides, point_supports
+
+EDGE_LAYER = 1.0  # the same along an edge; between .4 and 1 the certified energy of a hyperbolic paraboloid is flat
+WIDEST = 0.12  # l in units of the shell's size at most, and where it is flat
+CURVED = 1e-9  # a principal curvature times the size below this is flat: rounding of the shape operator
+
+WIDEST_STRETCH = 5.0  # of stiffness that varies quickly: waves are as fine there, however narrow it is
+
+
+@dataclass(frozen=True)
+class Focus:
+    """A point that carries a force, and the lengths of the solution around it.
+
+    Attributes
+    ----------
+    xi
+        (xi1, xi2), radians for angles.
+    position, tangents
+        (3,), (2, 3): where it is, and an orthonormal basis of the tangent plane; the first along a_1.
+    reach
+        Length over which the solution is plate-like at all, metres: the smallest radius of curvature or the size.
+    layer
+        Length of the bending layer l, metres.
+    """
+
+    xi: tuple[float, float]
+    position: Array
+    tangents: Array
+    reach: float
+    layer: float
+
+
+def foci(case: Case, layer: float = LAYER) -> tuple[Focus, ...]:
+    """Return the points of a case that carry a force: loads and supports at points, narrow loads, and what it names."""
+    loaded = [*case.focus, *(name for load in case.loads if isinstance(load, PointLoad) for name in load.on)]
+    places = [case.places[name] for name in loaded] + [s.point for s in point_supports(case)]
+    narrow = [peak for feature in case.features for peak in feature.peaks]
+    distinct = dict.fromkeys([*(place.xi for place in places if isinstance(place, Point)), *narrow])
+    return tuple(_focus(case, xi, layer) for xi in distinct)
+
+
+def _focus(case: Case, xi: tuple[float, float], layer: float) -> Focus:
+    x = case.surface.derivatives(np.asarray(xi), 1)
+    first = x[1, 0] / np.linalg.norm(x[1, 0])
+    second = x[0, 1] - (x[0, 1] @ first) * first
+    second /= np.linalg.norm(second)
+    size, curvature = surface_size(case), strongest_curvature(case, np.asarray([xi]))
+    reach = min(size, 1 / curvature) if curvature else size
+    return Focus(xi, x[0, 0], np.stack([first, second]), reach, layer_length(case, curvature, layer, size))
+
+
+def layer_length(case: Case, curvature: float, layer: float, size: float) -> float:
+    """Return `layer` sqrt(h R), metres, or a share of the size where that is less or the shell is flat."""
+    if not curvature:
+        return WIDEST * size
+    return min(layer * math.sqrt(case.material.thickness / curvature), WIDEST * size)
+
+
+def strongest_curvature(case: Case, points: Array | None = None) -> float:
+    """Return the largest principal curvature, 1/m, at points (n, 2) or anywhere; zero where the surface is flat."""
+    if points is None:
+        points = case.surface.domain.grid(SURFACE_SAMPLES, SURFACE_SAMPLES).reshape(-1, 2)
+    x = case.surface.derivatives(points, 2)
+    a = np.stack([x[1, 0], x[0, 1]], axis=-2)
+    normal = np.cross(x[1, 0], x[0, 1])
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    b11, b12, b22 = ((x[key] * normal).sum(-1) for key in ((2, 0), (1, 1), (0, 2)))
+    b = np.stack([np.stack([b11, b12], axis=-1), np.stack([b12, b22], axis=-1)], axis=-2)
+    principal = np.linalg.eigvals(np.linalg.solve(a @ np.swapaxes(a, -1, -2), b))
+    strongest = float(np.abs(principal).max())
+    return strongest if strongest * surface_size(case) > CURVED else 0.0
+
+
+def edge_layers(case: Case, flat: bool = False) -> tuple[float, float] | None:
+    """Return the lengths of the layers at the edges of xi1 and of xi2, in those coordinates.
+
+    None for a flat shell, unless `flat` asks for its layers, too: these are as long as effects of an edge reach in a
+    strip as wide as the shorter side (exp(-pi x / width)), or a share of the size.
+    """
+    curvature = strongest_curvature(case)
+    if not curvature and not flat:
+        return None
+    domain = case.surface.domain
+    middle = [(low + high) / 2 for low, high in zip(domain.lower, domain.upper, strict=True)]
+    x = case.surface.derivatives(np.asarray(middle), 1)
+    speeds = [float(np.linalg.norm(d)) for d in (x[1, 0], x[0, 1])]
+    sides = [speed * size for speed, size in zip(speeds, domain.size, strict=True)]
+    most = min(sides) / math.pi if not curvature else math.inf
+    first, second = (
+        min(layer_length(case, curvature, EDGE_LAYER, side), most) / speed
+        for side, speed in zip(sides, speeds, strict=True)
+    )
+    return first, second
+
+
+EVENNESS_SAMPLES = 24  # points a side of the grid on which functions are compared with their mirror images
+ODD = 1e-9  # of a function's own size: far above rounding, far below what is odd by design
+
+
+def even_columns(columns: Callable[[Array], Tensor], domain: Domain, axes: Sequence[int]) -> Tensor:
+    """Tell which of several functions are even about the lower bound of each of the given coordinates.
+
+    Parameters
+    ----------
+    columns
+        Values (N, n) of n functions at points (N, 2).
+
+    Returns
+    -------
+    Tensor
+        (n,) of bool.
+    """
+    points = domain.grid(EVENNESS_SAMPLES, SAMPLES).reshape(-1, 2)
+    here = columns(points)
+    even = torch.ones(here.shape[1], dtype=torch.bool, device=here.device)
+    for axis in axes:
+        mirrored = np.array(points)
+        mirrored[:, axis] = domain.lower[axis] + domain.upper[axis] - points[:, axis]  # the bounds are one line
+        even &= (here - columns(mirrored)).abs().amax(0) <= ODD * here.abs().amax(0)
+    return even
+
+
+SAMPLES = 24  # points a side of the grid on which inputs are tested for linear independence
+DEPENDENT = 1e-6  # an input whose remainder is below this share of its size is left out
+
+Sides = tuple[tuple[bool, bool], tuple[bool, bool]]
+
+
+def even_coordinate(domain: Domain, points: Array, axis: int, even: tuple[bool, bool], placement: Placement) -> Tensor:
+    """Return the jet (6, N) of a coordinate scaled to [0, 1], with vanishing slope at the bounds where it is even."""
+    t = coordinates(points, placement)[axis] / domain.size[axis]
+    t[VALUE] -= domain.lower[axis] / domain.size[axis]
+    v = t[VALUE]
+    match even:
+        case (True, True):
+            f, slope, bend = cosine(math.pi * v)
+            return compose(((1 - f) / 2, -math.pi / 2 * slope, -(math.pi**2) / 2 * bend), t)
+        case (True, False):
+            return compose((v * v, 2 * v, torch.full_like(v, 2.0)), t)
+        case (False, True):
+            return compose((v * (2 - v), 2 - 2 * v, torch.full_like(v, -2.0)), t)
+    return t
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """The input coordinates of a field.
+
+    Attributes
+    ----------
+    case
+        The case they are derived from.
+    periodic
+        How periodic coordinates enter.
+    foci
+        Points about which stretched coordinates are added.
+    edges
+        Lengths of the layers at edges, in xi1 and xi2, if coordinates are stretched toward edges.
+    even
+        Bounds at which every input is even.
+    kept
+        Which of the candidate columns are used: those independent of the earlier ones.
+    mirrors
+        Planes about which all of them are even.
+    hinged
+        Axis and value of lines that have features of their own, toward which no coordinate is stretched.
+    squared, averaged
+        Which of the candidates enter as 2 z^2 - 1, and which as the mean of their images.
+    """
+
+    case: Case
+    periodic: PeriodicInput
+    foci: tuple[Focus, ...]
+    edges: tuple[float, float] | None
+    even: Sides
+    kept: tuple[int, ...]
+    mirrors: Mirrors | None = None
+    hinged: tuple[tuple[int, float], ...] = ()
+    squared: tuple[int, ...] = ()
+    averaged: tuple[int, ...] = ()
+
+    @classmethod
+    def from_case(
+        cls,
+        case: Case,
+        periodic: PeriodicInput = "both",
+        around: tuple[Focus, ...] = (),
+        edges: tuple[float, float] | None = None,
+        slopes: Slopes = "even",
+        mirrors: Mirrors | None = None,
+        hinged: tuple[tuple[int, float], ...] = (),
+    ) -> Inputs:
+        """Derive the inputs of a case, with stretched coordinates around the given foci and at edges.
+
+        Where only cosines enter, what is not even about the seam is left out.
+        """
+        even = even_sides(edge_supports(case), slopes)
+        candidates = cls(case, periodic, around, edges, even, (), hinged=hinged)
+        domain = case.surface.domain
+        if mirrors is not None:
+            parity = mirrors.parity(candidates.values)
+            squared, averaged = (torch.nonzero((parity == p).any(0))[:, 0].tolist() for p in (-1, 0))
+            candidates = replace(candidates, mirrors=mirrors, squared=tuple(squared), averaged=tuple(averaged))
+        values = candidates.values
+        columns = values(domain.grid(SAMPLES, SAMPLES).reshape(-1, 2))
+        usable, axes = [True] * columns.shape[1], mirrored_axes(domain, periodic)
+        if axes:
+            usable = even_columns(values, domain, axes).tolist()
+        return replace(candidates, kept=independent_columns(columns, usable))
+
+    def values(self, points: Array) -> Tensor:
+        """Return the values (N, n) of all candidates at points (N, 2)."""
+        return torch.stack([c[VALUE] for c, _ in self._columns(points, Placement())], dim=-1)
+
+    @property
+    def count(self) -> int:
+        """Number of input coordinates n."""
+        return len(self.kept)
+
+    @property
+    def stretched(self) -> tuple[bool, ...]:
+        """For each input, whether it is a stretched one."""
+        flags = [flag for _, flag in self._columns(np.asarray([self.case.surface.domain.lower]), Placement())]
+        return tuple(flags[k] for k in self.kept)
+
+    @property
+    def from_edges(self) -> tuple[bool, ...]:
+        """For each input, whether it is stretched toward an edge."""
+        flags = [flag for _, flag in self._columns(np.asarray([self.case.surface.domain.lower]), Placement())]
+        last = flags.index(True) + len(self._stretched_lines()) if any(flags) else 0
+        return tuple(flags[k] and k < last for k in self.kept)
+
+    @property
+    def axes(self) -> tuple[int | None, ...]:
+        """For each input, the coordinate that it is, None for a stretched one."""
+        turns = self.case.surface.domain.periodic if self.periodic == "both" else (False, False)
+        plain = [axis for axis in (0, 1) for _ in range(1 + turns[axis])]
+        return tuple(plain[k] if k < len(plain) else None for k in self.kept)
+
+    def jets(self, points: Array, placement: Placement) -> Tensor:
+        """Return the jets (6, N, n) of the inputs at points (N, 2), angles in radians."""
+        columns = self._columns(points, placement)
+        return torch.stack([columns[k][0] for k in self.kept], dim=-1)
+
+    def _columns(self, points: Array, placement: Placement) -> list[tuple[Tensor, bool]]:
+        columns = self._squared_columns(points, placement)
+        if self.mirrors is not None and self.averaged:
+
+            def asymmetric(images: Array) -> Tensor:
+                found = self._squared_columns(images, placement)
+                return torch.stack([found[k][0] for k in self.averaged], dim=-1)
+
+            for k, mean in zip(self.averaged, self.mirrors.mean(asymmetric, points).unbind(-1), strict=True):
+                columns[k] = mean, columns[k][1]
+        return columns
+
+    def _squared_columns(self, points: Array, placement: Placement) -> list[tuple[Tensor, bool]]:
+        columns = self._unmirrored(points, placement)
+        for k in self.squared:
+            column, stretched = columns[k]
+            z = column[VALUE]
+            columns[k] = compose((2 * z * z - 1, 4 * z, torch.full_like(z, 4.0)), column), stretched
+        return columns
+
+    def _unmirrored(self, points: Array, placement: Placement) -> list[tuple[Tensor, bool]]:
+        domain = self.case.surface.domain
+        unit = [even_coordinate(domain, points, axis, self.even[axis], placement) for axis in (0, 1)]
+        columns: list[tuple[Tensor, bool]] = []
+        for axis, t in enumerate(unit):
+            if domain.periodic[axis] and self.periodic != "none":
+                angle, functions = 2 * math.pi * t, (cosine, sine)[: 2 if self.periodic == "both" else 1]
+                columns += [(compose(f(angle[VALUE], 2), angle), False) for f in functions]
+            else:
+                centred = 2 * t
+                centred[VALUE] -= 1
+                columns.append((centred, False))
+        for axis, start, layer, widest in self._stretched_lines():
+            columns.append((self._stretched_along(axis, start, layer, widest, unit[axis]), True))
+        if not self.foci:
+            return columns
+        chords = not any(flag for side in self.even for flag in side) and not (
+            self.periodic == "none" and any(domain.periodic)
+        )
+        if chords:
+            x = from_derivatives(self.case.surface.derivatives(points, 2), placement)
+        for focus in self.foci:
+            for axis in (0, 1):
+                if chords:
+                    distance = (x @ placement.tensor(focus.tangents[axis])) / focus.layer
+                    distance[VALUE] -= float(focus.position @ focus.tangents[axis]) / focus.layer
+                    column = _stretched(distance, focus.reach / focus.layer)
+                else:
+                    x_focus = self.case.surface.derivatives(np.asarray(focus.xi), 1)
+                    layer = focus.layer / float(np.linalg.norm((x_focus[1, 0], x_focus[0, 1])[axis]))
+                    column = self._stretched_along(axis, focus.xi[axis], layer, math.inf, unit[axis])
+                columns.append((column, True))
+        return columns
+
+    def _stretched_lines(self) -> list[tuple[int, float, float, float]]:
+        """Return axis, coordinate, length of the layer and widest stretch of what coordinates are stretched toward.
+
+        That is each edge, each kink, and where stiffness varies quickly.
+        """
+        domain = self.case.surface.domain
+        if not self.edges:
+            return []
+        open_axes = [axis for axis in (0, 1) if not domain.periodic[axis]]
+        bounds = (domain.lower, domain.upper)
+        lines = [(a, bounds[n][a], self.edges[a], math.inf) for a in open_axes for n in (0, 1) if not self.even[a][n]]
+        lines += [(a, at, self.edges[a], math.inf) for a in open_axes for at in self.case.kinks[a]]
+        quick = [(a, *line) for a in open_axes for line in quick_lines(self.case, a)]
+        return lines + [(a, at, layer, WIDEST_STRETCH) for a, at, layer in quick if (a, at) not in self.hinged]
+
+    def _stretched_along(self, axis: int, start: float, layer: float, widest: float, unit: Tensor) -> Tensor:
+        """Return the stretched distance from a value of one coordinate; even where that coordinate is."""
+        domain = self.case.surface.domain
+        here = np.full((2, 2), start)
+        here[1] += layer if start + layer <= domain.upper[axis] else -layer
+        at, beside = even_coordinate(domain, here, axis, self.even[axis], Placement())[VALUE].tolist()
+        distance = unit / abs(beside - at)
+        distance[VALUE] -= at / abs(beside - at)
+        return _stretched(distance, max(at, 1 - at) / abs(beside - at), widest)
+
+
+def _stretched(distance: Tensor, reach: float, widest: float = math.inf) -> Tensor:
+    """Return the jet of asinh(d) / asinh(reach), d in units of the layer, or over `widest` if that is less."""
+    v, extent = distance[VALUE], min(math.asinh(reach), widest)
+    root = torch.sqrt(1 + v * v)
+    return compose((torch.asinh(v) / extent, 1 / (root * extent), -v / (root**3 * extent)), distance)
+
+
+def mirrored_axes(domain: Domain, periodic: PeriodicInput) -> tuple[int, ...]:
+    """Return the coordinates about whose seam everything must be even."""
+    return tuple(axis for axis in (0, 1) if domain.periodic[axis] and periodic == "cosine")
+
+
+def independent_columns(columns: Tensor, usable: list[bool]) -> tuple[int, ...]:
+    """Return the usable columns that are no linear combination of a constant and earlier ones."""
+    basis = [torch.ones_like(columns[:, 0]) / math.sqrt(len(columns))]
+    kept = []
+    for index, column in enumerate(columns.unbind(1)):
+        if not usable[index]:
+            continue
+        rest = column.clone()
+        for direction in basis * 2:  # twice: Gram-Schmidt loses orthogonality in one pass
+            rest = rest - (rest @ direction) * direction
+        if rest.norm() > DEPENDENT * column.norm():
+            basis.append(rest / rest.norm())
+            kept.append(index)
+    return tuple(kept)

@@ -1,0 +1,148 @@
+"""Planes of symmetry that are built into a field.
+
+Where a case has mirrors (see `shellbench.problems.shell.posed.mirrors`), the answer of linear theory is its own image,
+as it is the only one. Each of its Cartesian components is even about a plane, or odd about it. So is
+
+    u = M O F,
+
+with the boundary matrix M, a diagonal O of functions that are odd where a component is, and features F that are even
+about all planes. Energies are integrated over one of the parts that planes cut the shell into, and multiplied by the
+number of parts. The field itself is one of the whole shell, and smooth across the planes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import product as all_of
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.posed.mirrors import Mirror, Sight, mirror_of
+from shellbench.problems.shell.question.loads import MomentLoad
+from shellbench.problems.shell.question.places import Edge
+from shellbench.problems.shell.question.surface import Domain
+from shellbench.solvers.ndf.field.jets import PLANES, VALUE, Array, Placement, compose, constant, coordinates, sine
+from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec, area_rule
+
+SAMPLES = 11  # points a side at which functions are compared with their images
+SAME = 1e-9  # of the size of what is compared: far above rounding
+
+
+@dataclass(frozen=True)
+class Mirrors:
+    """Mirrors whose planes are normal to different Cartesian axes, on a coordinate rectangle."""
+
+    domain: Domain
+    each: tuple[Mirror, ...]
+
+    @property
+    def parts(self) -> int:
+        """Number of parts that the planes cut the shell into."""
+        return int(2 ** len(self.each))
+
+    def part(self) -> tuple[Domain, tuple[float, float]]:
+        """Return one of them, and its shares of the sides."""
+        lower, upper, shares = list(self.domain.lower), list(self.domain.upper), [1.0, 1.0]
+        for axis in (0, 1):
+            planes = [mirror.at for mirror in self.each if mirror.axis == axis]
+            if planes:
+                # A plane meets an open coordinate in the middle, a closed one twice, half a turn apart.
+                closed = self.domain.periodic[axis]
+                shares[axis] = 0.5 ** len(planes)
+                lower[axis] = min(planes) if closed else lower[axis]
+                upper[axis] = lower[axis] + shares[axis] * self.domain.size[axis]
+        closed_sides = [p and share == 1.0 for p, share in zip(self.domain.periodic, shares, strict=True)]
+        part = Domain((lower[0], lower[1]), (upper[0], upper[1]), (closed_sides[0], closed_sides[1]), self.domain.angle)
+        return part, (shares[0], shares[1])
+
+    def rule(self, focal: Array, spec: RuleSpec) -> Rule:
+        """Return a rule on one part whose weights stand for all parts; `spec` is one of the whole shell."""
+        part, shares = self.part()
+        first, second = (max(1, round(n * share)) for n, share in zip(spec.panels, shares, strict=True))
+        rule = area_rule(part, focal, replace(spec, panels=(first, second)))
+        return Rule(rule.points, self.parts * rule.weights)
+
+    def images(self, points: Array) -> Iterator[tuple[Array, Array, Array]]:
+        """Yield all images (N, 2) of points, signs (2,) of coordinates and (3,) of Cartesian components."""
+        for applied in all_of((False, True), repeat=len(self.each)):
+            here, coordinate_signs, component_signs = np.array(points, dtype=float), np.ones(2), np.ones(3)
+            for mirror, reflects in zip(self.each, applied, strict=True):
+                if reflects:
+                    here = mirror.image(here)
+                    coordinate_signs[mirror.axis] *= -1
+                    component_signs = component_signs * mirror.signs
+            yield self.domain.wrap(here), coordinate_signs, component_signs
+
+    def mean(self, jets: Callable[[Array], Tensor], points: Array) -> Tensor:
+        """Return the jets (6, N, ...) of the mean over all images of functions, from their jets at points (N, 2)."""
+        total: Tensor | None = None
+        for here, signs, _ in self.images(points):
+            image = jets(here)
+            turned = [float(signs[0] ** i * signs[1] ** j) for i, j in PLANES[: len(image)]]
+            image = image * image.new_tensor(turned).view(-1, *(1,) * (image.dim() - 1))
+            total = image if total is None else total + image
+        assert total is not None
+        return total / self.parts
+
+    def mean_of_vectors(self, vectors: Callable[[Array], Array], points: Array) -> Array:
+        """Return the mean (N, 3, ...) over all images of vector fields, each mirrored back."""
+        images = [(vectors(here), signs) for here, _, signs in self.images(points)]
+        mirrored = [signs.reshape(3, *(1,) * (values.ndim - 2)) * values for values, signs in images]
+        return np.asarray(np.mean(mirrored, axis=0))
+
+    def odd(self, points: Array, placement: Placement) -> Tensor:
+        """Return the jets (6, N, 3) of functions that are odd where a component is, and even about all other planes."""
+        columns = [constant(placement.tensor(np.ones(len(points))), placement.planes)] * 3
+        for mirror in self.each:
+            size, t = self.domain.size[mirror.axis], coordinates(points, placement)[mirror.axis]
+            t[VALUE] -= mirror.at
+            if self.domain.periodic[mirror.axis]:
+                angle = 2 * math.pi / size * t
+                columns[mirror.normal] = compose(sine(angle[VALUE], 2), angle)
+            else:
+                columns[mirror.normal] = 2 / size * t
+        return torch.stack(columns, dim=-1)
+
+    def parity(self, values: Callable[[Array], Tensor]) -> Tensor:
+        """Return (k, n): whether functions are even (1), odd (-1) or neither (0) about each of the planes.
+
+        `values` gives n functions (N, n) at points (N, 2).
+        """
+        points = samples(self.domain)
+        here = values(points)
+        size = SAME * here.abs().amax(0)
+        rows = []
+        for mirror in self.each:
+            there = values(self.domain.wrap(mirror.image(points)))
+            even, odd = ((here - sign * there).abs().amax(0) <= size for sign in (1, -1))
+            rows.append(torch.where(even, 1, torch.where(odd, -1, 0)))
+        return torch.stack(rows) if rows else here.new_zeros((0, here.shape[1]))
+
+
+def samples(domain: Domain) -> Array:
+    """Return points (N, 2) within the rectangle that no reflection maps onto each other's lines."""
+    inside = (np.arange(SAMPLES) + 0.3) / SAMPLES
+    grid = np.stack(np.meshgrid(inside, inside, indexing="ij"), axis=-1).reshape(-1, 2)
+    return np.asarray(np.asarray(domain.lower) + grid * np.asarray(domain.size))
+
+
+def mirrors_of(case: Case) -> Mirrors:
+    """Return the mirrors of a linear case at rest that can be built into its field; there may be none."""
+    domain = case.surface.domain
+    held = all(isinstance(place, Edge) and not support.motion for support, place in case.supported_places())
+    moments = any(isinstance(load, MomentLoad) for load in case.loads)
+    others = moments or case.focus or case.obstacles or case.dynamics or any(case.kinks)
+    found: list[Mirror] = []
+    if held and not others and case.linear and not case.modal:
+        sight = Sight.spread(case)
+        for axis, (start, size) in enumerate(zip(domain.lower, domain.size, strict=True)):
+            for at in (start, start + size / 4) if domain.periodic[axis] else (start + size / 2,):
+                mirror = mirror_of(case, axis, at, sight)
+                if mirror is not None and all(mirror.normal != other.normal for other in found):
+                    found.append(mirror)
+    return Mirrors(domain, tuple(found))

@@ -1,0 +1,171 @@
+"""The network whose last hidden layer makes the features of a field."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from shellbench.solvers.ndf.field.jets import VALUE, Placement, activation, compose
+
+
+@dataclass(frozen=True)
+class Network:
+    """Hidden layers h <- sigma(W h + b).
+
+    The linear output layer is not part of it: recipes that solve for it treat it differently.
+
+    Attributes
+    ----------
+    weights, biases
+        Of each layer: (out, in) and (out,).
+    activation
+        Name in `shellbench.solvers.ndf.field.jets.ACTIVATIONS`.
+    """
+
+    weights: tuple[Tensor, ...]
+    biases: tuple[Tensor, ...]
+    activation: str = "sine"
+
+    def __post_init__(self) -> None:
+        # Rows behind each other, as in a file: products of other layouts round differently, so a loaded field would.
+        for name in ("weights", "biases"):
+            object.__setattr__(self, name, tuple(t.contiguous() for t in getattr(self, name)))
+
+    def to(self, like: torch.dtype | Tensor) -> Network:
+        """Return the network in a number format, or in that of a tensor and where that is."""
+        weights, biases = (tuple(t.to(like) for t in layers) for layers in (self.weights, self.biases))
+        return replace(self, weights=weights, biases=biases)
+
+    def features(self, inputs: Tensor) -> Tensor:
+        """Return the jets (6, N, M) of the last hidden layer from the jets (6, N, n) of the inputs."""
+        function, h = activation(self.activation), inputs
+        for weight, bias in zip(self.weights, self.biases, strict=True):
+            z = h @ weight.T
+            if z.requires_grad:
+                z = torch.cat([z[:1] + bias, z[1:]])
+            else:
+                z[VALUE] += bias
+            h = compose(function(z[VALUE], 2), z)
+        return h
+
+    def values(self, inputs: Tensor) -> Tensor:
+        """Return the values (N, M) of the last hidden layer from the values (N, n) of the inputs."""
+        function, h = activation(self.activation), inputs
+        for weight, bias in zip(self.weights, self.biases, strict=True):
+            h = function(h @ weight.T + bias, 0)[0]
+        return h
+
+    @property
+    def width(self) -> int:
+        """Number of features M."""
+        return self.weights[-1].shape[0]
+
+    @property
+    def parameters(self) -> int:
+        """Number of weights and biases."""
+        return sum(t.numel() for t in (*self.weights, *self.biases))
+
+    def narrowed(self, width: int) -> Network:
+        """Return the network with the first `width` features only."""
+        return replace(
+            self,
+            weights=(*self.weights[:-1], self.weights[-1][:width]),
+            biases=(*self.biases[:-1], self.biases[-1][:width]),
+        )
+
+
+def siren(
+    inputs: int, widths: tuple[int, ...], omega0: float, seed: int, placement: Placement, name: str = "sine"
+) -> Network:
+    """Return a network with the SIREN initialisation (Sitzmann et al. 2020, section 3.2).
+
+    First layer omega0 U(-1/n, 1/n), later ones U(-sqrt(6/n), sqrt(6/n)) with omega0 absorbed; biases as
+    omega0 U(-1/sqrt(n), 1/sqrt(n)), PyTorch's default for a linear layer times omega0.
+
+    Parameters
+    ----------
+    inputs
+        Number of input coordinates.
+    widths
+        Of the hidden layers.
+    omega0
+        Frequency of the sines: z = omega0 (W h + b), with omega0 multiplied into W and b.
+    """
+    generator = torch.Generator().manual_seed(seed)
+    weights, biases = [], []
+    for layer, width in enumerate(widths):
+        fan_in = inputs if layer == 0 else widths[layer - 1]
+        bound = omega0 / fan_in if layer == 0 else math.sqrt(6 / fan_in)
+        weights.append(_uniform(generator, bound, (width, fan_in), placement))
+        biases.append(_uniform(generator, omega0 / math.sqrt(fan_in), (width,), placement))
+    return Network(tuple(weights), tuple(biases), name)
+
+
+def random_features(scales: Tensor, width: int, seed: int, name: str = "sine") -> Network:
+    """Return one layer of random features, W ~ N(0, scales^2) and b ~ U(-pi, pi) (Rahimi & Recht 2007).
+
+    Parameters
+    ----------
+    scales
+        (n,) standard deviation of the weights of each input.
+    """
+    generator = torch.Generator().manual_seed(seed)
+    draws = torch.randn((width, len(scales)), generator=generator, dtype=torch.float64)
+    phases = torch.rand((width,), generator=generator, dtype=torch.float64)
+    weight = draws.to(scales) * scales
+    return Network((weight,), (((2 * phases - 1) * math.pi).to(scales),), name)
+
+
+SQUEEZE = 0.25  # of the first map, times sqrt(n / m): sines of such arguments are nearly linear
+SHIFT = 0.2  # half width of the inner layers' biases
+RIDGE = 1e-8  # of the fit of the last hidden layer, relative to the mean square of a feature
+
+
+def deep_random_features(inputs: Tensor, scales: Tensor, widths: tuple[int, ...], seed: int, name: str) -> Network:
+    """Return a deep network that starts as one layer of random features sigma(W z + b).
+
+    Inner layers are nearly linear orthogonal maps; the last hidden layer is fitted by ridge regression to the targets
+    W z, W ~ N(0, scales^2), with b ~ U(-pi, pi). Drawn at random, a deep sine network starts far too stiff on shells.
+
+    Parameters
+    ----------
+    inputs
+        (N, n) values of the inputs at sample points.
+    scales
+        (n,) standard deviation of the weights of each input, or (M, n) if the features have scales of their own.
+    widths
+        Of the hidden layers.
+    """
+    generator = torch.Generator().manual_seed(seed)
+    function, h, count = activation(name), inputs, inputs.shape[1]
+
+    def drawn(*shape: int) -> Tensor:
+        return torch.randn(shape, generator=generator, dtype=torch.float64).to(inputs)
+
+    def spread(bound: float, size: int) -> Tensor:
+        return bound * (2 * torch.rand((size,), generator=generator, dtype=torch.float64).to(inputs) - 1)
+
+    weights, biases = [], []
+    for layer, width in enumerate(widths[:-1]):
+        gain = SQUEEZE * math.sqrt(count / width) if layer == 0 else 1.0
+        size = max(width, h.shape[1])
+        rotation, _ = torch.linalg.qr(drawn(size, size))
+        weights.append(gain * rotation[:width, : h.shape[1]])
+        biases.append(spread(SHIFT, width))
+        h = function(h @ weights[-1].T + biases[-1], 0)[0]
+    targets = inputs @ (drawn(widths[-1], count) * scales).T
+    design = torch.cat([h, torch.ones_like(h[:, :1])], dim=1)
+    normal = design.T @ design
+    normal.diagonal().add_(RIDGE * len(h))
+    last = torch.linalg.solve(normal, design.T @ targets).T
+    weights.append(last[:, :-1].contiguous())
+    biases.append(last[:, -1] + spread(math.pi, widths[-1]))
+    return Network(tuple(weights), tuple(biases), name)
+
+
+def _uniform(generator: torch.Generator, bound: float, shape: tuple[int, ...], placement: Placement) -> Tensor:
+    drawn = torch.rand(shape, generator=generator, dtype=torch.float64)
+    return ((2 * drawn - 1) * bound).to(device=placement.device, dtype=placement.dtype)

@@ -1,0 +1,126 @@
+"""What one level of features answers of a linear shell at rest, and what challengers say of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from shellbench.problem import Step
+from shellbench.problems.shell.quantities.measure import measure
+from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
+from shellbench.solvers.ndf.field.jets import Array
+from shellbench.solvers.ndf.linear.refinement import ROUNDING, Level, Miss, changes, tail
+from shellbench.solvers.ndf.linear.signs import Signs
+from shellbench.solvers.ndf.linear.solution import NdfSolution
+from shellbench.solvers.ndf.linear.solve import JITTER
+
+STRONGER = 10.0  # times the usual regularisation: of answers that tell what the usual one takes
+STEPS_LEFT = math.log(JITTER / np.finfo(float).eps) / math.log(STRONGER)  # from the usual one down to rounding: 3.7
+EXPLOITED = ROUNDING  # of what is stored: more features, or less regularisation, cost so much on a finer rule
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One answer of a level.
+
+    Attributes
+    ----------
+    solution
+        Without how it came about.
+    potential
+        Certified potential energy, J.
+    stored
+        What shell and springs store, or rounding, J.
+    signs
+        Whether it is an answer at all.
+    values
+        Of all quantities of the case.
+    probed
+        (n, 3): displacement at points all over the shell, metres.
+    step
+        Of the history.
+    """
+
+    solution: NdfSolution
+    potential: float
+    stored: float
+    signs: Signs
+    values: dict[str, float]
+    probed: Array
+    step: Step
+
+    def exploits(self, other: float) -> bool:
+        """Tell whether its certified energy is above another one, J, by more than rounding."""
+        return self.potential - other > EXPLOITED * self.stored
+
+    def missed(self, finer: Answer) -> Miss:
+        """Return what it has missed at least, as a finer answer tells."""
+        # Relative to what is stored: where only loads act, strain energies and displacements that the loads work on
+        # change by this share.
+        changed = changes(self.solution.case, self.values, finer.values, (self.probed, finer.probed))
+        return Miss(changed, abs(self.potential - finer.potential) / finer.stored)
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A level with its answers.
+
+    Attributes
+    ----------
+    narrower
+        Answers with parts of the usual features, for the convergence curve.
+    first
+        With the usual features.
+    regularised
+        With those of the challengers: by `STRONGER` twice, once, and not more than usual.
+    energies
+        Gives the potential energy on the training rule when one kind of challenger joins, J, by kind.
+    """
+
+    level: Level
+    narrower: tuple[Answer, ...]
+    first: Answer
+    regularised: tuple[Answer, Answer, Answer]
+    energies: Callable[[], dict[str, float]]
+
+    @property
+    def challenged(self) -> Answer:
+        """The answer with the challengers' features of least certified energy; the usual one if only rounding tells."""
+        # Less regularisation takes less energy on the rule that the field is solved on. Where it takes more on the
+        # finer one, the field exploits its rule: hardly in displacements, much in their third derivatives.
+        *_, usual = self.regularised
+        best = min(self.regularised, key=lambda answer: answer.potential)
+        return best if usual.exploits(best.potential) else usual
+
+    @property
+    def best(self) -> Answer:
+        """The answer of the level: with the challengers' features, unless these lose certified energy."""
+        return self.first if self.challenged.exploits(self.first.potential) else self.challenged
+
+    def missed(self) -> Miss:
+        """Return what the answers miss at least: what challengers change, and what less regularisation would change."""
+        # Combinations of features that are softer than rounding stay out of reach. No challenger tells of them, as it
+        # is regularised, too. But energies tell how much each step of the level gains, down to that of rounding. Where
+        # the last step loses energy no further one would gain any: what one step changes is missed.
+        (stiffest, stiffer, usual), best = self.regularised, self.challenged
+        left = tail((stiffest.potential, stiffer.potential, usual.potential), STEPS_LEFT) if best is usual else 1.0
+        softer = (stiffest if best is stiffer else stiffer).missed(best).times(left)
+        return self.first.missed(best).or_larger(softer)
+
+
+@dataclass(frozen=True)
+class Kept:
+    """The answer of least certified energy among the levels so far, its level, and what it misses at least."""
+
+    answer: Answer
+    solved: Solved
+    missed: Miss
+
+
+def displacement_values(solution: NdfSolution) -> dict[str, float]:
+    """Return the displacement quantities of a solution's case, by name."""
+    quantities = [q for q in solution.case.quantities if isinstance(q, DisplacementQuantity)]
+    return {q.name: measure(solution, q) for q in quantities}

@@ -1,0 +1,174 @@
+"""What a trained field has missed at least, as challengers tell, and how sure it is therefore.
+
+The last hidden layer of the trained network and challengers of `ndf-ritz` (see `refinement`) share one linear solve.
+What that changes of each quantity and of the energy, the trained field had missed. So it had what its last step
+gained. The answer stays the trained field: the challengers only tell how sure it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from shellbench.problem import Step
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.solvers.ndf.field.build import FieldSpec, build_features, build_inputs, graded_points, resolution
+from shellbench.solvers.ndf.field.choices import MULTIPLIERS
+from shellbench.solvers.ndf.field.field import Features, Field
+from shellbench.solvers.ndf.field.quadrature import area_rule
+from shellbench.solvers.ndf.field.supports import point_supports
+from shellbench.solvers.ndf.linear.refinement import (
+    Level,
+    Miss,
+    changes,
+    finer_rule,
+    first_level,
+    probed,
+    scale,
+    still_missed,
+    uncertainties,
+    unsettled,
+)
+from shellbench.solvers.ndf.linear.signs import jitter_share, rounding_energy
+from shellbench.solvers.ndf.linear.solution import NdfSolution
+from shellbench.solvers.ndf.linear.solve import potential_energy, solve_part
+from shellbench.solvers.ndf.strains.energy import (
+    certify,
+    concentrated,
+    energy_gap,
+    normal_equations,
+    rigid_part,
+    surface_area,
+)
+
+SHARE = 0.5  # challengers, in units of the width of the trained layer
+# Where planes of symmetry are built in, a field is wide for its part of the shell, and gains ever less: as many
+# challengers as features tell half of an error that falls with the width, or faster. They look closer at point forces.
+MIRRORED_SHARE, MIRRORED_SCALES = 1.0, (1.0, 4.0)
+
+
+@dataclass(frozen=True)
+class Challenged:
+    """A trained field beside the one that challengers have joined.
+
+    Attributes
+    ----------
+    missed
+        What the trained field has missed at least.
+    gap
+        Of the joined field: quadrature gap, and what regularisation leaves unbalanced.
+    challengers
+        Their number.
+    """
+
+    missed: Miss
+    gap: float
+    challengers: int
+
+
+def stated(solution: NdfSolution, seed: int, steps: Sequence[Step]) -> NdfSolution:
+    """Return a trained solution with how sure it is of each quantity, and why it has not settled if it has not.
+
+    `steps` are the states that training passed through; `seed` draws the challengers.
+    """
+    case, values = solution.case, dict(measure_all(solution))
+    found = challenge(solution, values, seed)
+    missed = found.missed.or_larger(last_gain(steps, values))
+    gap = max(found.gap, solution.diagnostics["energy_gap"])
+    rounding = _rounding(solution)
+    scales = {q.name: scale(solution, q, values[q.name], rounding) for q in case.quantities}
+    uncertainty = uncertainties(missed, gap, values, scales)
+    told = {"challenge_gain": found.missed.energy, "challenge_gap": found.gap, "challengers": found.challengers}
+    return replace(
+        solution,
+        uncertainty=uncertainty,
+        unsettled=unsettled(uncertainty, scales),
+        diagnostics={**solution.diagnostics, **told},
+    )
+
+
+def _rounding(solution: NdfSolution) -> float:
+    case = solution.case
+    rule = area_rule(case.surface.domain, np.zeros((0, 2)), solution.rule)
+    return rounding_energy(case.material.membrane_stiffness, surface_area(solution.field.ansatz, rule))
+
+
+def last_gain(steps: Sequence[Step], values: dict[str, float]) -> Miss:
+    """Return what training misses still by its last two gains: the tail of a geometric series."""
+    changed = dict.fromkeys(values, 0.0)
+    if len(steps) < 2:
+        return Miss(changed, 0.0)
+    gains = [abs(b.energy - a.energy) / max(abs(b.energy), np.finfo(float).tiny) for a, b in pairwise(steps)]
+    left = still_missed(gains[-1], gains[-2] if len(gains) > 1 else 0.0)
+    before, last = steps[-2].quantities, steps[-1].quantities
+    changed |= {name: abs(last[name] - before[name]) for name in last}
+    return Miss(changed, gains[-1]).times(left)
+
+
+def challenge(solution: NdfSolution, values: dict[str, float], seed: int) -> Challenged:
+    """Let challengers join a trained field of a linear shell at rest whose quantities have these values."""
+    # 1. Rules of `ndf-ritz` for this case, graded toward edges and corners, with as many points a feature.
+    # 2. Features: the trained last hidden layer, what is fixed, the challengers of all kinds, powers about corners.
+    # 3. One solve; on the finer rule, the energies of both fields; each with the multiple that is best there.
+    case, trained = solution.case, solution.field.features
+    spec = looking_everywhere(solution.spec)
+    level, focal = first_level(case, resolution(case)), graded_points(case, spec)
+    ansatz, placement = solution.field.ansatz, trained.placement
+    usual, share = level.resolution, SHARE
+    if ansatz.mirrors:
+        share, (plain, stretched) = MIRRORED_SHARE, MIRRORED_SCALES
+        usual = replace(usual, scale=plain, stretched_scale=stretched)
+    number = max(1, round(share * trained.network.width / len(level.kinds)))
+    parts = ansatz.mirrors.parts if ansatz.mirrors else 1
+    growth = max(1.0, math.sqrt(parts * (trained.network.width + len(level.kinds) * number) / usual.neurons))
+    usual = replace(usual, neurons=0, rule=finer_rule(usual.rule, growth), fine=finer_rule(usual.fine, growth))
+    features = joined_features(solution, replace(level, resolution=usual, challengers=number), seed)
+    rule, fine = (ansatz.rule(focal, s) for s in (usual.rule, usual.fine))
+    equations = normal_equations(ansatz, features, rule, concentrated(ansatz, usual.rule, focal, placement))
+    layer = solve_part(ansatz, features, equations, np.arange(features.count))
+    alone = solution.field.output.new_zeros((3, features.count))
+    alone[:, : trained.count] = solution.field.output
+    outputs = [alone, layer.weights.view(3, -1)]
+    first, joined = certify(ansatz, features, outputs, fine, concentrated(ansatz, usual.fine, focal, placement))
+    moved = ansatz.lift.moves or any(support.value for support in point_supports(case, solution.spec.t))
+    rounding = _rounding(solution)
+    gap = energy_gap(potential_energy(equations, layer.weights), joined, moved, rounding)
+    gap += jitter_share(equations, layer.weights, layer.unbalanced, rounding)
+    shares = (1.0, 1.0) if moved else (first.best, joined.best)
+    membrane, bending, _ = joined.parts(shares[1])
+    field = Field(ansatz, features, shares[1] * outputs[1], solution.field.output.new_zeros(6))
+    other = replace(
+        solution,
+        field=field.less_rigid(rigid_part(field, area_rule(case.surface.domain, focal, usual.rule))),
+        rule=usual.fine,
+        membrane=membrane,
+        bending=bending,
+        point_forces=tuple((shares[1] * layer.reactions).tolist()),
+        history=tuple(replace(step, energy=joined.potential(shares[1])) for step in solution.history[-1:]),
+    )
+    changed = changes(case, values, measure_all(other), (probed(solution), probed(other)))
+    gained = abs(first.potential(shares[0]) - joined.potential(shares[1]))
+    return Challenged(Miss(changed, gained / (membrane + bending + rounding)), gap, len(level.kinds) * number)
+
+
+def joined_features(solution: NdfSolution, level: Level, seed: int) -> Features:
+    """Return the trained features with challengers beside them."""
+    case, trained = solution.case, solution.field.features
+    spec = looking_everywhere(solution.spec)
+    inputs, placement = build_inputs(case, spec), trained.placement
+    network = level.network(inputs, seed, spec.activation, placement)
+    drawn = build_features(case, spec, network, placement, inputs)
+    # The constant is among the trained features, and so are the singular ones unless settings left them out.
+    there = 1 + solution.spec.multipliers * len(drawn.fixed.foci)
+    new = replace(drawn.fixed, kept=tuple(k for k in drawn.fixed.kept if k >= there))
+    return replace(trained, beside=replace(drawn, fixed=new))
+
+
+def looking_everywhere(spec: FieldSpec) -> FieldSpec:
+    """Return the choices of challengers: with stretched inputs, singular features and powers about corners."""
+    more = {"stretched": True, "edge_stretched": True, "multipliers": spec.multipliers or MULTIPLIERS, "detail": 1}
+    return spec.model_copy(update=more)

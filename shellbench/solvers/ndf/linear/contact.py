@@ -1,0 +1,381 @@
+"""Contact of a Ritz field with obstacles: the least energy among fields that enter none at the points asked.
+
+Forces at points are the multipliers (see `contact_forces`). Smooth fields can't tell many forces apart, so a great
+many of them give the same displacement: the smoothest are taken. And smooth fields ring where contact begins, as the
+shear force jumps there. So edges of contact along coordinate lines are looked for in the gap, and the field is given
+features that jump as well (see `creases`). Two answers say how sure the second one is. A single one is that of linear
+statics here, or that of a path (see `contact_at_finite_strain`).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from torch import Tensor
+
+from shellbench.errors import SolveFailure
+from shellbench.problem import Progress, ProgressCallback, Step
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.problems.shell.quantities.quantities import ContactPoint, LargestPenetration
+from shellbench.problems.shell.question.contact import Touch, gaps
+from shellbench.solvers.ndf.field.build import (
+    FieldSpec,
+    Resolution,
+    build_ansatz,
+    build_features,
+    build_inputs,
+    graded_points,
+    resolution,
+)
+from shellbench.solvers.ndf.field.creases import Crease
+from shellbench.solvers.ndf.field.field import Ansatz, Features, Field
+from shellbench.solvers.ndf.field.geometry import side_lengths
+from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
+from shellbench.solvers.ndf.field.network import random_features
+from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
+from shellbench.solvers.ndf.linear.contact_forces import (
+    ALONG,
+    GUARD,
+    SLIGHT,
+    contact_points,
+    least_forces,
+    on_creases,
+    smoothest,
+    typical_compliance,
+)
+from shellbench.solvers.ndf.linear.refinement import (
+    Miss,
+    changes,
+    finer_rule,
+    first_level,
+    is_slender,
+    lengthwise,
+    probed,
+    scale,
+    uncertainties,
+    unsettled,
+)
+from shellbench.solvers.ndf.linear.ritz_field import with_settings
+from shellbench.solvers.ndf.linear.ritz_settings import NAME, RitzSettings
+from shellbench.solvers.ndf.linear.signs import Signs, jitter_share, refusal, rounding_energy, unseen_turning
+from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
+from shellbench.solvers.ndf.linear.solve import JITTER, HeldInverse, OutputLayer, held_part, potential_energy, spread
+from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, normal_equations
+
+STRAIGHT = 0.02  # of a side: spread of an edge of contact along its line
+LOOKED, ROWS = 501, 9  # points of a line on which an edge of contact is looked for, and lines
+NEAREST, FARTHEST, DEGREE = 1e-2, 0.5, 3  # shares of the largest gap whose cube root is fitted, and how
+FARTHEST_TURNED = 0.1  # the same at finite strain: fits that reach farther disagree with each other by degree
+SETTLED_EDGE = 1e-3  # of a side: change of an edge of contact with which it is found
+ROUNDS = 5  # of looking for edges of contact
+PLANES = 8  # steps in which the planes that touch an obstacle are found
+STILL = 1e-9  # of the largest displacement: change after which these planes stay
+FINER = 1.4  # times the neurons, and times the points and panels by its root: the answer after the first
+ALONG_SLENDER = (1.5, 0.3)  # of the scale along and across a slender shell, which bends along its length
+SETTLED_POINT = 1e-2  # of where contact begins
+
+
+@dataclass(frozen=True)
+class Touching:
+    """A field that touches obstacles, with its forces, and how it was found.
+
+    Attributes
+    ----------
+    solution
+        The field, or those of a path.
+    potential
+        Of the last one, on its fine rule, J.
+    signs
+        Whether it is an answer.
+    """
+
+    solution: NdfSolution | PathSolution
+    potential: float
+    signs: Signs
+
+    @property
+    def last(self) -> NdfSolution:
+        """The field at the path's end."""
+        return self.solution.states[-1] if isinstance(self.solution, PathSolution) else self.solution
+
+
+Answer = Callable[
+    [Case, FieldSpec, RitzSettings, Resolution, int, float],
+    Touching,
+]
+"""Answers on a resolution, with a seed, and with so many times the usual contact points a side."""
+
+
+def solve(
+    case: Case,
+    spec: FieldSpec,
+    settings: RitzSettings,
+    progress: ProgressCallback,
+    answer: Answer | None = None,
+    settled: float = 1e-3,
+) -> NdfSolution | PathSolution:
+    """Answer twice, on two resolutions with other features; the second is the answer, and their change what it misses.
+
+    `answer` is that of linear statics, if none is given. Figures are taken for found whose uncertainty is at most
+    `settled` of their scales.
+
+    Raises
+    ------
+    SolveFailure
+        If a field is no answer (see `shellbench.solvers.ndf.linear.signs`), or the forces of obstacles are not found.
+    """
+    begin = time.perf_counter()
+    fixed = settings.neurons is not None, settings.panels is not None
+    # Along a path there are no features of edge layers: those of linear theory are too fine for Newton's method.
+    chosen = first_level(
+        case, with_settings(resolution(case), settings), fixed[0], fixed[1] or not case.linear
+    ).resolution
+    if case.linear:
+        spec = spec.model_copy(update={"detail": 1})
+    else:
+        rules = [spec if fixed[1] else lengthwise(case, spec) for spec in (chosen.rule, chosen.fine)]
+        chosen = replace(chosen, edge_scale=0.0, rule=rules[0], fine=rules[1])
+    if is_slender(case):
+        longer = int(np.argmax(side_lengths(case)))
+        chosen = replace(chosen, along=(ALONG_SLENDER[longer], ALONG_SLENDER[1 - longer]))
+    root = FINER**0.5
+    wider = chosen.neurons if fixed[0] else round(FINER * chosen.neurons)
+    fine = replace(chosen, neurons=wider, rule=finer_rule(chosen.rule, root), fine=finer_rule(chosen.fine, root))
+    answers: list[Touching] = []
+    creases: tuple[Crease, ...] = ()
+    steps = []
+    for number, level in enumerate((chosen, fine)):
+        progress(Progress(number, None, f"looking for contact with {level.neurons} neurons"))
+        given = settings.seed + number * 2**20
+        last, creases = _located(case, spec, settings, level, creases, given, root**number, answer or _answer)
+        steps.append(
+            Step(
+                iteration=number,
+                seconds=time.perf_counter() - begin,
+                energy=last.potential,
+                unknowns=last.solution.parameters,
+                at=spec.t,
+                gap=last.signs.gap,
+            )
+        )
+        answers.append(last)
+    solution = _stated(answers[0], answers[1], tuple(steps), settled)
+    if (reason := refusal(answers[1].signs, spec, settings.largest_gap)) is not None:
+        raise SolveFailure(reason, solution)
+    return solution
+
+
+def _stated(before: Touching, last: Touching, steps: tuple[Step, ...], settled: float) -> NdfSolution | PathSolution:
+    """Return the last answer with what is known of its uncertainty, and of its figures."""
+    solution, case = last.solution, last.solution.case
+    try:
+        first, second = (dict(measure_all(one.solution)) for one in (before, last))
+    except ValueError as error:
+        raise SolveFailure(str(error), solution) from None
+    rounding = rounding_energy(case.material.membrane_stiffness, 1.0)
+    largest = float(np.linalg.norm(probed(solution), axis=-1).max())
+    scales = {q.name: scale(solution, q, second[q.name], rounding) for q in case.quantities}
+    changed = changes(case, first, second, (probed(before.solution), probed(solution)))
+    for q in case.quantities:
+        if isinstance(q, LargestPenetration):  # it is an error itself, compared with what the shell moves
+            scales[q.name] = largest
+            changed[q.name] = max(changed[q.name], second[q.name])
+    # A figure of two answers may agree by chance: none is taken to be surer than the strain energy, but for a depth,
+    # which is small by itself. Edges of contact are looked for until they move by no more than `SETTLED_EDGE`.
+    before_energy, energy = (sum(one.solution.energies()) for one in (before, last))
+    gap = last.signs.gap + last.signs.jitter_share
+    depths = {q.name for q in case.quantities if isinstance(q, LargestPenetration)}
+    edges = {q.name: int(q.along == "xi2") for q in case.quantities if isinstance(q, ContactPoint)}
+    sides = side_lengths(case)
+    for name, axis in edges.items():
+        changed[name] = max(changed[name], SETTLED_EDGE * sides[axis])
+    stated = uncertainties(Miss(changed, abs(energy - before_energy) / (energy + rounding)), gap, second, scales)
+    stated |= {n: u for n, u in uncertainties(Miss(changed, 0.0), gap, second, scales).items() if n in depths}
+    open_ones = [
+        unsettled({n: u for n, u in stated.items() if (n in edges) == edge}, scales, limit)
+        for edge, limit in ((False, settled), (True, max(settled, SETTLED_POINT)))
+    ]
+    own = (replace(step, iteration=len(steps) + step.iteration) for step in solution.history)
+    words = next((words for words in open_ones if words), None)
+    return replace(solution, history=(*steps, *own), uncertainty=stated, unsettled=words)
+
+
+def _located(
+    case: Case,
+    spec: FieldSpec,
+    settings: RitzSettings,
+    level: Resolution,
+    creases: tuple[Crease, ...],
+    seed: int,
+    finer: float,
+    answer: Answer,
+) -> tuple[Touching, tuple[Crease, ...]]:
+    """Return the answer on a resolution whose edges of contact are where its features jump."""
+    size = case.surface.domain.size
+    for _ in range(ROUNDS):
+        touching = answer(case, spec.model_copy(update={"creases": creases}), settings, level, seed, finer)
+        found = edges_of_contact(touching.last)
+        same = [(axis, side) for axis, _, side in found] == [(axis, side) for axis, _, side in creases]
+        if same and all(abs(a[1] - b[1]) <= SETTLED_EDGE * size[a[0]] for a, b in zip(found, creases, strict=True)):
+            break
+        creases = found
+    return touching, creases
+
+
+def _settled(
+    ansatz: Ansatz, features: Features, kept: Tensor, held: HeldInverse, touch: Touch, creases: tuple[Crease, ...]
+) -> tuple[OutputLayer, Touch]:
+    """Return the weights of the pairs that are kept, with what presses at the points of `touch`."""
+    # 1. The gap g and its direction n where the shell is: obstacles that are curved are planes for this step.
+    # 2. Rows G = n . u of the weights, their response A^-1 G^T, and the compliance G A^-1 G^T of the points.
+    # 3. Forces from the dual problem: gaps of the loads alone, g + G w, and what forces add to them.
+    # 4. Of forces with the same response, the smoothest. They act where gaps are closed.
+    # 5. All over again at the new place, until it stays. From rest on, so that no shell goes through an obstacle.
+    case, placement = ansatz.case, features.placement
+    values = features.values(touch.points)
+    matrix = ansatz.factors.matrix(touch.points, placement)[VALUE]
+    lift = ansatz.lift.jet(touch.points, placement)[VALUE]
+    line = on_creases(case, touch, creases)
+    free, nothing = held.layer(), held.targets.new_zeros((len(held.targets), len(touch.points)))
+
+    def moved(weights: Tensor) -> Array:
+        every = weights.new_zeros(3 * features.count)
+        every[kept] = weights
+        u = (matrix @ (values @ every.view(3, -1).T)[..., None])[..., 0] + lift
+        return np.asarray(u.cpu().numpy())
+
+    u = np.zeros((len(touch.points), 3))
+    for _ in range(PLANES):
+        gap, normal = gaps(case, touch.points, u, ansatz.t)
+        along = (matrix.mT @ placement.tensor(normal)[..., None])[..., 0]
+        rows = (along[:, :, None] * values[:, None, :]).reshape(len(touch.points), -1)[:, kept]
+        response, _ = held.solve(rows.T, nothing)
+        compliance = (rows @ response).cpu().numpy()
+        compliance = (compliance + compliance.T) / 2
+        offset = gap + np.sum(normal * (moved(free.weights) - u), axis=1)
+        unit = typical_compliance(compliance, touch)
+        forces = least_forces(compliance, offset, SLIGHT * unit)
+        largest = float(np.abs(moved(free.weights + response @ placement.tensor(forces))).max())
+        smooth = smoothest(compliance, offset, forces, unit, line, largest)
+        last, u = u, moved(free.weights + response @ placement.tensor(smooth))
+        if np.abs(u - last).max() <= STILL * np.abs(u).max():
+            break
+    layer = held.layer(rows.T @ placement.tensor(smooth))
+    return layer, replace(touch, forces=smooth[:, None] * normal)
+
+
+def edges_of_contact(solution: NdfSolution) -> tuple[Crease, ...]:
+    """Return the coordinate lines along which contact begins, as far as the gap tells.
+
+    It opens with the cube of the distance, so that its cube root goes to zero as a straight line.
+    """
+    # From each end of a coordinate, on several lines: the gap where it is neither rounding nor far from contact, its
+    # cube root as a polynomial, and the root of that. Edges that are no straight lines of a coordinate are left out.
+    case, domain = solution.case, solution.case.surface.domain
+    shares, found = np.linspace(0, 1, LOOKED), []
+    for axis in (0, 1):
+        if domain.periodic[axis]:
+            continue
+        for side in (-1, 1):
+            at = []
+            along = domain.lower[axis] + domain.size[axis] * (shares if side < 0 else 1 - shares)
+            for share in np.linspace(0.1, 0.9, ROWS):
+                points = np.full((LOOKED, 2), domain.lower[1 - axis] + share * domain.size[1 - axis])
+                points[:, axis] = along
+                gap, _ = gaps(case, points, solution.displacement(points), solution.spec.t)
+                edge = _root_of_gap(along, gap, FARTHEST if case.linear else FARTHEST_TURNED)
+                if edge is not None:
+                    at.append(edge)
+            if len(at) == ROWS and float(np.ptp(at)) <= STRAIGHT * domain.size[axis]:
+                found.append((axis, float(np.median(at)), side))
+    apart = (GUARD + 1) / ALONG * np.asarray(domain.size)  # rows of their own need room
+    ends = [[domain.lower[axis], domain.upper[axis]] for axis in (0, 1)]
+    return tuple(
+        crease
+        for crease in found
+        if domain.lower[crease[0]] < crease[1] < domain.upper[crease[0]]
+        and all(
+            abs(crease[1] - at) > apart[crease[0]]
+            for at in (*ends[crease[0]], *(other[1] for other in found if other != crease and other[0] == crease[0]))
+        )
+    )
+
+
+def _root_of_gap(along: Array, gap: Array, farthest: float = FARTHEST) -> float | None:
+    largest = gap.max()
+    closed = np.flatnonzero(gap < NEAREST**2 * largest)
+    if not len(closed):
+        return None
+    peak = int(np.argmax(gap[: closed[0]])) if closed[0] else 0
+    x, g = along[peak : closed[0]], gap[peak : closed[0]]
+    fitted = (g > NEAREST * largest) & (g < farthest * largest)
+    if fitted.sum() < 4 * DEGREE:
+        return None
+    x, g = x[fitted], g[fitted]
+    roots = np.polynomial.Polynomial.fit(x, np.cbrt(g), DEGREE).roots()
+    roots = roots[np.abs(roots.imag) <= 1e-9 * np.ptp(x)].real
+    roots = roots[(roots - x[-1]) * (x[-1] - x[0]) >= 0]
+    return float(roots[np.argmin(np.abs(roots - x[-1]))]) if len(roots) else None
+
+
+def drawn(
+    case: Case, spec: FieldSpec, settings: RitzSettings, level: Resolution, seed: int
+) -> tuple[Ansatz, Features, tuple[RuleSpec, RuleSpec], Array]:
+    """Return a field's supports and features, the rules to train and to judge it, and what these are graded toward."""
+    placement, focal = Placement.on(settings.device), graded_points(case, spec)
+    joints = tuple(
+        tuple(sorted({*own, *(at for a, at, _ in spec.creases if a == axis)})) for axis, own in enumerate(case.kinks)
+    )
+    rule, fine = (replace(one, joints=(joints[0], joints[1])) for one in (level.rule, level.fine))
+    inputs = build_inputs(case, spec)
+    network = random_features(placement.tensor(level.scales(inputs)), level.neurons, seed, settings.activation)
+    return build_ansatz(case, spec), build_features(case, spec, network, placement, inputs), (rule, fine), focal
+
+
+def _answer(
+    case: Case, spec: FieldSpec, settings: RitzSettings, level: Resolution, seed: int, finer: float
+) -> Touching:
+    ansatz, features, (rule_spec, fine_spec), focal = drawn(case, spec, settings, level, seed)
+    placement = features.placement
+    rule, fine = (area_rule(case.surface.domain, focal, one) for one in (rule_spec, fine_spec))
+    equations = normal_equations(ansatz, features, rule, concentrated(ansatz, rule_spec, focal, placement))
+    kept, held = held_part(ansatz, features, equations, np.arange(features.count))
+    pressed, touch = _settled(ansatz, features, kept, held, contact_points(case, spec.creases, finer), spec.creases)
+    layer = spread(ansatz, features, kept, pressed)
+    output = layer.weights.view(3, -1)
+    certified = certify(ansatz, features, [output], fine, concentrated(ansatz, fine_spec, focal, placement))[0]
+    membrane, bending, _ = certified.parts()
+    potential = potential_energy(equations, layer.weights)
+    rounding = rounding_energy(case.material.membrane_stiffness, 1.0)
+    field = Field(ansatz, features, output, output.new_zeros(6))
+    signs = Signs(
+        gap=energy_gap(potential, certified, True, rounding),
+        taken_up=1.0,
+        unseen_turning=unseen_turning(field, fine_spec, focal),
+        jitter_share=jitter_share(equations, layer.weights, layer.unbalanced, rounding),
+    )
+    solution = NdfSolution(
+        case=case,
+        solver=NAME,
+        spec=spec,
+        field=field,
+        rule=fine_spec,
+        membrane=membrane,
+        bending=bending,
+        parameters=len(features.pairs(np.arange(features.count))),
+        point_forces=tuple(layer.reactions.tolist()),
+        touching=touch,
+        diagnostics={
+            "energy_gap": signs.gap,
+            "certified_energy": certified.potential(),
+            "jitter": JITTER,
+            "neurons": level.neurons,
+            "contact_points": len(touch.points),
+            "pressed_points": int(np.count_nonzero(np.any(touch.forces != 0, axis=1))),
+        },
+    )
+    return Touching(solution, certified.potential(), signs)

@@ -1,0 +1,136 @@
+"""Where a field is asked for gaps to obstacles, and the forces at these points.
+
+Forces are multipliers, found from the dual problem: least squares with unknowns that are not negative (Lawson & Hanson
+1974, chapter 23).
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, cholesky, solve_triangular
+from scipy.optimize import nnls
+
+from shellbench.errors import SolveFailure
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.question.contact import Touch
+from shellbench.solvers.ndf.field.creases import Crease
+from shellbench.solvers.ndf.field.geometry import side_lengths
+from shellbench.solvers.ndf.field.jets import Array
+
+Flags = NDArray[np.bool_]
+
+POINTS = 600  # at which gaps are asked, while no edge of contact is known
+ALONG, LEAST, MOST = 80, 5, 12  # of them across the edges of contact, and along these
+GUARD = 2.0  # spacings outside an edge of contact that its own row stands for
+LINE_FORCE = 10.0  # times as much of a force costs nothing more on such a row: a line force is no noise
+SLIGHT = 1e-9  # share of the mean compliance by which obstacles give: what makes forces unique at all
+SMOOTH = 1e-3  # the same, where forces are made smooth
+CLOSED = 3e-4  # of the largest displacement: gaps at which smooth forces may act
+REACH, FAR_REACH = 2.0, 8.0  # spacings over which forces make a pressure, with edges of contact known or not
+
+
+def contact_points(case: Case, creases: tuple[Crease, ...], finer: float, ends: bool = False) -> Touch:
+    """Return the points at which the gap is asked, in rows along both coordinates, with no force on them.
+
+    `ends` are whether there are rows on the edges of the shell as well.
+    """
+    domain, sides = case.surface.domain, np.asarray(side_lengths(case))
+    if creases:
+        across = {axis for axis, _, _ in creases}
+        alike = ALONG * sides / sides[min(across)]
+        counts = [ALONG if axis in across else int(np.clip(alike[axis], LEAST, MOST)) for axis in (0, 1)]
+    else:
+        counts = [max(4, round(float(np.sqrt(POINTS / sides.prod()) * side))) for side in sides]
+    found = []
+    for axis in (0, 1):
+        # The row of an edge of contact stands for half a spacing inside, and for `GUARD` of them outside, where the gap
+        # opens with the cube of the distance.
+        h = domain.size[axis] / round(finer * counts[axis])
+        lines = sorted((at, side) for other, at, side in creases if other == axis)
+        first, last = domain.lower[axis], domain.upper[axis]
+        rows = []  # each with where it starts to stand for the shell, and where it stops
+        for at, side in lines:
+            below, above = (0.5, GUARD) if side > 0 else (GUARD, 0.5)
+            rows.append((at - below * h, at, at + above * h))
+        if ends and not domain.periodic[axis]:
+            rows = [(first, first, first + h / 2), *rows, (last - h / 2, last, last)]
+        breaks = [first, *(end for start, _, stop in rows for end in (start, stop)), last]
+        if np.any(np.diff(breaks) < 0):
+            raise SolveFailure("edges of contact lie closer than the points at which gaps are asked")
+        points: list[Array] = []
+        lengths: list[Array] = []
+        for k, (start, stop) in enumerate(pairwise(breaks)):
+            if start == stop:
+                continue
+            if k % 2:
+                points.append(np.array([rows[k // 2][1]]))
+                lengths.append(np.array([stop - start]))
+                continue
+            number = max(1, round((stop - start) / h))
+            points.append(start + (stop - start) * (np.arange(number) + 0.5) / number)
+            lengths.append(np.full(number, (stop - start) / number))
+        found.append((np.concatenate(points), np.concatenate(lengths)))
+    grid, sizes = (
+        np.stack(np.meshgrid(found[0][k], found[1][k], indexing="ij"), axis=-1).reshape(-1, 2) for k in (0, 1)
+    )
+    x = case.surface.derivatives(grid, 1)
+    speeds = np.stack([np.broadcast_to(np.linalg.norm(x[k], axis=-1), len(grid)) for k in ((1, 0), (0, 1))], axis=-1)
+    spacing = np.array([domain.size[axis] / round(finer * counts[axis]) for axis in (0, 1)]) * speeds.max(axis=0)
+    return Touch(grid, np.zeros((len(grid), 3)), sizes * speeds, (REACH if creases else FAR_REACH) * spacing)
+
+
+def least_forces(compliance: Array, gap: Array, give: Array) -> Array:
+    """Return forces x (n,) >= 0 with gap + (compliance + give) x >= 0, one of both zero: N from m and m/N.
+
+    Raises
+    ------
+    SolveFailure
+        If there are none that rounding can tell.
+    """
+    if not np.any(gap < 0):
+        return np.zeros(len(gap))  # SciPy's routine takes no empty matrix
+    # min x A x / 2 + gap x over x >= 0 with A = R^T R is the distance of R x from -R^-T gap: least squares.
+    try:
+        root = cholesky(compliance + np.diag(give))
+        found, _ = nnls(root, -solve_triangular(root, gap, trans="T"), maxiter=50 * len(gap))
+    except (LinAlgError, RuntimeError, ValueError) as error:
+        raise SolveFailure(f"the forces of obstacles can't be found ({error})") from None
+    return np.asarray(found)
+
+
+def typical_compliance(compliance: Array, touch: Touch) -> Array:
+    """Return the mean compliance (n,) of points, m/N, the more the less area they stand for."""
+    area = touch.lengths.prod(axis=1)
+    return np.asarray(np.mean(np.diag(compliance)) * area.mean() / area)
+
+
+def smoothest(
+    compliance: Array, gap: Array, forces: Array, unit: Array, line: Flags, largest: float, passes: int = 1
+) -> Array:
+    """Return the forces (n,) >= 0, N, that move the shell as `forces` do and vary least.
+
+    They act where gaps are closed. `gap` (n,) is that without them, `unit` their `typical_compliance`, `line` (n,) are
+    those on an edge of contact, and `largest` is how far the shell moves, m. What a pass leaves of the response, as
+    obstacles give, the next one adds.
+    """
+    # Of forces with the same response, those of least sum of squares per area. The textbook takes the multipliers.
+    # There are more points than a smooth basis tells apart, so these are a few spikes, whose resultants are right and
+    # whose places mean nothing.
+    near = (gap + compliance @ forces <= CLOSED * largest) | (forces > 0)
+    give = (SMOOTH * unit / np.where(line, LINE_FORCE, 1.0))[near]
+    smooth = np.zeros(len(forces))
+    among, asked = compliance[np.ix_(near, near)], (compliance @ forces)[near]
+    for _ in range(passes):
+        smooth[near] = least_forces(among, -asked - give * smooth[near], give)
+    return smooth
+
+
+def on_creases(case: Case, touch: Touch, creases: tuple[Crease, ...]) -> Flags:
+    """Return which points (n,) are on an edge of contact."""
+    line = np.zeros(len(touch.points), dtype=bool)
+    for axis, at, _ in creases:
+        line |= np.abs(touch.points[:, axis] - at) <= 1e-9 * case.surface.domain.size[axis]
+    return line

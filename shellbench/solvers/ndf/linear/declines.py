@@ -1,0 +1,145 @@
+"""Whether the exact boundary factors can hold the supports of a case, found out by trying."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from shellbench.problem import Quantity
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.quantities.quantities import ReactionQuantity, ResultantQuantity, TorqueQuantity
+from shellbench.problems.shell.question.conditions import Rotation, Value
+from shellbench.problems.shell.question.loads import MomentLoad
+from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.field.corners import held_corners
+from shellbench.solvers.ndf.field.factors import turns
+from shellbench.solvers.ndf.field.field import Field
+from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Placement, from_derivatives
+from shellbench.solvers.ndf.field.network import random_features
+from shellbench.solvers.ndf.field.paths import is_path, why_not_followed
+from shellbench.solvers.ndf.field.supports import TANGENTIAL, EdgeSupport, edge_samples, edge_supports
+from shellbench.solvers.ndf.strains.reaction import Virtual
+from shellbench.solvers.ndf.strains.soft import why_not_soft
+
+PROBE_WIDTH = 4  # features of the random field that probes the factors
+VIOLATED = 1e-9  # of the probe's own size: far above rounding, far below any real violation
+
+
+def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
+    """Return why a field with exact boundary factors can't answer a case, as one clause, or None if it can.
+
+    `spec` are the choices of the field: covariant components, for one, can't be even at a plane of symmetry.
+    """
+    if reason := why_not_moved(case) if case.dynamics else None if case.linear else why_not_followed(case):
+        return reason
+    if case.linear and not case.modal and len(case.states) > 1 and not is_path(case):
+        return "it answers a linear case at its last state alone"
+    if spec is not None and spec.supports == "soft":
+        return why_not_soft(case)
+    probe = _probe(case, spec or FieldSpec())
+    for support in edge_supports(case):
+        value, slope = violations(probe, support)
+        if not value < VIOLATED:
+            return f"its boundary factors can't move '{support.edge.name}' as prescribed where it meets other supports"
+        by_rows = support.free and spec is not None and spec.slopes == "rows"
+        if not by_rows and not slope < VIOLATED:
+            return f"its boundary factors can't hold the slope on '{support.edge.name}' of this surface"
+        if support.free and not by_rows and _slides(case, support):
+            return f"it holds the slope on '{support.edge.name}', which slides, by features that take no shear there"
+    return None
+
+
+def why_not_given(case: Case, quantity: Quantity) -> str | None:
+    """Return why a field can't give a quantity of a case that it takes, as one clause, or None if it can."""
+    if isinstance(quantity, ReactionQuantity | TorqueQuantity):
+        support = next(s for s in case.supports if s.name == quantity.support)
+        return Virtual.from_support(case, support).why_not_told(quantity)
+    if isinstance(quantity, ResultantQuantity) and (corner := quantity.corner_of(case)) and held_corners(case):
+        return f"its powers about corners have no second derivatives at the corner '{corner[0]}'"
+    return None
+
+
+def why_not_moved(case: Case) -> str | None:
+    """Return why a field can't follow a motion, as one clause, or None if it can."""
+    if case.obstacles:
+        return "it touches obstacles at rest alone"
+    if turns(case):
+        return "it can't turn clamped edges by finite angles in motion"
+    for support in case.supports:
+        if support.clamped and isinstance(support.motion, Value):
+            return f"it can't tell how far the clamped support '{support.name}' turns"
+    if any(isinstance(load, MomentLoad) for load in case.loads):
+        return "it can't follow edge moments in motion"
+    if case.following:
+        return "its pressures keep the normal of the shell at rest in motion"
+    return None
+
+
+def violations(field: Field, support: EdgeSupport) -> tuple[float, float]:
+    """Return by how much a field misses the prescribed motion and slope on an edge, relative to its own size.
+
+    The ends of the edge are left out: there two supports may contradict each other.
+    """
+    case, placement = field.ansatz.case, field.features.placement
+    points = edge_samples(case, support.edge)[1:-1]
+    u = field.jet(points)
+    x = from_derivatives(case.surface.derivatives(points, 2), placement)
+    value = 0.0
+    for c, holder in support.held.items():
+        wanted = case.motion(holder, support.edge, points, field.ansatz.t)[0, 0][:, c]
+        scale = np.abs(wanted).max(initial=0.0) + float(u[VALUE].abs().max()) + _size(field)
+        value = max(value, float((u[VALUE, :, c] - placement.tensor(wanted)).abs().max()) / scale)
+    if support.slope is None:
+        return value, 0.0
+    motion = case.motion(support.slope, support.edge, points, field.ansatz.t, 1)
+    moved = torch.stack([placement.tensor(motion[k]) for k in ((0, 0), (1, 0), (0, 1))])
+    turned = x[:3] + moved if turns(case) and isinstance(support.slope.motion, Rotation) else x[:3]
+    normal = torch.linalg.cross(turned[D1], turned[D2], dim=-1)
+    normal = normal / normal.norm(dim=-1, keepdim=True)
+    wanted_tilt = _tilt(moved, x, normal, support.edge.axis)
+    tilt = _tilt(u, x, normal, support.edge.axis)
+    largest = (u[[D1, D2]].norm(dim=-1) / x[[D1, D2]].norm(dim=-1)).max()
+    return value, float((tilt - wanted_tilt).abs().max() / (largest + wanted_tilt.abs().max()))
+
+
+def _slides(case: Case, support: EdgeSupport) -> bool:
+    """Whether free components have a part across an edge that holds the slope: then it is no plane of symmetry."""
+    x = from_derivatives(case.surface.derivatives(edge_samples(case, support.edge), 2), Placement())
+    _, conormal = _across(x, support.edge.axis)
+    free = [c for c in range(3) if c not in support.held]
+    return bool((conormal[:, free].norm(dim=-1) > TANGENTIAL * conormal.norm(dim=-1)).any())
+
+
+def _across(x: Tensor, axis: int) -> tuple[Tensor, Tensor]:
+    """Return a share (N, 1) and n = a_across - share a_along (N, 3), across an edge within the surface."""
+    across, along = (x[D1], x[D2]) if axis == 0 else (x[D2], x[D1])
+    share = ((across * along).sum(-1) / (along * along).sum(-1))[:, None]
+    return share, across - share * along
+
+
+def _tilt(u: Tensor, x: Tensor, normal: Tensor, axis: int) -> Tensor:
+    """u,n . normal along an edge, n the unit conormal (the direction across the edge within the surface)."""
+    du, dv = (u[D1], u[D2]) if axis == 0 else (u[D2], u[D1])
+    share, conormal = _across(x, axis)
+    tilt: Tensor = ((du - share * dv) * normal).sum(-1) / conormal.norm(dim=-1)
+    return tilt
+
+
+def _size(field: Field) -> float:
+    domain = field.ansatz.case.surface.domain
+    middle = np.asarray(domain.grid(5, 5)).reshape(-1, 2)
+    return float(field.displacement(middle).abs().max())
+
+
+def _probe(case: Case, spec: FieldSpec) -> Field:
+    """Return a random field on the shell."""
+    placement = Placement()
+    inputs = build_inputs(case, spec)
+    network = random_features(placement.tensor(np.full(inputs.count, math.pi)), PROBE_WIDTH, seed=0)
+    features = build_features(case, spec, network, placement, inputs)
+    generator = torch.Generator().manual_seed(1)
+    output = torch.randn((3, features.count), generator=generator, dtype=torch.float64)
+    return Field(build_ansatz(case, spec), features, output, torch.zeros(6, dtype=torch.float64))

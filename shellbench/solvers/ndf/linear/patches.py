@@ -1,0 +1,214 @@
+"""Equilibrium once more on a patch: the displacement of which stress resultants are taken.
+
+A field that least squares find over a whole shell has settled in energy while its second and third derivatives still
+err, most at edges: combinations of features that are rough cost next to nothing. About a point, therefore,
+
+    u = lift + M (Q + bubble P),
+
+with the boundary matrix M of the shell's supports and polynomials Q and P. Q is fitted to the field, in displacements,
+and P makes the energy of the patch least; the bubble vanishes with its slope at sides inside the shell. So
+a(u, v) = l(v) for all v = M bubble P, and at a supported edge the moment and the shear force of u are the reaction of
+the support. What the field errs at the patch's rim reaches its middle smoothed.
+
+Two degrees of the polynomials tell how sure this is. Where they differ, as in layers at edges, the patch is halved.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import torch
+from numpy.polynomial import legendre
+from torch import Tensor
+
+from shellbench.problems.shell.question.loads import EdgeLoad, MomentLoad, PointLoad
+from shellbench.problems.shell.question.places import SIDES, Edge, Point
+from shellbench.solvers.ndf.field.choices import StrainName
+from shellbench.solvers.ndf.field.field import Ansatz, Field
+from shellbench.solvers.ndf.field.jets import PLANES, VALUE, Array, Placement, matrix_product
+from shellbench.solvers.ndf.field.quadrature import Rule, line_rule
+from shellbench.solvers.ndf.field.supports import edge_supports
+from shellbench.solvers.ndf.linear.solve import JITTER, RegularisedInverse
+from shellbench.solvers.ndf.strains.energy import add_gram, mirrored, strain_matrix, tables, value_vector
+from shellbench.solvers.ndf.strains.resultants import resultants
+
+SIDES_OF_PATCHES = (3 / 8, 3 / 16, 3 / 32)  # in sides of the shell
+STEPS = 3  # patches begin at every third of their side, so that points lie near their middle
+DEGREES = (8, 10)  # of Q along each side
+MORE = 2  # degrees of P
+ORDER = 16  # Gauss points along a side of the patch, beside one a degree
+AGREED = 1e-4  # difference of two degrees, by the largest component at a point, at which no smaller patch is tried
+SLACK = 1e-9  # of a side: places that are nearer are the same
+
+
+@dataclass(frozen=True)
+class Patch:
+    """A part [lower, upper] of the parametric rectangle; `inner` are its sides (axis, side) inside the shell."""
+
+    lower: tuple[float, float]
+    upper: tuple[float, float]
+    inner: frozenset[tuple[int, str]]
+
+    def jets(self, points: Array, degree: int, placement: Placement) -> Tensor:
+        """Return the jets (6, N, M) of bubble times Legendre polynomials at points (N, 2)."""
+        tables = []
+        for axis in (0, 1):
+            half = (self.upper[axis] - self.lower[axis]) / 2
+            y = (points[:, axis] - self.lower[axis]) / half - 1
+            bubble: Array = np.ones(1)
+            for side, root in zip(SIDES, ((0.5, 0.5), (0.5, -0.5)), strict=True):
+                if (axis, side) in self.inner:
+                    bubble = np.asarray(legendre.legmul(bubble, legendre.legmul(root, root)), dtype=float)
+            series = [legendre.legmul(bubble, one) for one in np.eye(degree + 1)]
+            columns = [[legendre.legval(y, legendre.legder(s, k)) for s in series] for k in range(3)]
+            tables.append([np.stack(order, axis=-1) / half**k for k, order in enumerate(columns)])
+        jets = [np.einsum("ni,nj->nij", tables[0][a], tables[1][b]).reshape(len(points), -1) for a, b in PLANES]
+        return placement.tensor(np.stack(jets))
+
+    def rule(self, order: int) -> Rule:
+        """Return Gauss points of the patch."""
+        (x, v), (y, w) = (line_rule(np.array(ends), order) for ends in zip(self.lower, self.upper, strict=True))
+        return Rule(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2), np.outer(v, w).ravel())
+
+    def holds(self, xi: tuple[float, float]) -> bool:
+        """Tell whether a point lies in the patch or on its rim."""
+        return all(a <= at <= b for a, at, b in zip(self.lower, xi, self.upper, strict=True))
+
+
+@dataclass(frozen=True)
+class OnPatch:
+    """The displacement lift + M (Q + bubble P) on a patch; `output` (3, M) are the weights of Q, then of P."""
+
+    ansatz: Ansatz
+    patch: Patch
+    degree: int
+    output: Tensor
+
+    def jet(self, points: Array) -> Tensor:
+        """Return the jet (6, N, 3) of the displacement at points (N, 2) of the patch."""
+        placement = Placement(self.output.device, self.output.dtype)
+        free = (torch.cat(_bases(self.patch, self.degree, points, placement), dim=-1) @ self.output.T)[..., None]
+        matrix = self.ansatz.factors.matrix(points, placement)
+        return matrix_product(matrix, free)[..., 0] + self.ansatz.lift.jet(points, placement)
+
+
+def _bases(patch: Patch, degree: int, points: Array, placement: Placement) -> tuple[Tensor, Tensor]:
+    """Return the jets (6, N, .) of what Q and bubble P are made of."""
+    plain = replace(patch, inner=frozenset())
+    return plain.jets(points, degree, placement), patch.jets(points, degree + MORE, placement)
+
+
+@dataclass(frozen=True)
+class Balance:
+    """How Q and P follow from any field on a patch.
+
+    `fit` (F, N) takes the field's values at Gauss points (N, 2) to the weights of Q, and those of P are `loaded` (U,)
+    less `response` (U, 3 F) times these.
+    """
+
+    points: Array
+    fit: Tensor
+    loaded: Tensor
+    response: Tensor
+
+    @classmethod
+    def on(cls, ansatz: Ansatz, patch: Patch, degree: int, placement: Placement) -> Balance:
+        """Find the maps for polynomials of a degree."""
+        # 1. Q by least squares of M Q to M F at Gauss points.
+        rule = patch.rule(degree + ORDER)
+        held = ansatz.factors.matrix(rule.points, placement)[VALUE]
+        weights = (placement.tensor(rule.weights) * (held * held).sum(dim=(1, 2))).sqrt()[:, None]
+        plain = replace(patch, inner=frozenset()).jets(rule.points, degree, placement)[VALUE]
+        basis, triangle = torch.linalg.qr(weights * plain)
+        fit = torch.linalg.solve_triangular(triangle, (weights * basis).T, upper=True)
+        # 2. P by Ritz's method: K P = f - C Q.
+        unknowns, fitted = 3 * (degree + MORE + 1) ** 2, 3 * len(fit)
+        stiffness, right = weights.new_zeros((unknowns, unknowns)), weights.new_zeros((unknowns, 1 + fitted))
+        for points, table in tables(ansatz, rule, placement):
+            of_q, of_p = _bases(patch, degree, points, placement)
+            rows = strain_matrix(table, of_p)
+            add_gram(stiffness, rows)
+            right[:, 0] += value_vector(table.force, of_p[VALUE]) - rows.T @ table.offset.reshape(-1)
+            right[:, 1:].addmm_(rows.T, strain_matrix(table, of_q))
+        solved = RegularisedInverse.from_matrix(mirrored(stiffness), JITTER) @ right
+        return cls(rule.points, fit, solved[:, 0], solved[:, 1:])
+
+    def output(self, found: Field) -> Tensor:
+        """Return the weights (3, M) of Q, then of P, that continue a field."""
+        fitted = (self.fit @ (found.features.values(self.points) @ found.output.T)).T
+        balanced = self.loaded - self.response @ fitted.reshape(-1)
+        return torch.cat([fitted, balanced.view(3, -1)], dim=1)
+
+
+Balances = dict[tuple[Patch, int], Balance]
+"""By patch and degree: no field changes them, so that all fields of a case with the same supports may share them."""
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """Stress resultants of a field; `known` keeps what is solved on patches, of linear shells `at_rest` alone."""
+
+    found: Field
+    measure: StrainName
+    at_rest: bool
+    balances: Balances = field(default_factory=dict)
+    known: dict[Patch, tuple[OnPatch, ...]] = field(default_factory=dict)
+
+    def resultants(self, name: str, points: Array) -> Array:
+        """Return resultants (2, N, 3), or shear forces (2, N, 2), at points (N, 2), by both degrees; see `RESULTANTS`.
+
+        Where no patch may lie they are twice those of the field's own derivatives.
+        """
+        case = self.found.ansatz.case
+        values = np.repeat(resultants(case, self.measure, self.found.jet, name, points)[None], 2, axis=0)
+        differ = np.full(len(points), np.inf)
+        for share in SIDES_OF_PATCHES:
+            groups: dict[Patch, list[int]] = {}
+            # Of a point alone, so that its patch does not depend on what else is asked.
+            for k in np.flatnonzero(differ > AGREED * np.abs(values).max(axis=(0, 2))):
+                groups.setdefault(self._patch(points[k], share), []).append(int(k))
+            for patch, those in groups.items():
+                if not (self.at_rest and self._plain(patch)):
+                    continue
+                if patch not in self.known:
+                    self.known[patch] = tuple(self._balanced(patch, degree) for degree in DEGREES)
+                both = np.stack([resultants(case, self.measure, u.jet, name, points[those]) for u in self.known[patch]])
+                change = np.abs(both[1] - both[0]).max(axis=-1)
+                better = change < differ[those]
+                where = np.array(those)[better]
+                values[:, where], differ[where] = both[:, better], change[better]
+        return values
+
+    def _balanced(self, patch: Patch, degree: int) -> OnPatch:
+        ansatz, key = self.found.ansatz, (patch, degree)
+        if key not in self.balances:
+            self.balances[key] = Balance.on(ansatz, patch, degree, self.found.features.placement)
+        return OnPatch(ansatz, patch, degree, self.balances[key].output(self.found))
+
+    def _patch(self, point: Array, share: float) -> Patch:
+        domain, ends, inner = self.found.ansatz.case.surface.domain, [], set()
+        for axis in (0, 1):
+            step, most = share / STEPS, 1 - share
+            begin = round(((point[axis] - domain.lower[axis]) / domain.size[axis] - share / 2) / step) * step
+            if not domain.periodic[axis]:
+                begin = min(max(begin, 0.0), most)
+            inside = (begin > SLACK, begin < most - SLACK)
+            inner |= {(axis, s) for s, at in zip(SIDES, inside, strict=True) if at or domain.periodic[axis]}
+            ends.append([domain.lower[axis] + domain.size[axis] * at for at in (begin, begin + share)])
+        (a, b), (c, d) = ends
+        return Patch((a, c), (b, d), frozenset(inner))
+
+    def _plain(self, patch: Patch) -> bool:
+        """Tell whether polynomials may fit a patch: no force, support or kink lies on it but what M and areas hold."""
+        ansatz, fixed = self.found.ansatz, self.found.features.fixed
+        case = ansatz.case
+        forced = {n for load in case.loads if isinstance(load, PointLoad | EdgeLoad | MomentLoad) for n in load.on}
+        places = [*(case.places[n] for n in forced), *(place for _, place in case.supported_places())]
+        on_points = any(isinstance(place, Point) and patch.holds(place.xi) for place in places)
+        edges = {case.places[n] for n in forced} | {s.edge for s in edge_supports(case) if s.free}
+        on_edges = any(isinstance(edge, Edge) and (edge.axis, edge.side) not in patch.inner for edge in edges)
+        corner = all(len([a for a, _ in patch.inner if a == axis]) < len(SIDES) for axis in (0, 1))
+        singular = fixed.creases is not None or (corner and fixed.corners is not None)
+        kinks = any(patch.lower[a] < at < patch.upper[a] for a in (0, 1) for at in case.kinks[a])
+        return not (ansatz.soft or on_points or on_edges or singular or kinks)

@@ -1,0 +1,349 @@
+"""How `ndf-ritz` refines a linear shell at rest, and what it says of its uncertainty.
+
+Each level solves twice on one basis. The first answer has features of one kind. Challengers then join: features drawn
+anew, finer ones, ones that vary faster toward edges and points, and powers about corners. What they change is what the
+first answer had missed at least. A level whose answer they hardly change has settled; otherwise the next level is
+wider, and of the kind of challenger that has gained most energy.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.quantities.measure import unit
+from shellbench.problems.shell.quantities.quantities import (
+    DisplacementQuantity,
+    EnergyQuantity,
+    FieldError,
+    LargestDisplacement,
+    PotentialEnergy,
+)
+from shellbench.problems.shell.solution import ShellSolution
+from shellbench.solvers.ndf.field.build import Resolution, is_flat
+from shellbench.solvers.ndf.field.corners import held_corners
+from shellbench.solvers.ndf.field.geometry import side_lengths
+from shellbench.solvers.ndf.field.inputs import Inputs, edge_layers, foci
+from shellbench.solvers.ndf.field.jets import Array, Placement
+from shellbench.solvers.ndf.field.network import Network, random_features
+from shellbench.solvers.ndf.field.quadrature import RuleSpec
+
+SAFETY = 2.0  # of stated uncertainties, chosen before any error was seen
+SETTLED = 1e-3  # of a quantity's scale: what gates of fields ask for
+NEGLIGIBLE = 1e-3  # part of the largest displacement below which a value's relative error is idle
+WIDTHS = (1.0, 2.0, 3.5)  # of each level, in units of the usual width
+CHALLENGERS = 0.25  # in units of the neurons they challenge
+SLENDER = 3.0  # ratio of the sides of a flat shell from which on its ends have layers of their own
+CORNER_CUTS = 2  # of cells at corners; the certificate has one more
+EDGE_SCALE = 2.0  # of inputs stretched toward edges
+ROUNDING = 1e-9  # of a quantity's scale: answers repeat to this and better
+SLOWEST = 0.8  # ratio of energy gained in one level to the level before beyond which no tail is summed
+PROBES = 25  # points a side at which fields are compared, and the largest displacement is looked for
+REPEATED = 1.5  # times the panels a side: with 6 Gauss points in each, a hundredth of what the rule misjudges
+LEAST_TAIL = 0.5  # of what a level changed: the one before had missed it, and this one may miss half of it still
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of features: factors of the scales of plain inputs, and of those stretched toward edges and points."""
+
+    name: str
+    plain: float
+    edges: float
+    points: float
+
+
+# Rules that are graded toward points are coarse elsewhere, and fit the usual scales: finer ones exploit them.
+AROUND_POINTS = (Kind("anew", 1.0, 0.0, 1.0), Kind("finer", 1.4, 0.0, 0.7), Kind("layers", 0.7, 0.0, 1.2))
+KINDS = (Kind("anew", 1.0, 1.0, 1.0), Kind("finer", 2.0, 1.0, 1.5), Kind("layers", 1.0, 2.0, 2.0))
+GROWTH = {"anew": (1.3, 1.0), "finer": (2.0, 1.0), "layers": (1.3, 1.5)}  # of scales from level to level, by winner
+
+
+@dataclass(frozen=True)
+class Level:
+    """Widths, scales and rules of one level.
+
+    Attributes
+    ----------
+    resolution
+        Of the first answer; its rules serve both.
+    challenging
+        Scales of the challengers' inputs before their kind multiplies them.
+    challengers
+        Number of neurons of each kind.
+    detail
+        See `shellbench.solvers.ndf.field.build.FieldSpec`.
+    number
+        From 0.
+    kinds
+        Of challengers.
+    repeated
+        Whether the same features were solved for on a coarser rule before.
+    """
+
+    resolution: Resolution
+    challengers: int
+    detail: int
+    number: int = 0
+    kinds: tuple[Kind, ...] = ()
+    repeated: bool = False
+
+    def on_finer_rule(self) -> Level:
+        """Return the level with the same features on a finer rule, for challengers that exploit this one."""
+        usual = self.resolution
+        rule, fine = (finer_rule(spec, REPEATED) for spec in (usual.rule, usual.fine))
+        return replace(self, resolution=replace(usual, rule=rule, fine=fine), repeated=True)
+
+    def network(self, inputs: Inputs, seed: int, activation: str, placement: Placement) -> Network:
+        """Draw the features of the first answer, then those of each kind of challenger."""
+        drawn = [random_features(self._scales(inputs, None, placement), self.resolution.neurons, seed, activation)]
+        for k, kind in enumerate(self.kinds):
+            scales = self._scales(inputs, kind, placement)
+            drawn.append(random_features(scales, self.challengers, _seed(seed, self.number, k), activation))
+        weights, biases = (torch.cat([getattr(n, name)[0] for n in drawn]) for name in ("weights", "biases"))
+        return Network((weights,), (biases,), activation)
+
+    def _scales(self, inputs: Inputs, kind: Kind | None, placement: Placement) -> torch.Tensor:
+        usual = self.resolution
+        if kind is not None:
+            # Challengers look at edges even where the first answer does not.
+            usual = replace(
+                usual,
+                scale=usual.scale * kind.plain,
+                edge_scale=(usual.edge_scale or EDGE_SCALE) * kind.edges,
+                stretched_scale=usual.stretched_scale * kind.points,
+            )
+        return placement.tensor(usual.scales(inputs))
+
+    def groups(self) -> tuple[np.ndarray, ...]:
+        """Return the numbers of the neurons of each kind of challenger."""
+        start, each = self.resolution.neurons, self.challengers
+        return tuple(np.arange(start + k * each, start + (k + 1) * each) for k in range(len(self.kinds)))
+
+
+LARGEST_SEED = 2**31
+
+
+def _seed(seed: int, level: int, kind: int) -> int:
+    """Return another seed for each kind and level."""
+    return int(np.random.SeedSequence([seed, level, kind]).generate_state(1)[0]) % LARGEST_SEED
+
+
+def first_level(case: Case, usual: Resolution, given_width: bool = False, given_rule: bool = False) -> Level:
+    """Return the level that a case begins with, from its usual resolution, of which a part may have to stay."""
+    neurons = usual.neurons * (2 if not given_width and is_slender(case) else 1)
+    usual = replace(usual, neurons=neurons, edge_scale=_edge_scale(case))
+    chosen = usual if given_rule else _with_layers(case, usual)
+    return Level(chosen, _challengers(usual.neurons), detail=1, kinds=AROUND_POINTS if foci(case) else KINDS)
+
+
+def next_level(first: Level, before: Level, winner: str, most: int) -> Level | None:
+    """Return the level after one whose challengers of a kind have gained most; None if nothing wider is allowed."""
+    number = before.number + 1
+    if number >= len(WIDTHS):
+        return None
+    neurons = min(round(WIDTHS[number] * first.resolution.neurons), most)
+    if neurons <= before.resolution.neurons:
+        return None
+    plain, stretched = GROWTH[winner]
+    old, growth = before.resolution, WIDTHS[number] ** 0.4
+    resolution = replace(
+        old,
+        neurons=neurons,
+        scale=old.scale * plain,
+        edge_scale=(old.edge_scale or EDGE_SCALE if winner == "layers" else old.edge_scale) * stretched,
+        stretched_scale=old.stretched_scale * stretched,
+        rule=finer_rule(old.rule if before.repeated else first.resolution.rule, growth),
+        fine=finer_rule(old.fine if before.repeated else first.resolution.fine, growth),
+    )
+    return Level(resolution, _challengers(neurons), detail=2, number=number, kinds=before.kinds)
+
+
+def _challengers(neurons: int) -> int:
+    return max(4, round(CHALLENGERS * neurons / len(KINDS)))
+
+
+def _edge_scale(case: Case) -> float:
+    """Return the scale of inputs stretched toward edges in a first answer; zero where it leaves them out."""
+    if foci(case):
+        return 0.0
+    return EDGE_SCALE if not is_flat(case) or is_slender(case) else 0.0
+
+
+def is_slender(case: Case) -> bool:
+    """Tell whether a shell is flat, and much longer than wide."""
+    lengths = side_lengths(case)
+    return is_flat(case) and max(lengths) > SLENDER * min(lengths)
+
+
+def lengthwise(case: Case, spec: RuleSpec) -> RuleSpec:
+    """Return a rule of a slender shell with twice the panels along it, for its inputs run through the ends' layers."""
+    if foci(case) or not is_slender(case):
+        return spec
+    along = int(np.argmax(side_lengths(case)))
+    panels = (2 * spec.panels[0], spec.panels[1]) if along == 0 else (spec.panels[0], 2 * spec.panels[1])
+    return replace(spec, panels=panels)
+
+
+def _with_layers(case: Case, usual: Resolution) -> Resolution:
+    """Return a resolution whose rules are graded toward edges, if nothing acts at points, and toward corners."""
+    rule, fine = (lengthwise(case, spec) for spec in (usual.rule, usual.fine))
+    return replace(usual, rule=layered(case, rule), fine=layered(case, fine, CORNER_CUTS + 1))
+
+
+def layered(case: Case, spec: RuleSpec, corner_cuts: int = CORNER_CUTS) -> RuleSpec:
+    """Return a rule that is graded toward edges, if nothing acts at points, and toward corners where any is held."""
+    layers = edge_layers(case, flat=True)
+    if not foci(case) and layers is not None:
+        spec = replace(spec, layers=layers)
+    return spec if foci(case) and not held_corners(case) else replace(spec, corner_cuts=corner_cuts)
+
+
+def finer_rule(spec: RuleSpec, growth: float) -> RuleSpec:
+    """Return a rule of as many times the panels along each side, rounded up."""
+    first, second = (math.ceil(growth * number) for number in spec.panels)
+    return replace(spec, panels=(first, second))
+
+
+@dataclass(frozen=True)
+class Miss:
+    """What one answer has missed at least, as a finer one tells.
+
+    Attributes
+    ----------
+    changes
+        By quantity, in its unit.
+    energy
+        Energy gained, as a share of the energy stored.
+    """
+
+    changes: Mapping[str, float]
+    energy: float
+
+    def times(self, factor: float) -> Miss:
+        """Return a multiple."""
+        return Miss({name: factor * value for name, value in self.changes.items()}, factor * self.energy)
+
+    def or_larger(self, other: Miss) -> Miss:
+        """Return the larger one in each figure."""
+        changes = {name: max(value, other.changes[name]) for name, value in self.changes.items()}
+        return Miss(changes, max(self.energy, other.energy))
+
+
+def changes(
+    case: Case, before: Mapping[str, float], after: Mapping[str, float], displacements: tuple[Array, Array]
+) -> dict[str, float]:
+    """Return by how much each quantity changes, in its unit, from its values before and after.
+
+    `displacements` are those before and after at points all over the shell, (n, 3) each, metres.
+    """
+    # One displacement may change little by accident, where the field's change passes through zero. So none is taken to
+    # change by less than the field does along the same direction, in the mean square over the shell.
+    moved = displacements[1] - displacements[0]
+    least = {}
+    for q in case.quantities:
+        if isinstance(q, LargestDisplacement | DisplacementQuantity):
+            directions = np.array([unit(d) for d in q.directions]) if isinstance(q, DisplacementQuantity) else np.eye(3)
+            least[q.name] = float(np.sqrt(np.mean((moved @ directions.T) ** 2)))
+        if isinstance(q, LargestDisplacement) and q.name in after:
+            least[q.name] = min(least[q.name], _rise(moved, displacements[1], after[q.name]))
+    return {name: max(abs(value - before[name]), least.get(name, 0.0)) for name, value in after.items()}
+
+
+def _rise(moved: Array, displacement: Array, largest: float) -> float:
+    """Return by how much the largest displacement may rise if the field changes twice as much again, metres.
+
+    Supports prescribe a displacement that no features can change: one that is the largest is sure, as long as the
+    rest of the shell stays below it. No bound is known where the largest one is not prescribed, or between the points.
+    """
+    size, change = np.linalg.norm(displacement, axis=-1), np.linalg.norm(moved, axis=-1)
+    free = change > ROUNDING * size.max()
+    if free[np.argmax(size)] or largest > (1 + ROUNDING) * size.max():
+        return math.inf
+    change = SAFETY * np.maximum(change, np.sqrt(np.mean(change**2)))
+    return float(max(0.0, (size + change)[free].max(initial=0.0) - size.max()))
+
+
+def probed(solution: ShellSolution, at: float | None = None) -> Array:
+    """Return the displacement (n, 3) of a solution at points all over the shell, metres."""
+    points = solution.case.surface.domain.grid(PROBES, PROBES).reshape(-1, 2)
+    return solution.displacement(points, at)
+
+
+def tail(energies: tuple[float, float, float], steps: float) -> float:
+    """Return what so many further steps gain, in units of the last gain, from three energies that fall step by step.
+
+    Gains shrink by the ratio of the two known ones, or not at all where these do not tell of it.
+    """
+    former, last = energies[0] - energies[1], energies[1] - energies[2]
+    ratio = last / former if 0 < last < former else 1.0
+    return steps if ratio == 1.0 else ratio * (1 - ratio**steps) / (1 - ratio)
+
+
+def still_missed(last: float, former: float) -> float:
+    """Return what an answer misses still, in units of its change since the level before.
+
+    The tail of a geometric series, from the shares of energy that this change and the one before have gained; but
+    `LEAST_TAIL` at least.
+    """
+    ratio = min(last / former, SLOWEST) if former > 0 else 0.0
+    return max(LEAST_TAIL, ratio / (1 - ratio))
+
+
+def uncertainties(
+    missed: Miss,
+    gap: float,
+    values: Mapping[str, float],
+    scales: Mapping[str, float],
+    rounding: float = ROUNDING,
+) -> dict[str, float]:
+    """Return how sure an answer is of each quantity, from what it misses.
+
+    The largest of the change, and as shares of the quantity's scale the energy, `rounding` and `gap`, of the two
+    quadratures and of what regularisation leaves unbalanced; times `SAFETY`.
+    """
+    # A value may change little by chance, the energy can't: it only falls. Displacements that the load works on err as
+    # the energy does, others by more: so its share is no bound, and the change of the value itself is asked for, too.
+    share = missed.energy + gap + rounding
+    return {name: SAFETY * max(missed.changes[name], share * scales[name]) for name in values}
+
+
+def scale(
+    solution: ShellSolution, quantity: object, value: float, rounding: float, displacement: Array | None = None
+) -> float:
+    """Return the magnitude that the uncertainty of a quantity is compared with.
+
+    Energies are compared with the whole strain energy, or with one that is `rounding`, J. Displacements near zero are
+    compared with a small part of the largest one; `displacement` (n, 3) is the solution's where it is probed.
+    """
+    match quantity:
+        case EnergyQuantity():
+            return max(sum(solution.energies()), rounding)
+        case PotentialEnergy():  # of loads and moved supports together it may be any part of what is stored
+            return max(abs(value), sum(solution.energies()), rounding)
+        case FieldError():
+            return 1.0  # it is relative already, and goes to zero
+        case LargestDisplacement() | DisplacementQuantity():
+            moved = probed(solution) if displacement is None else displacement
+            largest = float(np.linalg.norm(moved, axis=-1).max())
+            return max(abs(value), NEGLIGIBLE * largest, np.finfo(float).tiny)
+    return max(abs(value), float(np.finfo(float).tiny))
+
+
+def unsettled(uncertainty: Mapping[str, float], scales: Mapping[str, float], settled: float = SETTLED) -> str | None:
+    """Return the clause that says why an answer has not settled, or None if it has, or if nothing is asked for.
+
+    It has where no uncertainty is above `settled` of its scale.
+    """
+    if not uncertainty:
+        return None
+    worst = max(uncertainty, key=lambda name: uncertainty[name] / scales[name])
+    share = uncertainty[worst] / scales[worst]
+    if share <= settled:  # not so where it is not a number
+        return None
+    return f"{worst} may be off by {share:.1e} of its scale: that is what features of other kinds still change, twice"

@@ -1,0 +1,302 @@
+"""Linear shells at rest by `ndf-ritz`: levels of ever more features, until challengers hardly change the answer.
+
+Where only loads act, each answer is the multiple of the found field that is best on the finer quadrature, so that what
+the training quadrature misjudges does not scale it.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from shellbench.errors import SolveFailure
+from shellbench.problem import Progress, ProgressCallback, Step
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.problems.shell.quantities.quantities import ResultantQuantity
+from shellbench.solvers.ndf.field.build import (
+    FieldSpec,
+    build_ansatz,
+    build_features,
+    build_inputs,
+    graded_points,
+    resolution,
+)
+from shellbench.solvers.ndf.field.field import Field
+from shellbench.solvers.ndf.field.jets import KINKED, Placement
+from shellbench.solvers.ndf.field.quadrature import area_rule
+from shellbench.solvers.ndf.field.supports import check_balance, point_supports
+from shellbench.solvers.ndf.linear.answer import STRONGER, Answer, Kept, Solved, displacement_values
+from shellbench.solvers.ndf.linear.patches import Balances
+from shellbench.solvers.ndf.linear.refinement import (
+    KINDS,
+    Level,
+    Miss,
+    first_level,
+    next_level,
+    probed,
+    scale,
+    still_missed,
+    uncertainties,
+    unsettled,
+)
+from shellbench.solvers.ndf.linear.ritz_field import with_settings
+from shellbench.solvers.ndf.linear.ritz_settings import NAME, RitzSettings
+from shellbench.solvers.ndf.linear.signs import Signs, jitter_share, refusal, rounding_energy, taken_up, unseen_turning
+from shellbench.solvers.ndf.linear.solution import NdfSolution
+from shellbench.solvers.ndf.linear.solve import JITTER, potential_energy, solve_part
+from shellbench.solvers.ndf.strains.energy import (
+    certify,
+    concentrated,
+    energy_gap,
+    normal_equations,
+    rigid_part,
+    surface_area,
+)
+from shellbench.solvers.ndf.strains.soft import Springs, support_error
+
+PENALTY = 1e4  # supports give by 1e-5 of the deflection and less, and rounding takes less than 1e-3 of the energy
+NESTED = (0.25, 0.5, 1.0)  # shares of the width whose nested fields make the convergence curve
+
+
+def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback) -> NdfSolution:
+    """Refine level by level until the challengers hardly change an answer, or nothing wider is allowed.
+
+    Raises
+    ------
+    SolveFailure
+        If no level has an answer (see `shellbench.solvers.ndf.linear.signs`).
+    """
+    # 1. One basis for two answers: the usual features, and those with challengers of other kinds.
+    # 2. What the second answer changes is what the first one had missed at least, and so was the change since the last
+    #    level. What regularisation takes is told by regularising more. The uncertainty of each quantity follows.
+    # 3. Not settled: the next level is wider, on a finer rule, and of the kind of challenger that has gained most.
+    # A level that exploits its quadrature has no answer, but the next one may have.
+    # Where challengers lose certified energy, they exploit the rule: the level is solved once more on a finer one.
+    # Of all levels, that of the least certified energy answers: features drawn anew need not span the former ones.
+    # Where settings fix width or panels, the first answer stands, and challengers only tell how sure it is.
+    begin, usual = time.perf_counter(), with_settings(resolution(case), settings)
+    given_width, given_rule = settings.neurons is not None, settings.panels is not None
+    fixed = given_width or given_rule
+    first = first_level(case, usual, given_width, given_rule)
+    level: Level | None = first
+    kept: Kept | None = None
+    steps: list[Step] = []
+    answer: NdfSolution | None = None
+    balances: Balances = {}
+    while level is not None:
+        progress(Progress(level.number, None, f"solving with {level.resolution.neurons} neurons and their challengers"))
+        solved = _solve_level(case, spec, settings, level, begin, balances)
+        last = solved.first if fixed else solved.best
+        exploiting = solved.best is not solved.challenged
+        reason = refusal(last.signs, last.solution.spec, settings.largest_gap)
+        alone = refusal(solved.first.signs, solved.first.solution.spec, settings.largest_gap)
+        if reason is not None and alone is None:
+            # The challengers alone exploit the rule, and are no part of the answer.
+            last, reason = solved.first, None
+        if reason is not None and kept is not None:
+            break
+        steps += [a.step for a in (*solved.narrower, solved.first, *(() if last is solved.first else (last,)))]
+        missed = solved.missed()
+        if kept is not None:
+            since = kept.answer.missed(last)
+            if last.exploits(_certified_again(kept.answer, level, settings)):
+                last, solved, missed = kept.answer, kept.solved, kept.missed.or_larger(since)
+            else:
+                left = still_missed(since.energy, kept.missed.energy)
+                missed = missed.times(max(1.0, left)).or_larger(since.times(left))
+        answer, wider = _stated(last, solved, tuple(steps), missed)
+        exploited = replace(
+            last.signs, gap=0.0, jitter_share=last.signs.jitter_share if spec.supports == "soft" else 0.0
+        )
+        curable = refusal(exploited, last.solution.spec, settings.largest_gap) is None
+        if reason is not None and (fixed or not curable):
+            break
+        if fixed or (reason is None and wider is None):
+            break
+        winner = KINDS[0].name
+        if reason is None:
+            kept = Kept(last, solved, missed)
+            if exploiting and not level.repeated:
+                level = level.on_finer_rule()
+                continue
+            if not exploiting:
+                reached = solved.energies()
+                winner = min(reached, key=reached.__getitem__)
+        level = next_level(first, level, winner, settings.most_neurons)
+    assert answer is not None
+    if fixed:
+        answer = _without_challengers(answer, first.resolution.neurons)
+    if reason is not None and kept is None:
+        raise SolveFailure(reason, answer)
+    return answer
+
+
+def _certified_again(answer: Answer, level: Level, settings: RitzSettings) -> float:
+    """Return the potential energy of an answer on the finer rule of another level, J."""
+    solution, spec = answer.solution, level.resolution.fine
+    case, field = solution.case, solution.field
+    ansatz, features, focal = field.ansatz, field.features, graded_points(case, solution.spec)
+    forces = concentrated(ansatz, spec, focal, features.placement)
+    energies = certify(ansatz, features, [field.output], area_rule(case.surface.domain, focal, spec), forces)[0]
+    if ansatz.soft:
+        springs = Springs.from_spec(ansatz, spec, focal, settings.penalty or PENALTY)
+        energies = springs.certify(energies, ansatz, features, field.output)
+    return energies.potential()
+
+
+def _without_challengers(solution: NdfSolution, width: int) -> NdfSolution:
+    """Return a solution whose network has its first features alone: it gives the others no weight."""
+    field, total = solution.field, solution.field.features.network.width
+    features = replace(field.features, network=field.features.network.narrowed(width))
+    output = torch.cat([field.output[:, :width], field.output[:, total:]], dim=1)
+    return replace(solution, field=Field(field.ansatz, features, output, field.rigid))
+
+
+def _stated(last: Answer, solved: Solved, steps: tuple[Step, ...], missed: Miss) -> tuple[NdfSolution, str | None]:
+    """Return an answer with its history and with what is known of its uncertainty, and why a wider field is needed."""
+    # Stress resultants are derivatives, and the last to settle: they ask for wider fields. But a field whose
+    # displacements have settled is an answer, and each resultant states how sure it is.
+    solution = last.solution
+    area = surface_area(solution.field.ansatz, area_rule(solution.case.surface.domain, np.zeros((0, 2)), solution.rule))
+    rounding = rounding_energy(solution.case.material.membrane_stiffness, area)
+    scales = {q.name: scale(solution, q, last.values[q.name], rounding) for q in solution.case.quantities}
+    missed = missed.or_larger(_unrecovered(solution))
+    gap = max(a.signs.gap + a.signs.jitter_share for a in (solved.first, solved.challenged))
+    uncertainty = uncertainties(missed, gap, last.values, scales)
+    others = {q.name for q in solution.case.quantities if not isinstance(q, ResultantQuantity)}
+    numbered = tuple(replace(step, iteration=k) for k, step in enumerate(steps))
+    stated = replace(
+        solution,
+        history=numbered,
+        uncertainty=uncertainty,
+        unsettled=unsettled({name: value for name, value in uncertainty.items() if name in others}, scales),
+        diagnostics={
+            **solution.diagnostics,
+            "level": solved.level.number,
+            "challenge_gain": missed.energy,
+            "challengers": len(solved.level.kinds) * solved.level.challengers,
+        },
+    )
+    return stated, unsettled(uncertainty, scales)
+
+
+def _unrecovered(solution: NdfSolution) -> Miss:
+    """Return what the recovery of stress resultants misses at least: what its coarser degree changes."""
+    changed = {q.name: 0.0 for q in solution.case.quantities}
+    for q in solution.case.quantities:
+        if isinstance(q, ResultantQuantity):
+            points, weights = q.rule(solution.case)
+            coarser, finer = (q.component_of(values) for values in solution.recovered(q.kind, points))
+            changed[q.name] = abs(float(weights @ (finer - coarser)))
+    return Miss(changed, 0.0)
+
+
+def _solve_level(
+    case: Case, spec: FieldSpec, settings: RitzSettings, level: Level, begin: float, balances: Balances
+) -> Solved:
+    spec = spec.model_copy(update={"detail": level.detail})
+    placement, focal, chosen = Placement.on(settings.device), graded_points(case, spec), level.resolution
+    ansatz, inputs = build_ansatz(case, spec), build_inputs(case, spec)
+    network = level.network(inputs, settings.seed, settings.activation, placement)
+    features = build_features(case, spec, network, placement, inputs)
+    rule = area_rule(case.surface.domain, focal, chosen.rule)
+    check_balance(case, rule, chosen.rule, focal)
+    equations = normal_equations(ansatz, features, rule, concentrated(ansatz, chosen.rule, focal, placement))
+    weight = settings.penalty or PENALTY
+    springs = Springs.from_spec(ansatz, chosen.fine, focal, weight) if ansatz.soft else None
+    if springs:
+        equations = Springs.from_spec(ansatz, chosen.rule, focal, weight).join(equations, ansatz, features)
+
+    # Nested bases: parts of the usual features, all of them, and all there are.
+    hidden, former = network.width, np.logical_or(features.fixed.former(), level.number > 1)
+    plain, powers = hidden + np.nonzero(former)[0], hidden + np.nonzero(~former)[0]
+    shares = NESTED if level.number == 0 and not level.repeated else NESTED[-1:]
+    widths = sorted({math.ceil(share * chosen.neurons) for share in shares})
+    parts = [np.concatenate([np.arange(width), plain]) for width in widths]
+    parts.append(np.arange(features.count))
+    parts += [parts[-1]] * 2
+    jitters = [JITTER] * (len(parts) - 3) + [STRONGER**2 * JITTER, STRONGER * JITTER, JITTER]
+    both = zip(parts, jitters, strict=True)
+    layers = [solve_part(ansatz, features, equations, part, level=jitter) for part, jitter in both]
+    outputs = [layer.weights.view(3, -1) for layer in layers]
+    fine = area_rule(case.surface.domain, focal, chosen.fine)
+    certified = certify(ansatz, features, outputs, fine, concentrated(ansatz, chosen.fine, focal, placement))
+    moved = ansatz.lift.moves or any(support.value for support in point_supports(case, spec.t))
+    if springs:
+        certified = [springs.certify(c, ansatz, features, o) for c, o in zip(certified, outputs, strict=True)]
+        moved = springs.moved
+    rounding = rounding_energy(case.material.membrane_stiffness, surface_area(ansatz, rule))
+    answers: list[Answer] = []
+    for part, jitter, layer, output, energies in zip(parts, jitters, layers, outputs, certified, strict=True):
+        potential = potential_energy(equations, layer.weights)
+        gap = energy_gap(potential, energies, moved, rounding)
+        share = 1.0 if moved else energies.best
+        membrane, bending, _ = energies.parts(share)
+        field = Field(ansatz, features, share * output, output.new_zeros(6))
+        solution = NdfSolution(
+            case=case,
+            solver=NAME,
+            spec=spec,
+            field=field.less_rigid(rigid_part(field, rule)),
+            rule=chosen.fine,
+            membrane=membrane,
+            bending=bending,
+            parameters=len(features.pairs(part)),
+            point_forces=springs.point_forces(field) if springs else tuple((share * layer.reactions).tolist()),
+            balances=balances,
+        )
+        judged = len(answers) >= len(parts) - 4
+        signs = Signs(
+            gap=gap,
+            taken_up=1.0 if moved else taken_up(equations),
+            unseen_turning=unseen_turning(solution.field, chosen.fine, focal) if judged else 0.0,
+            jitter_share=jitter_share(equations, layer.weights, layer.unbalanced, rounding),
+        )
+        step = Step(
+            iteration=0,
+            seconds=time.perf_counter() - begin,
+            energy=energies.potential(share),
+            unknowns=solution.parameters,
+            at=spec.t,
+            gap=gap,
+            quantities=displacement_values(solution),
+        )
+        diagnostics = {
+            "energy_gap": gap,
+            "certified_energy": energies.potential(share),
+            "jitter": jitter,
+            "fixed_weights": network.parameters,
+            "neurons": network.width if part is parts[-1] else chosen.neurons,
+            "quadrature_points": len(rule.points),
+            "fine_quadrature_points": len(fine.points),
+            "support_error": support_error(solution.field),
+            "jitter_share": signs.jitter_share,
+        }
+        if spec.activation in KINKED:
+            diagnostics["unseen_turning"] = signs.unseen_turning
+        if springs:
+            diagnostics |= {"spring_energy": energies.spring_energy(share), "penalty": weight}
+        answers.append(
+            Answer(
+                solution=replace(solution, diagnostics=diagnostics),
+                potential=energies.potential(share),
+                stored=membrane + bending + energies.spring_energy(share) + rounding,
+                signs=signs,
+                values=dict(measure_all(replace(solution, history=(step,)))) if judged else {},
+                probed=probed(solution) if judged else np.zeros((0, 3)),
+                step=step,
+            )
+        )
+
+    def reached() -> dict[str, float]:
+        joined = [np.concatenate([np.arange(chosen.neurons), plain, powers, group]) for group in level.groups()]
+        weights = [solve_part(ansatz, features, equations, part).weights for part in joined]
+        return {k.name: potential_energy(equations, w) for k, w in zip(level.kinds, weights, strict=True)}
+
+    *narrower, alone, stiffest, stiffer, usual = answers
+    return Solved(level, tuple(narrower), alone, (stiffest, stiffer, usual), reached)

@@ -1,0 +1,115 @@
+"""Parts of Newton's law for a field: energies, what the lift adds, tables, and points that mirrors bring."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from shellbench.solvers.ndf.strains.sampled import COMPONENTS
+
+
+@dataclass(frozen=True)
+class Energies:
+    """Parts of the energy at one time, J."""
+
+    kinetic: float
+    membrane: float
+    bending: float
+    springs: float
+
+    @property
+    def total(self) -> float:
+        """Their sum."""
+        return self.kinetic + self.strain
+
+    @property
+    def strain(self) -> float:
+        """What a displacement alone stores."""
+        return self.membrane + self.bending + self.springs
+
+
+@dataclass(frozen=True)
+class Lifted:
+    """The lift at the points of the rule: displacement (N, 3) and its gradients (N, 5, 3)."""
+
+    values: Tensor
+    gradients: Tensor
+
+
+@dataclass(frozen=True)
+class Table:
+    """Features at points, one row a plane and a point: (6 N, M)."""
+
+    rows: Tensor
+
+    def fields(self, output: Tensor) -> Tensor:
+        """Return six planes of fields (N, 6, 3) of output weights (3, M)."""
+        return (self.rows @ output.T).view(-1, 6, COMPONENTS)  # one product for all points
+
+    def onto(self, conjugate: Tensor) -> Tensor:
+        """Return the vector (3, M) on the output weights of what is conjugate (N, 6, 3) to the fields."""
+        total: Tensor = conjugate.reshape(-1, COMPONENTS).T @ self.rows
+        return total
+
+
+@dataclass(frozen=True)
+class Reflected:
+    """Unknowns of orthonormal features: what `Basis` is, without a matrix.
+
+    The null space of what point supports hold is kept as Householder reflections.
+
+    Attributes
+    ----------
+    free
+        (3 M,): whether a weight moves at all; components that are held everywhere do not.
+    root
+        Of the areal density: mass is this squared times the identity.
+    reflections, factors
+        (3 M, k) and (k,): LAPACK's form of an orthogonal matrix whose first k columns span the constraints.
+    held
+        (3 M, k), as in `Basis`.
+    """
+
+    free: Tensor
+    root: float
+    reflections: Tensor
+    factors: Tensor
+    held: Tensor
+
+    @classmethod
+    def from_constraints(cls, free: Tensor, density: float, rows: Tensor) -> Reflected:
+        """Hold what `rows` (k, 3 M) say of the weights."""
+        # R^T = Q [T; 0]: the first columns of Q span what is held, the others are free. R Q_1 T^-T = 1.
+        own = rows[:, free].T.contiguous()
+        reflections, factors = torch.geqrf(own)
+        k = own.shape[1]
+        held = rows.new_zeros((len(free), k))
+        if k:
+            first = torch.linalg.householder_product(reflections, factors)
+            held[free] = torch.linalg.solve_triangular(reflections[:k].triu(), first.T, upper=True).T
+        return cls(free, math.sqrt(density), reflections, factors, held)
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns r."""
+        return int(self.free.sum()) - len(self.factors)
+
+    def spread(self, y: Tensor) -> Tensor:
+        """Return weights (3 M,) of unknowns (r,)."""
+        own = torch.cat([y.new_zeros(len(self.factors)), y]) / self.root
+        w = y.new_zeros(len(self.free))
+        w[self.free] = self._turned(own, back=False)
+        return w
+
+    def gather(self, force: Tensor) -> Tensor:
+        """Return forces (r,) on the unknowns of forces (3 M,) on the weights."""
+        return self._turned(force[self.free], back=True)[len(self.factors) :] / self.root
+
+    def _turned(self, own: Tensor, back: bool) -> Tensor:
+        if not len(self.factors):
+            return own
+        turned: Tensor = torch.ormqr(self.reflections, self.factors, own[:, None], transpose=back)[:, 0]
+        return turned

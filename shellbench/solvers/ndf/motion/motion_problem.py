@@ -1,0 +1,361 @@
+"""Newton's law for a field: the output layer's equations of motion, in unknowns that are orthonormal in mass.
+
+The displacement is u = lift(t) + M w . phi with w = held g(t) + combine y. Point supports hold w to the prescribed
+g(t); the other unknowns y obey
+
+    y'' = combine^T [ f(t) - dE/dw - rho (M phi, lift'') ],
+
+where E is the energy of strains and springs, f are the loads. The columns of `held` and `combine` are orthogonal in
+mass, so that g'' exerts nothing on y. The power of loads and supports is integrated beside y: what they have done is
+what the shell must have.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from shellbench.problems.shell.case import Case
+from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz
+from shellbench.solvers.ndf.field.field import Ansatz
+from shellbench.solvers.ndf.field.jets import VALUE, Array
+from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
+from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density, point_supports
+from shellbench.solvers.ndf.motion.motion_parts import Energies, Lifted, Reflected, Table
+from shellbench.solvers.ndf.motion.products import Grid, Products
+from shellbench.solvers.ndf.path.equilibrium import Basis
+from shellbench.solvers.ndf.strains.sampled import COMPONENTS, NOWHERE, Combined, Sampled
+from shellbench.solvers.ndf.strains.strain_measures import GRADIENTS, stresses
+
+STENCIL = 7  # values in time from which rates of prescribed motions follow
+NUDGE = 1e-6  # root mean square displacement of small motions, in sides of the shell: strains stay linear, and exact
+ITERATIONS = 30  # of power iteration, which finds the highest frequency to a few per cent
+SPACING = 1e-3  # of the whole time, between them: errors of truncation and rounding are then both near 1e-9
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A case with its features on one quadrature.
+
+    Attributes
+    ----------
+    case, spec
+        The case, and the choices of the field.
+    features
+        Combinations, orthonormal in the area.
+    rule_spec
+        The rule that forces and energies are integrated with.
+    """
+
+    case: Case
+    spec: FieldSpec
+    features: Combined | Products
+    rule_spec: RuleSpec
+
+    def ansatz(self, t: float) -> Ansatz:
+        """Return the supports at a time."""
+        return build_ansatz(self.case, self.spec.model_copy(update={"t": t}))
+
+    @property
+    def _until(self) -> float:
+        assert self.case.dynamics is not None
+        return self.case.dynamics.until
+
+    @cached_property
+    def sampled(self) -> Sampled:
+        """The rule's points."""
+        rule = area_rule(self.case.surface.domain, NOWHERE, self.rule_spec)
+        keep = isinstance(self.features, Combined)
+        return Sampled.at_points(self.ansatz(0.0), self.features, rule.points, keep)
+
+    @cached_property
+    def _alike(self) -> bool:
+        """Whether the boundary matrix is a multiple of the identity, as where all components are held or none."""
+        through = self.sampled.through.view(-1, 5, COMPONENTS, COMPONENTS, 6)
+        first = through[:, :, :1, :1] * torch.eye(COMPONENTS).to(through)[:, :, None]
+        return bool(torch.equal(through, first.expand_as(through)))
+
+    @cached_property
+    def _table(self) -> Table | Grid:
+        """The features at the points; where components are alike, displacement and gradients that they make."""
+        if isinstance(self.features, Products):
+            return self.features.on_grid(self.sampled.points)
+        jets = self.sampled.jets
+        # Where M is a multiple of the identity all components share one small table. Both ways give the same field.
+        if self._alike:
+            through = self.sampled.through.view(-1, 5, COMPONENTS, COMPONENTS, 6)[:, :, 0, 0]
+            value = self.sampled.matrix[:, 0, :1, None] * torch.eye(6).to(through)[VALUE]
+            jets = torch.cat([value, through], dim=1) @ jets
+        return Table(jets.reshape(-1, self.features.count))
+
+    @cached_property
+    def share(self) -> Tensor:
+        """(N,): area of each point, m^2."""
+        rule = area_rule(self.case.surface.domain, NOWHERE, self.rule_spec)
+        return self.features.placement.tensor(rule.weights) * self.sampled.undeformed.geometry.jacobian
+
+    @property
+    def area(self) -> float:
+        """Area of the midsurface, m^2."""
+        return float(self.share.sum())
+
+    @cached_property
+    def _elasticity(self) -> Tensor:
+        return self.sampled.undeformed.elasticity(self.case.material) * self.share[:, None, None, None]
+
+    @cached_property
+    def _springs(self) -> Tensor:
+        """(N, 3): stiffness of each point, N/m."""
+        return self.features.placement.tensor(self.case.spring_stiffness(self.sampled.points)) * self.share[:, None]
+
+    @cached_property
+    def mass(self) -> Tensor:
+        """(3 M, 3 M) on the output weights, kg; nothing of components that are held on the whole surface."""
+        total = self.sampled.products(self.case.material.areal_density * self.share)
+        blocks = total.view(COMPONENTS, self.features.count, COMPONENTS, self.features.count)
+        # A component held on the whole surface moves as prescribed. Its features get no inertia, and so no place in the
+        # basis.
+        for c in self.case.held_everywhere:
+            for d in range(COMPONENTS):
+                blocks[c, :, d] = blocks[d, :, c] = 0.0
+        return total
+
+    @cached_property
+    def _rows(self) -> Tensor:
+        """(k, 3 M): what the point supports hold."""
+        supports, placement = point_supports(self.case), self.features.placement
+        if not supports:
+            return self.share.new_zeros((0, COMPONENTS * self.features.count))
+        points = np.array([s.point.xi for s in supports])
+        matrix = self.ansatz(0.0).factors.matrix(points, placement)[VALUE]
+        held = matrix[torch.arange(len(supports)), [s.component for s in supports]]
+        return (held[:, :, None] * self.features.values(points)[:, None, :]).reshape(len(supports), -1)
+
+    @cached_property
+    def basis(self) -> Basis | Reflected:
+        """The unknowns, orthonormal in mass."""
+        if isinstance(self.features, Products):
+            free = torch.ones((COMPONENTS, self.features.count), dtype=torch.bool)
+            free[list(self.case.held_everywhere)] = False
+            return Reflected.from_constraints(free.flatten(), self.case.material.areal_density, self._rows)
+        return Basis.from_stiffness(self.mass, self._rows)
+
+    def inertia(self, second: Tensor) -> Tensor:
+        """Return mass times accelerations (3 M,) of the output weights, N."""
+        if isinstance(self.basis, Reflected):
+            return torch.where(self.basis.free, self.case.material.areal_density * second, 0.0)
+        return self.mass @ second
+
+    def unknowns(self, w: Tensor) -> Tensor:
+        """Return the unknowns y (r,), or their rates, of output weights (3 M,) that hold what is held."""
+        return self.basis.gather(self.inertia(w))
+
+    def pushed(self, force: Tensor) -> Tensor:
+        """Return the vector (3 M,) of forces (N, 3) on u."""
+        if isinstance(self.features, Products):
+            return self._on_weights(force, force.new_zeros((len(force), GRADIENTS)))
+        return self.sampled.forces(force)
+
+    def targets(self, t: float) -> Tensor:
+        """Return what the point supports prescribe (k,) at a time, metres, less the lift."""
+        supports, placement = point_supports(self.case, t), self.features.placement
+        values = placement.tensor(np.array([s.value for s in supports]))
+        if supports and self._lifts:
+            lift = self.ansatz(t).lift.jet(np.array([s.point.xi for s in supports]), placement)[VALUE]
+            values = values - lift[torch.arange(len(supports)), [s.component for s in supports]]
+        return values
+
+    @cached_property
+    def _driven(self) -> bool:
+        """Whether any point or edge is moved."""
+        points = any(s.support.motion is not None for s in point_supports(self.case))
+        return points or self._lifts
+
+    @cached_property
+    def _lifts(self) -> bool:
+        return self.ansatz(0.0).lift.moves
+
+    def rate(self, function: Callable[[float], Tensor], t: float, order: int) -> Tensor:
+        """Return a derivative in time of something prescribed, from values between rest and the final time."""
+        return self.rates(function, t)[order - 1]
+
+    def rates(self, function: Callable[[float], Tensor], t: float) -> tuple[Tensor, Tensor]:
+        """Return the first and the second derivative in time of something prescribed."""
+        # Finite differences on a stencil that stays between rest and the end, one-sided there. Their weights solve
+        # Vandermonde's system: exact for polynomials up to the sixth degree. A prescribed motion may be any function of
+        # time, so that no formula is differentiated.
+        spacing = SPACING * self._until
+        first = min(max(t - spacing * (STENCIL // 2), 0.0), self._until - spacing * (STENCIL - 1))
+        times = first + spacing * np.arange(STENCIL)
+        powers = np.vander((times - t) / spacing, increasing=True).T
+        wanted = np.zeros((STENCIL, 2))
+        wanted[1, 0], wanted[2, 1] = 1 / spacing, 2 / spacing**2
+        weights = np.linalg.solve(powers, wanted)
+        values = torch.stack([function(float(time)) for time in times])
+        slope, bend = (torch.tensordot(values.new_tensor(w), values, dims=1) for w in weights.T)
+        return slope, bend
+
+    def _lift(self, t: float) -> Lifted:
+        jet = self.ansatz(t).lift.jet(self.sampled.points, self.features.placement)
+        return Lifted(jet[VALUE], self.sampled.undeformed.gradients(jet))
+
+    def _lift_rates(self, t: float) -> tuple[Lifted, Lifted]:
+        """Return the lift's first and second derivative in time."""
+
+        def packed(time: float) -> Tensor:
+            lifted = self._lift(time)
+            return torch.cat([lifted.values[:, None], lifted.gradients], dim=1)
+
+        slope, bend = (Lifted(both[:, 0], both[:, 1:]) for both in self.rates(packed, t))
+        return slope, bend
+
+    def weights(self, y: Tensor, t: float, order: int = 0) -> Tensor:
+        """Return the output weights w (3 M,) of unknowns (r,), or their derivative in time from that of y."""
+        total = self.basis.spread(y)
+        if not self._driven:
+            return total
+        targets = self.targets(t) if order == 0 else self._target_rates(t)[order - 1]
+        return total + self.basis.held @ targets
+
+    def _target_rates(self, t: float) -> tuple[Tensor, Tensor]:
+        """Return the rates of what point supports prescribe; at the last time asked for they are known."""
+        # Each evaluation of the accelerations asks for both rates, of which either takes a whole stencil of motions.
+        if t not in self._rate_memory:
+            self._rate_memory.clear()
+            self._rate_memory[t] = self.rates(self.targets, t)
+        return self._rate_memory[t]
+
+    @cached_property
+    def _rate_memory(self) -> dict[float, tuple[Tensor, Tensor]]:
+        return {}
+
+    @cached_property
+    def _load_memory(self) -> dict[str, tuple[Array, Tensor]]:
+        return {}
+
+    def forces(self, t: float) -> Tensor:
+        """Return the dead loads (3 M,) at a time; loads that have not changed are not integrated again."""
+        # Loads are compared, not assumed steady: most do not change, and a comparison costs less than an integral.
+        density = force_density(self.case, self.sampled.points, t)
+        points, concentrated = concentrated_forces(self.case, self.rule_spec, NOWHERE, t)
+        key = np.concatenate([density, concentrated])
+        if "loads" in self._load_memory and np.array_equal(self._load_memory["loads"][0], key):
+            return self._load_memory["loads"][1]
+        placement = self.features.placement
+        total = self.pushed(placement.tensor(density) * self.share[:, None])
+        if len(points):
+            matrix = self.ansatz(t).factors.matrix(points, placement)[VALUE]
+            on_free = (matrix.mT @ placement.tensor(concentrated)[..., None])[..., 0]
+            total = total + (on_free.T @ self.features.values(points)).reshape(-1)
+        self._load_memory["loads"] = (key, total)
+        return total
+
+    def _fields(self, w: Tensor, lifted: Lifted | None) -> tuple[Tensor, Tensor]:
+        """Return displacement (N, 3) and its gradients (N, 5, 3)."""
+        found = self._table.fields(w.view(COMPONENTS, -1))
+        if self._alike:
+            u, gradients = found[:, 0], found[:, 1:]
+        else:
+            u, gradients = self._through(found.mT)
+        if lifted is not None:
+            return u + lifted.values, gradients + lifted.gradients
+        return u, gradients
+
+    def _through(self, free: Tensor) -> tuple[Tensor, Tensor]:
+        """Return displacement (N, 3) and gradients (N, 5, 3) from the jets of free components (N, 3, 6)."""
+        gradients = (self.sampled.through @ free.reshape(-1, 6 * COMPONENTS, 1)).view(-1, 5, COMPONENTS)
+        return (self.sampled.matrix @ free[..., VALUE, None])[..., 0], gradients
+
+    def _on_weights(self, force: Tensor, conjugate: Tensor) -> Tensor:
+        """Return the vector (3 M,) of forces (N, 3) on u and of what is conjugate (N, 15) to its gradients."""
+        if self._alike:
+            on_fields = torch.cat([force[:, None], conjugate.view(-1, 5, COMPONENTS)], dim=1)
+            return self._table.onto(on_fields).reshape(-1)
+        on_jet = (conjugate[:, None] @ self.sampled.through).view(-1, COMPONENTS, 6)
+        on_jet[..., VALUE] += (self.sampled.matrix.mT @ force[..., None])[..., 0]
+        return self._table.onto(on_jet.mT).reshape(-1)
+
+    def resistance(self, w: Tensor, t: float) -> tuple[Tensor, Tensor, Tensor]:
+        """Return dE/dw (3 M,), and per point what is conjugate to gradients (N, 15) and the springs' pull (N, 3)."""
+        u, gradients = self._fields(w, self._lift(t) if self._lifts else None)
+        strained = self.sampled.undeformed.strained(self.spec.strain, gradients)
+        stress = stresses(self._elasticity, strained.strains)
+        # Stress . eps' is conjugate to the gradients of u, the springs' pull to u itself.
+        conjugate, pull = strained.conjugate(stress), self._springs * u
+        return self._on_weights(pull, conjugate), conjugate, pull
+
+    def accelerate(self, y: Tensor, velocity: Tensor, t: float) -> tuple[Tensor, float]:
+        """Return y'' (r,), and the power of loads and supports, W."""
+        # y'' = combine^T (f - dE/dw - rho (M phi, lift'')): no mass matrix, as the basis is orthonormal in mass.
+        # 1. Forces of strains and springs at w; dead loads; inertia of the lift.
+        # 2. Power of the loads on w'.
+        # 3. Power of point supports: mass times acceleration less all other forces, on the part of w' that they move.
+        # 4. Power of moving edges and of loads on their motion: inertia, springs and stresses on the lift's rate.
+        w = self.weights(y, t)
+        resistance, conjugate, pull = self.resistance(w, t)
+        force = self.forces(t)
+        rho = self.case.material.areal_density
+        residual = force - resistance
+        rates = self._lift_rates(t) if self._lifts else None
+        if rates is not None:
+            residual = residual - self.pushed(rho * self.share[:, None] * rates[1].values)
+        acceleration = self.basis.gather(residual)
+        moved = self.weights(velocity, t, 1)
+        power = float(force @ moved)
+        if self._driven:
+            # The free fields are in balance, so that only held ones are left in it; w' - combine y' is their motion.
+            balance = self.inertia(self.weights(acceleration, t, 2)) - residual
+            power += float(balance @ (moved - self.basis.spread(velocity)))
+        if rates is not None:
+            rate, second = rates
+            free, _ = self._fields(self.weights(acceleration, t, 2), None)
+            inertia = rho * self.share[:, None] * (free + second.values)
+            power += float(((inertia + pull) * rate.values).sum() + (conjugate * rate.gradients.flatten(1)).sum())
+        return acceleration, power
+
+    def highest_frequency(self) -> float:
+        """Return the highest angular frequency of small motions about rest, rad/s, by power iteration."""
+        # Power iteration on the stiffness at rest, which in this basis has the squared frequencies as eigenvalues. Its
+        # product with a vector is a central difference of the forces: no matrix is made.
+        rest = self.share.new_zeros(self.basis.size)
+        direction = torch.sin(torch.arange(1.0, 1 + len(rest)).to(rest))  # any that is orthogonal to no mode
+        size, value = NUDGE * self.area**0.5 * self.case.material.areal_density**0.5, 0.0
+        for _ in range(ITERATIONS):
+            direction = direction / direction.norm()
+            there, back = (
+                self.resistance(self.basis.spread(rest + side * size * direction), 0.0)[0] for side in (1, -1)
+            )
+            direction = self.basis.gather(there - back) / (2 * size)
+            value = float(direction.norm())
+        return math.sqrt(value)
+
+    def holding(self, w: Tensor, second: Tensor, t: float) -> Tensor:
+        """Return the forces (k,) of the point supports, N, from output weights (3 M,) and their second derivative."""
+        # D'Alembert: the supports exert what is out of balance, on the fields that move one of them by one unit.
+        residual = self.resistance(w, t)[0] - self.forces(t) + self.inertia(second)
+        if self._lifts:
+            lag = self.case.material.areal_density * self.share[:, None] * self._lift_rates(t)[1].values
+            residual = residual + self.pushed(lag)
+        return self.basis.held.T @ residual
+
+    def energies(self, w: Tensor, rate: Tensor, t: float) -> Energies:
+        """Return the energies of output weights (3 M,) and their rates at a time."""
+        u, gradients = self._fields(w, self._lift(t) if self._lifts else None)
+        strains = self.sampled.undeformed.strained(self.spec.strain, gradients).strains
+        work = (strains * stresses(self._elasticity, strains)).view(-1, 2, 3).sum(dim=(0, 2)) / 2
+        v = self._fields(rate, None)[0]
+        if self._lifts:
+            v = v + self._lift_rates(t)[0].values
+        membrane, bending = work.tolist()
+        return Energies(
+            kinetic=self.case.material.areal_density / 2 * float(self.share @ (v * v).sum(-1)),
+            membrane=membrane,
+            bending=bending,
+            springs=float((self._springs * u * u).sum()) / 2,
+        )

@@ -1,0 +1,315 @@
+"""The path of a shell through buckling: its critical load, and the stable states beyond it.
+
+Up to the first state that is no minimum of the energy the path is followed as under load control. The critical load is
+where the tangent's smallest eigenvalue, relative to the stiffness at rest, passes zero: it is found between a stable
+and an unstable state by the Illinois variant of regula falsi (Dowell & Jarratt 1971, BIT 11). A little beyond it the
+shell relaxes from there (`relaxed`); from there on load steps are taken as long as they lead to stable
+states, and where they don't the shell relaxes again.
+
+Relaxation: from any displacement down to a stable state, by Newton's method in a trust region.
+
+At each iterate the potential energy is minimised by its exact second-order model within a ball, whose radius follows
+from how well the model foretold the last gain (Moré & Sorensen 1983, SIAM J. Sci. Stat. Comput. 4; Conn, Gould & Toint
+2000). That the ball is one of the stiffness at rest makes the step that of a pseudo-transient method,
+
+    (K + mu K_rest) s = -g,
+
+with the mu that the energy allows: it leaves a saddle along its most negative direction, only ever goes downhill, and
+becomes Newton's method at the end.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from shellbench.solvers.ndf.path.continuation import (
+    CUT,
+    EASY,
+    FIRST_STEP,
+    GROWTH,
+    SMALLEST_STEP,
+    STRAIGHT,
+    PathEndsError,
+    landing,
+)
+from shellbench.solvers.ndf.path.equilibrium import CONVERGED, Deformed, NotConvergedError, PathProblem
+from shellbench.solvers.ndf.path.newton import PathState, equilibrium
+
+NEUTRAL = 1e-4
+"""Eigenvalue of a tangent, relative to the stiffness at rest, that is called zero.
+
+A perfect shell's smallest one falls from 1 at rest to 0 at the critical load, so one of this size moves that load by
+about its own share. Waves that may travel around a shell have a zero one, of which a field makes a small number of
+either sign."""
+IMMATERIAL = 1e-4  # of the energy: what its own small slopes along neutral modes could at most promise a field
+FIRST_RADIUS = 0.1  # of the norm of the energy there is
+TRUSTED, DOUBTED = 0.75, 0.25  # shares of the foretold gain beyond which the radius grows, or shrinks
+WIDER, NARROWER = 2.0, 0.25
+NARROWEST = 1e-9  # of the norm of the energy: what is left to gain is rounding
+MOST_STEPS = 400
+SECULAR = 100  # bisections of the shift
+
+
+def relaxed(problem: PathProblem, start: PathState, t: float) -> PathState:
+    """Return a stable state at load factor t of no more energy than the start has there.
+
+    Raises
+    ------
+    NotConvergedError
+        If none was found.
+    """
+    # 1. Move the point supports, and decompose the tangent: all modes, once for each iterate.
+    # 2. Drop what the gradient has along neutral modes, if that is the field's own doing.
+    # 3. Stop at a minimum with nothing left to gain.
+    # 4. Minimise the quadratic model in the ball, and try the step.
+    # 5. Set the radius by how well the model foretold the gain; move if the energy fell.
+    # Textbooks factorise K + mu M anew for each mu. These matrices are small enough for eigenvectors. In them a trial
+    # of mu is a sum, and saddles and the hard case show by themselves.
+    basis = problem.basis
+    weights = start.weights + basis.held @ (problem.targets(t) - problem.constraints @ start.weights)
+    deformed = problem.deform(weights, t, start.deformed.angles)
+    size = _size(deformed)
+    radius = FIRST_RADIUS * size
+    model: tuple[Tensor, Tensor, Tensor] | None = None
+    for iteration in range(1, MOST_STEPS + 1):
+        if model is None:
+            tangent = basis.combine.T @ problem.tangent(deformed, t, weights) @ basis.combine
+            if not bool(torch.isfinite(tangent).all()):
+                raise NotConvergedError
+            values, vectors = torch.linalg.eigh(tangent)
+            # The gradient of the energy in the modes, -r. In this basis the stiffness at rest is the identity, and so
+            # is the ball.
+            model = values, vectors, -vectors.T @ (basis.combine.T @ deformed.residual)
+        values, vectors, gradient = model
+        scale = deformed.magnitude
+        if float(values[0]) > -NEUTRAL:
+            # Twice what a Newton step could gain, mode by mode.
+            left = gradient**2 / values.abs().clamp_min(NEUTRAL)
+            neutral = values.abs() <= NEUTRAL
+            if float(left[neutral].sum()) <= IMMATERIAL * scale:  # the field's own doing: nothing to run after
+                gradient, left = gradient.masked_fill(neutral, 0.0), left.masked_fill(neutral, 0.0)
+            if float(left.sum()) <= CONVERGED * scale:
+                return PathState(t, weights, deformed, iteration)
+        step = trust_region_step(values, gradient, radius)
+        foretold = -float(gradient @ step + (values * step * step).sum() / 2)
+        change = basis.combine @ (vectors @ step)
+        tried = problem.deform(weights + change, t, deformed.angles)
+        gain = deformed.potential - tried.potential
+        length = float(step.norm())
+        # A full Newton step inside the ball says nothing of the radius. That grows only if it has bound the step.
+        if gain < DOUBTED * foretold or not gain > 0:
+            radius = NARROWER * length
+        elif gain > TRUSTED * foretold and length > 0.99 * radius:
+            radius *= WIDER
+        if gain > 0:
+            weights, deformed, model = weights + change, tried, None
+        elif radius < NARROWEST * size:
+            break
+    raise NotConvergedError
+
+
+def trust_region_step(values: Tensor, gradient: Tensor, radius: float) -> Tensor:
+    """Return the step (n,) of least g . s + s . K s / 2 within |s| <= radius, all in the eigenvectors of K.
+
+    `values` (n,) are the ascending eigenvalues of K, `gradient` (n,) is g.
+    """
+    # Moré & Sorensen: s = -(K + mu)^-1 g with K + mu semidefinite, and |s| = radius unless mu = 0.
+    # 1. The Newton step, if K is definite and it fits.
+    # 2. The hard case: g has nearly no part along the lowest mode, and no mu makes s long enough.
+    # 3. Else mu by bisection, between the least allowed and one that surely makes s short enough.
+    # Moré & Sorensen take Newton's method for 1 / |s|. Bisection needs no safeguards, and costs a sum each time.
+    lowest = float(values[0])
+    if lowest > 0:
+        step = -gradient / values
+        if float(step.norm()) <= radius:
+            return step
+    low = max(0.0, -lowest)
+    high = low + float(gradient.norm()) / radius  # there the step is no longer than the radius
+    floor = max(abs(lowest), float(values[-1]) * torch.finfo(values.dtype).eps)
+    near = low + 1e-12 * floor
+    hard = -gradient / (values + near)
+    if float(hard.norm()) < radius:  # the gradient hardly leaves the saddle: the lowest direction fills the ball
+        sign = -1.0 if float(gradient[0]) > 0 else 1.0
+        rest = hard.clone()
+        rest[0] = 0.0
+        hard[0] = sign * max(radius**2 - float(rest @ rest), 0.0) ** 0.5
+        return hard
+    for _ in range(SECULAR):
+        middle = (low + high) / 2
+        if float((gradient / (values + middle)).norm()) > radius:
+            low = middle
+        else:
+            high = middle
+        if high - low <= 1e-12 * high:
+            break
+    # From the upper end, so that the step is never longer than the radius.
+    return -gradient / (values + high)
+
+
+def _size(deformed: Deformed) -> float:
+    """Return the norm of the displacement that would store the energy by the stiffness at rest."""
+    return math.sqrt(2 * deformed.magnitude)
+
+
+LOCATED = 1e-4  # of the critical load factor: how well it is found
+LEFT = 1e-2  # of the critical load factor: so far beyond it the shell is let go, before other modes can buckle too
+OVERSHOT = 5e-2  # of the load factor where the smallest eigenvalue should vanish: no step goes farther beyond it
+SHORT = 1 / 64  # of the path: a step this short that does not converge is one to another branch
+SHORT_BUCKLED = 1 / 8  # the same of a buckled shell, which jumps from one pattern of waves to the next
+SECANTS = 40  # trials of a critical load; bisections alone need some ten
+ABOUT_TO_BUCKLE = 0.1  # eigenvalue, of 1 at rest, above which it is Newton's method that fails and not the shell
+
+
+def follow_steps(problem: PathProblem, marks: Sequence[float], coarse: Sequence[PathState] = ()) -> Iterator[PathState]:
+    """Yield stable states from rest to the last of increasing load factors, and the first critical one.
+
+    Newton's method starts from the states of a `coarse` path, fitted to this problem, where there are any. Buckled ones
+    serve only if the coarse shell buckles at nearly the same load; else its waves may be others.
+
+    Raises
+    ------
+    PathEndsError
+        If no stable state is found, however short the step, or a mark lies beyond buckling where the path ends.
+    """
+    state, case = PathState.rest(problem), problem.ansatz.case
+    critical = next((near.t for near in coarse if near.critical), math.inf)
+    before = {near.t: near for near in coarse if near.t <= critical}
+    for state in _to_buckling(problem, sorted({*marks, *before}), before):
+        yield state
+    if not state.critical:
+        return
+    if not case.ends_critical:
+        alike = abs(state.t - critical) <= LEFT * critical
+        buckled = {near.t: near for near in coarse if alike and near.t > max(critical, state.t)}
+        yield from _beyond_buckling(problem, state, marks, buckled)
+    elif any(mark > state.t for mark in case.states):
+        raise PathEndsError(f"the shell buckles at load factor {state.t:.6g}")
+
+
+def _to_buckling(problem: PathProblem, marks: Sequence[float], coarse: dict[float, PathState]) -> Iterator[PathState]:
+    """Yield the states up to the last mark, or to the first critical one; `coarse` ones lead to their load factors."""
+    # Load steps to the first state that is no minimum:
+    # 1. Foretell where the lowest eigenvalue vanishes, by a secant through the last two states.
+    # 2. Step, but not far beyond that: from too far Newton's method may find a buckled state.
+    # 3. Where a short step fails, or any is unstable, look for the critical state in between.
+    # 4. A state found there that is far from buckling was a failure of Newton's method only: go on from it.
+    state, end = PathState.rest(problem), marks[-1]
+    step, foretold = FIRST_STEP * end, end
+    for mark in marks:
+        while state.t < mark:
+            near = coarse.pop(mark, None)
+            target = mark if near else min(landing(state.t, mark, step), (1 + OVERSHOT) * max(foretold, state.t))
+            found = _stepped(problem, state, target, near)
+            if found is not None and found.stable:
+                if found.iterations <= EASY:
+                    step = max(step, (target - state.t) * GROWTH)
+                foretold = _zero(state, found) or end
+                state = found
+                if abs(_lowest(state)) <= NEUTRAL:
+                    yield replace(state, critical=True)
+                    return
+            elif found is None and target - state.t > SHORT * end:
+                step = (target - state.t) * CUT
+                continue
+            else:
+                before, state, foretold = state, _critical(problem, state, found, target), end
+                if _lowest(state) <= ABOUT_TO_BUCKLE:
+                    yield replace(state, critical=True)
+                    return
+                if state is before or target - state.t < SMALLEST_STEP * end:
+                    raise PathEndsError(f"no equilibrium was found at load factor {target:.6g}")
+            yield state
+
+
+def _beyond_buckling(
+    problem: PathProblem, state: PathState, marks: Sequence[float], coarse: dict[float, PathState]
+) -> Iterator[PathState]:
+    """Yield stable states from a critical one to the last mark; `coarse` ones lead to their load factors."""
+    # Beyond the critical state a step need not be straight: the shell may jump to another pattern. Newton's method goes
+    # first, since it is quick. Where it fails or finds a saddle, the trust region goes downhill.
+    end, step = marks[-1], LEFT * state.t
+    for mark in marks:
+        while state.t < mark:
+            near = coarse.pop(mark, None)
+            target = mark if near else landing(state.t, mark, step)
+            found = _stepped(problem, state, target, near, straight=False)
+            if found is None and not near and target - state.t > SHORT_BUCKLED * end:
+                step = (target - state.t) * CUT
+                continue
+            if found is None or not found.stable:
+                try:
+                    found = relaxed(problem, near or state, target)
+                except NotConvergedError:
+                    step = (target - state.t) * CUT
+                    if step < SMALLEST_STEP * end:
+                        raise PathEndsError(f"no stable state was found at load factor {target:.6g}") from None
+                    continue
+            elif found.iterations <= EASY:
+                step = max(step, (target - state.t) * GROWTH)
+            state = found
+            yield state
+
+
+def _critical(problem: PathProblem, stable: PathState, unstable: PathState | None, beyond: float) -> PathState:
+    """Return the last stable state before a load factor at which there is an unstable one, or none.
+
+    A field that is not quite symmetric may lead around the bifurcation: a state whose smallest eigenvalue has risen
+    again is one of the buckled shell.
+    """
+    # Illinois: regula falsi for the root of the lowest eigenvalue. The value at an end that stays twice is halved. The
+    # textbook has a value at both ends. Here the upper end may have no state at all, and is bisected then.
+    low, high = _lowest(stable), _lowest(unstable) if unstable is not None else None
+    side = 0
+    for _ in range(SECANTS):
+        if beyond - stable.t <= LOCATED * beyond or abs(_lowest(stable)) <= NEUTRAL:
+            break
+        share = 0.5 if high is None else low / (low - high)
+        t = stable.t + min(max(share, LOCATED), 1 - LOCATED) * (beyond - stable.t)
+        found = _stepped(problem, stable, t)
+        if found is not None and found.stable and _lowest(found) > _lowest(stable):
+            found = None
+        if found is not None and found.stable:
+            stable, low = found, _lowest(found)
+            high = high / 2 if high is not None and side > 0 else high
+            side = 1
+        else:
+            beyond, high = t, _lowest(found) if found is not None else None
+            low = low / 2 if side < 0 else low
+            side = -1
+    return stable
+
+
+def _zero(before: PathState, after: PathState) -> float | None:
+    """Return the load factor where the smallest eigenvalue vanishes if it goes on to fall as between two states."""
+    fall = _lowest(before) - _lowest(after)
+    return after.t + _lowest(after) / fall * (after.t - before.t) if fall > 0 else None
+
+
+def _lowest(state: PathState) -> float:
+    return 1.0 if state.tangent is None else state.tangent.lowest
+
+
+def _stepped(
+    problem: PathProblem, state: PathState, t: float, near: PathState | None = None, straight: bool = True
+) -> PathState | None:
+    """Return the state at a load factor by Newton's method, from `near` if it is given; None if it does not converge.
+
+    Nor if it must be `straight` and leads elsewhere than it set out to, as a step over a bifurcation to the buckled
+    shell does.
+    """
+    try:
+        found = equilibrium(problem, near or state, t, NEUTRAL)
+    except NotConvergedError:
+        return None
+    if not straight or state.tangent is None:
+        return found
+    # Where the tangent at the state points for the new load, against where Newton's method went.
+    ahead = state.tangent.solve(problem.deform(state.weights, t, state.deformed.angles).residual)
+    moved = found.weights - state.weights
+    along = problem.likeness(ahead, moved)
+    return found if along >= STRAIGHT else None

@@ -1,0 +1,429 @@
+"""Equilibrium of a field at finite strain: the output weights by Newton's method, in a basis of independent fields.
+
+Random features are nearly dependent, so the output weights of a state mean little one by one. The unknowns y are the
+weights of independent combinations of features whose stiffness at rest is the identity: at a loaded state the smallest
+eigenvalue of the tangent then says how far the state is from being no minimum.
+
+Newton's method takes the stresses of the geometric stiffness from the linear prediction of its last step, and all else
+from the displacement itself: thin shells then take large steps (Magisano, Leonetti & Garcea 2017, CMAME 313).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from shellbench.problems.shell.posed.rigid import free_motions, rigid_modes
+from shellbench.problems.shell.quantities.measure import unit
+from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
+from shellbench.problems.shell.question.places import Point
+from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz
+from shellbench.solvers.ndf.field.factors import turns
+from shellbench.solvers.ndf.field.field import Ansatz
+from shellbench.solvers.ndf.field.jets import VALUE, Array
+from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
+from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density, point_supports
+from shellbench.solvers.ndf.linear.solve import SAME_ROW, slope_constraints
+from shellbench.solvers.ndf.strains.energy import mirrored
+from shellbench.solvers.ndf.strains.following import FollowingPressure
+from shellbench.solvers.ndf.strains.reaction import EdgeMoment, edge_moments
+from shellbench.solvers.ndf.strains.sampled import Combined, FeatureSet, Sampled, elastic_form, independent
+from shellbench.solvers.ndf.strains.strain_measures import UNSTRAINED, Strained, stresses
+
+CONVERGED = 1e-10  # work of the residual on the last step, relative to the energy: the next one's is its square
+MOST_ITERATIONS = 14  # a step that takes more is cut
+HOPELESS = 1e8  # growth of that work that no iteration comes back from
+
+
+class NotConvergedError(ArithmeticError):
+    """Newton's method did not converge from here: the step was too long, or there is no equilibrium."""
+
+
+@dataclass(frozen=True)
+class Deformed:
+    """A displacement of the shell.
+
+    Attributes
+    ----------
+    membrane, bending, work
+        Parts of the strain energy, and the work of the loads, J.
+    residual
+        (3 M,): loads less what the strains resist, on the output weights.
+    strained, stresses
+        At the points of the rule: strains, and what is conjugate to them (N, 6).
+    angles
+        By moment (n,): the angles that its normals have turned by.
+    """
+
+    membrane: float
+    bending: float
+    work: float
+    residual: Tensor
+    strained: Strained
+    stresses: Tensor
+    angles: tuple[Tensor, ...]
+
+    @property
+    def potential(self) -> float:
+        """Potential energy, J."""
+        return self.membrane + self.bending - self.work
+
+    @property
+    def magnitude(self) -> float:
+        """What the potential energy is made of, J: its parts, each without its sign."""
+        return self.membrane + self.bending + abs(self.work)
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Independent fields: w = held target + combine y, with `combine` (3 M, r) and `held` (3 M, k)."""
+
+    combine: Tensor
+    held: Tensor
+
+    @classmethod
+    def from_stiffness(cls, stiffness: Tensor, constraints: Tensor, least: float = 0.0) -> Basis:
+        """Choose a basis whose stiffness is the identity, and in which `constraints` (k, 3 M) w = target are held.
+
+        Combinations of constraints that a unit of energy moves by no more than `least`, metres, are left out.
+        """
+        # Null-space method: with K = 1 in `combine`, a singular value decomposition of the constraints splits it
+        # orthogonally. The first columns of V hold the supports' displacements, the others move none of them.
+        combine = independent(stiffness)
+        if not len(constraints):
+            return cls(combine, combine.new_zeros((len(stiffness), 0)))
+        u, moved, v = torch.linalg.svd(constraints @ combine)
+        k = int((moved > least).sum())
+        return cls(combine @ v[k:].T, combine @ (v[:k].T / moved[:k]) @ u[:, :k].T)
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns r."""
+        return self.combine.shape[1]
+
+    def spread(self, y: Tensor) -> Tensor:
+        """Return weights (3 M,) of unknowns (r,), less what is held."""
+        return self.combine @ y
+
+    def gather(self, force: Tensor) -> Tensor:
+        """Return forces (r,) on the unknowns of forces (3 M,) on the weights."""
+        return self.combine.T @ force
+
+
+@dataclass(frozen=True)
+class PathProblem:
+    """A case with its features on one quadrature.
+
+    Attributes
+    ----------
+    spec, features, rule_spec, focal
+        The field, and the rule that its energy is integrated with.
+    keep
+        Whether the features' jets at the rule's points are kept. Without them each use takes longer, and memory a
+        fraction.
+    """
+
+    spec: FieldSpec
+    ansatz: Ansatz
+    features: FeatureSet
+    rule_spec: RuleSpec
+    focal: Array
+    keep: bool = True
+
+    def independent(self) -> PathProblem:
+        """Return the problem with independent combinations of its features, the same for all components."""
+        # The sum over components has all that any of them needs, and stays positive semidefinite.
+        rest = self.deform(self.weights.new_zeros(3 * self.features.count), 0.0)
+        anchors = self.anchor.view(-1, self.features.count)
+        alike = self.sampled_at(0.0).summed(self._form(rest)) + anchors.T @ anchors
+        return replace(self, features=Combined(self.features, independent(alike), alike))
+
+    @cached_property
+    def _stiffness(self) -> Tensor:
+        weights = self.weights.new_zeros(3 * self.features.count)
+        return self.tangent(self.deform(weights, 0.0), 0.0)
+
+    @cached_property
+    def ansatz_at(self) -> Callable[[float], Ansatz]:
+        """The supports at a load factor."""
+        if not self.ansatz.lift.moves:
+            return lambda t: replace(self.ansatz, t=t)
+        return lru_cache(maxsize=4)(lambda t: build_ansatz(self.ansatz.case, self.spec.model_copy(update={"t": t})))
+
+    @cached_property
+    def sampled(self) -> Sampled:
+        """The area rule's points."""
+        rule = area_rule(self.ansatz.case.surface.domain, self.focal, self.rule_spec)
+        return Sampled.at_points(self.ansatz_at(0.0), self.features, rule.points, self.keep)
+
+    @cached_property
+    def sampled_at(self) -> Callable[[float], Sampled]:
+        """The area rule's points with the boundary factors at a load factor."""
+        if not turns(self.ansatz.case):
+            return lambda t: self.sampled
+        return lru_cache(maxsize=2)(lambda t: self.sampled.carried(self.ansatz_at(t)))
+
+    @cached_property
+    def lift_at(self) -> Callable[[float], Tensor | None]:
+        """Gradients (N, 5, 3) of the lift there at a load factor, None where it is zero."""
+        return lru_cache(maxsize=2)(lambda t: self.sampled.lift_gradients(self.ansatz_at(t)))
+
+    @cached_property
+    def weights(self) -> Tensor:
+        """(N,) parametric weights of the area rule."""
+        rule = area_rule(self.ansatz.case.surface.domain, self.focal, self.rule_spec)
+        return self.features.placement.tensor(rule.weights)
+
+    @cached_property
+    def elasticity(self) -> Tensor:
+        """(N, 2, 3, 3) of each point's share of the area."""
+        return self.sampled.undeformed.elasticity(self.ansatz.case.material) * self.share[:, None, None, None]
+
+    @cached_property
+    def share(self) -> Tensor:
+        """(N,): area of each point, m^2."""
+        return self.weights * self.sampled.undeformed.geometry.jacobian
+
+    @property
+    def area(self) -> float:
+        """Area of the midsurface, m^2."""
+        return float(self.share.sum())
+
+    @property
+    def unstrained(self) -> float:
+        """Energy that is rounding, J."""
+        return UNSTRAINED * self.ansatz.case.material.membrane_stiffness * self.area
+
+    def settled(self, deformed: Deformed, decrement: float, first: float) -> bool:
+        """Return whether an iteration has ended here, by the work of its last step and of its first one, J.
+
+        Raises
+        ------
+        NotConvergedError
+            If none comes back from there.
+        """
+        # Below the energy of a strain of 1e-10 all is rounding, as in a shell that nothing loads.
+        scale = max(deformed.magnitude, self.unstrained)
+        # Written so that what is not a number fails.
+        if not scale < float("inf") or decrement > HOPELESS * first:
+            raise NotConvergedError
+        return decrement <= CONVERGED * scale
+
+    @cached_property
+    def moments(self) -> tuple[EdgeMoment, ...]:
+        """The edge moments."""
+        finite = self.spec.strain != "linear"
+        return tuple(edge_moments(self.ansatz, self.features, self.rule_spec, self.focal, finite))
+
+    @cached_property
+    def pressure(self) -> FollowingPressure | None:
+        """The pressures that follow the shell, if there are any."""
+        return FollowingPressure(self.ansatz.case, self.weights) if self.ansatz.case.following else None
+
+    @cached_property
+    def forces(self) -> Callable[[float], tuple[Tensor, float]]:
+        """The dead loads at a load factor: a vector (3 M,), and their work on the lift."""
+        return lru_cache(maxsize=4)(self._forces)
+
+    def _forces(self, t: float) -> tuple[Tensor, float]:
+        case, placement, sampled = self.ansatz.case, self.features.placement, self.sampled_at(t)
+        ansatz = self.ansatz_at(t)
+        # Forces act on u = lift + M F: through M^T on the output weights, and by their work on the lift.
+        force = placement.tensor(force_density(case, sampled.points, t))
+        force = force * self.share[:, None]
+        total = sampled.forces(force)
+        points, concentrated = concentrated_forces(case, self.rule_spec, self.focal, t)
+        extra = placement.tensor(concentrated)
+        if len(points):
+            matrix = ansatz.factors.matrix(points, placement)[VALUE]
+            on_free = (matrix.mT @ extra[..., None])[..., 0]
+            total = total + (on_free.T @ self.features.values(points)).reshape(-1)
+        work = 0.0
+        if ansatz.lift.moves:
+            work = float((force * ansatz.lift.jet(sampled.points, placement)[VALUE]).sum())
+            if len(points):
+                work += float((extra * ansatz.lift.jet(points, placement)[VALUE]).sum())
+        return total, work
+
+    @cached_property
+    def anchor(self) -> Tensor:
+        """(r, 3 M): rows whose squares pin the rigid motions that nothing holds, at no cost to loads in balance."""
+        case = self.ansatz.case
+        free = free_motions(case)
+        modes = rigid_modes(case.surface, self.sampled.points)[0, 0] @ free
+        # The mean of u . mode over the area, squared. The rows are scaled to be as stiff as the membrane. Loads in
+        # balance do no work on the modes, so that at the answer these squares vanish.
+        share = self.share / self.share.sum() * case.material.membrane_stiffness**0.5
+        placed = self.features.placement.tensor(modes) * share[:, None, None]
+        rows = [self.sampled.forces(placed[..., k]) for k in range(free.shape[1])]
+        return torch.stack(rows) if rows else share.new_zeros((0, 3 * self.features.count))
+
+    @cached_property
+    def constraints(self) -> Tensor:
+        """(k, 3 M): rows of the point supports, then those of slopes."""
+        supports = point_supports(self.ansatz.case)
+        rows = [self.row(np.array([s.point.xi]), np.eye(3)[[s.component]])[None] for s in supports]
+        slopes = [found for found, _ in slope_constraints(self.ansatz, self.features)]
+        return torch.cat([self.weights.new_zeros((0, 3 * self.features.count)), *rows, *slopes])
+
+    def targets(self, t: float) -> Tensor:
+        """Return what the constraints prescribe (k,), metres, less the lift."""
+        supports = point_supports(self.ansatz.case, t)
+        ansatz, placement = self.ansatz_at(t), self.features.placement
+        values = placement.tensor(np.array([s.value for s in supports]))
+        if supports and ansatz.lift.moves:
+            points = np.array([s.point.xi for s in supports])
+            lift = ansatz.lift.jet(points, placement)[VALUE]
+            values = values - lift[torch.arange(len(supports)), [s.component for s in supports]]
+        return torch.cat([values, *(target for _, target in slope_constraints(ansatz, self.features))])
+
+    def row(self, points: Array, directions: Array, t: float = 0.0) -> Tensor:
+        """Return the row (3 M,) of the mean displacement of the free field at points (n, 2) along directions (n, 3).
+
+        It depends on the load factor only where clamped edges turn.
+        """
+        placement = self.features.placement
+        matrix = self.ansatz_at(t).factors.matrix(points, placement)[VALUE]
+        on_free = (matrix.mT @ placement.tensor(directions)[..., None])[..., 0] / len(points)
+        return (on_free.T @ self.features.values(points)).reshape(-1)
+
+    def functional(self, quantity: DisplacementQuantity, t: float = 0.0) -> Tensor:
+        """Return the row (3 M,) of a displacement quantity; the lift's share is left out."""
+        places = [self.ansatz.case.places[name] for name in quantity.points]
+        points = np.array([place.xi for place in places if isinstance(place, Point)])
+        return self.row(points, np.array([unit(d) for d in quantity.directions]), t)
+
+    def lifted(self, quantity: DisplacementQuantity, t: float) -> float:
+        """Return the lift's share of a displacement quantity at a load factor, metres."""
+        ansatz = self.ansatz_at(t)
+        if not ansatz.lift.moves:
+            return 0.0
+        places = [self.ansatz.case.places[name] for name in quantity.points]
+        points = np.array([place.xi for place in places if isinstance(place, Point)])
+        lift = ansatz.lift.jet(points, self.features.placement)[VALUE].cpu().numpy()
+        return float(np.mean(np.sum(lift * np.array([unit(d) for d in quantity.directions]), axis=-1)))
+
+    @cached_property
+    def basis(self) -> Basis:
+        """The unknowns."""
+        # k C^T C is zero on what is held. It keeps motions that constraints alone stop: these have no other stiffness.
+        k, rows = self.ansatz.case.material.membrane_stiffness, self.constraints
+        return Basis.from_stiffness(self._stiffness + k * rows.T @ rows, rows, (SAME_ROW / k) ** 0.5)
+
+    def likeness(self, first: Tensor, second: Tensor) -> float:
+        """Return the cosine of two changes of weights (3 M,) by the stiffness at rest, 1 if one of them is zero."""
+        # Weights have no metric of their own. That of the stiffness at rest makes the cosine one of displacements.
+        stiff = self._stiffness @ first
+        product = float(stiff @ first) * float(second @ (self._stiffness @ second))
+        return float(stiff @ second) / math.sqrt(product) if product > 0 else 1.0
+
+    def fitted(self, other: PathProblem, weights: Tensor) -> Tensor:
+        """Return the weights (3 M,) of the field that is closest, in stiffness at rest, to one of another problem.
+
+        The other problem has the same supports and quadrature.
+        """
+        # The stiffness of the basis is the identity: the projection is Z Z^T f, with f the forces that hold the field.
+        variation = self.deform(self.weights.new_zeros(3 * self.features.count), 0.0).strained.variation
+        gradients = other.sampled.gradients(weights.view(3, -1)).reshape(-1, 15, 1)
+        conjugate = stresses(self.elasticity, (variation @ gradients)[..., 0])
+        force = self.sampled.pulled_back((conjugate[:, None] @ variation)[:, 0])
+        return self.basis.spread(self.basis.gather(force))
+
+    def deform(self, weights: Tensor, t: float, near: tuple[Tensor, ...] | None = None) -> Deformed:
+        """Deform the shell by output weights (3 M,); angles are followed from `near`."""
+        # 1. Gradients of u at the points, from output weights and lift; strains, and stresses times area share.
+        # 2. Energy, and its gradient by the strains' first variation, pulled back to the output weights.
+        # 3. Loads, anchors of loose rigid motions, and moments, whose angles are followed from the state before.
+        # 4. Pressures that follow, whose work is taken as if they had come dead: they have no potential.
+        output, ansatz = weights.view(3, -1), self.ansatz_at(t)
+        sampled = self.sampled_at(t)
+        gradients = sampled.gradients(output, self.lift_at(t))
+        strained = sampled.undeformed.strained(self.spec.strain, gradients)
+        strains = strained.strains
+        conjugate = stresses(self.elasticity, strains)
+        energies = (strains * conjugate).view(-1, 2, 3).sum(dim=(0, 2)) / 2
+        forces, work = self.forces(t)
+        # r = -dE/dw: what the loads ask, less stress . eps' at the points.
+        residual = forces - sampled.pulled_back((conjugate[:, None] @ strained.variation)[:, 0])
+        residual = residual - self.anchor.T @ (self.anchor @ weights)
+        work += float(forces @ weights)
+        angles = []
+        for k, moment in enumerate(self.moments):
+            # An angle is known up to whole turns. The one next to the last state's is taken, past half a turn as well.
+            slopes = moment.sampled.gradients(output, moment.sampled.lift_gradients(ansatz))
+            before = slopes.new_zeros(len(slopes)) if near is None else near[k]
+            angles.append(moment.angles(slopes, before))
+            residual = residual + moment.forces(slopes, t)
+            work += float(moment.moments(t) @ angles[-1])
+        if self.pressure is not None:
+            push = self.pressure.push(sampled.points, sampled.undeformed.geometry.tangents, gradients, t)
+            on_weights = sampled.forces(push)
+            residual = residual + on_weights
+            work += float(on_weights @ weights)
+            if ansatz.lift.moves:
+                work += float((push * ansatz.lift.jet(sampled.points, self.features.placement)[VALUE]).sum())
+        membrane, bending = energies.tolist()
+        return Deformed(membrane, bending, work, residual, strained, conjugate, tuple(angles))
+
+    def tangent(
+        self, deformed: Deformed, t: float, weights: Tensor | None = None, geometric: Tensor | None = None
+    ) -> Tensor:
+        """Return the second variation (3 M, 3 M) of the potential energy, in which pressures that follow have no part.
+
+        `geometric` (N, 6) replace its stresses; `weights` are needed where moments act.
+        """
+        form = self._form(deformed, geometric)
+        count = 3 * self.features.count
+        total = form.new_zeros((count, count))
+        self.sampled_at(t).add_form(total, form)
+        if weights is not None:
+            for moment in self.moments:
+                lift = moment.sampled.lift_gradients(self.ansatz_at(t))
+                moment.add_tangent(total, moment.sampled.gradients(weights.view(3, -1), lift), t)
+        return mirrored(total) + self.anchor.T @ self.anchor
+
+    def _form(self, deformed: Deformed, geometric: Tensor | None = None) -> Tensor:
+        """Return the second variation (N, 15, 15) of the energy in the displacement gradients."""
+        # K = eps'^T C eps' + stress . eps'', the first from the displacement, the second with the stresses given.
+        form = elastic_form(self.elasticity, deformed.strained.variation)
+        return form + deformed.strained.second_variation(deformed.stresses if geometric is None else geometric)
+
+    def load_stiffness(self, weights: Tensor, t: float) -> Tensor | None:
+        """Return the derivative (3 M, 3 M) of the forces of pressures that follow, if there are any."""
+        if self.pressure is None:
+            return None
+        sampled = self.sampled_at(t)
+        gradients = sampled.gradients(weights.view(3, -1), self.lift_at(t))
+        return self.pressure.tangent(sampled, gradients, t)
+
+    def predicted(self, deformed: Deformed, change: Tensor, t: float = 0.0) -> Tensor:
+        """Return the stresses (N, 6) that the strains' first variation predicts after a change (3 M,) of weights."""
+        # C (eps + eps' dw): linear in the change, while the strains of w + dw are quadratic and more.
+        return deformed.stresses + stresses(self.elasticity, self._strain_change(deformed, change, t))
+
+    def foretold_energies(self, deformed: Deformed, change: Tensor, t: float) -> tuple[float, float]:
+        """Return the membrane and the bending energy, J, of the strains that their first variation predicts.
+
+        A thin shell's own strains after a bending step hold far more: the membrane has not followed yet.
+        """
+        strains = deformed.strained.strains + self._strain_change(deformed, change, t)
+        membrane, bending = (strains * stresses(self.elasticity, strains)).view(-1, 2, 3).sum(dim=(0, 2)).tolist()
+        return membrane / 2, bending / 2
+
+    def _strain_change(self, deformed: Deformed, change: Tensor, t: float) -> Tensor:
+        gradients = self.sampled_at(t).gradients(change.view(3, -1)).reshape(-1, 15, 1)
+        rates: Tensor = (deformed.strained.variation @ gradients)[..., 0]
+        return rates
+
+    def force_rate(self, weights: Tensor) -> Tensor:
+        """Return the derivative (3 M,) of proportional loads in t."""
+        total = self.forces(1.0)[0]
+        for moment in self.moments:
+            total = total + moment.forces(moment.sampled.gradients(weights.view(3, -1)), 1.0)
+        return total

@@ -1,0 +1,334 @@
+"""Modes by `ndf-ritz` and `ndf`: small vibrations and buckling of a field whose output layer is solved for.
+
+With w the output weights, the second variation of the potential energy at rest is K + G(s), s the stresses of the
+linear answer to the case's loads. Of stationary values of Rayleigh's quotients,
+
+    vibration  omega^2 = w.(K + G) w / w.M w,        buckling  lambda = -w.K w / w.G w,
+
+a field's frequencies can only be too high. Hidden layers of `ndf` are deep, and stay as drawn here: challengers are
+further features of the last one, and tell nothing of what no feature of these layers is. The unknowns are independent
+combinations of features whose stiffness at rest is the identity; rigid motions that nothing holds are constrained
+away, in the mean over the area.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, eigh
+from torch import Tensor
+
+from shellbench.errors import SolveFailure
+from shellbench.problem import Progress, ProgressCallback, Step
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.quantities.modes import why_too_few
+from shellbench.problems.shell.question.loads import MomentLoad
+from shellbench.solvers.ndf.field.build import (
+    FieldSpec,
+    build_ansatz,
+    build_features,
+    build_inputs,
+    graded_points,
+    resolution,
+)
+from shellbench.solvers.ndf.field.field import Field
+from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
+from shellbench.solvers.ndf.field.network import deep_random_features
+from shellbench.solvers.ndf.field.quadrature import area_rule
+from shellbench.solvers.ndf.field.supports import check_balance
+from shellbench.solvers.ndf.linear.refinement import SAFETY, SLOWEST, Level, first_level, next_level, unsettled
+from shellbench.solvers.ndf.linear.ritz_field import with_settings
+from shellbench.solvers.ndf.linear.ritz_settings import NAME, RitzSettings
+from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
+from shellbench.solvers.ndf.linear.solve import SAME_ROW
+from shellbench.solvers.ndf.path.equilibrium import Basis, PathProblem
+from shellbench.solvers.ndf.strains.sampled import elastic_form
+
+Integers = NDArray[np.int64]
+
+SETTLED = 1e-4  # relative uncertainty of a mode's value from which on an answer has not settled
+WANTED = 1e-5  # the same below which one level is enough: corners may give more than their challengers show
+SHAPES = 25  # points a side at which a shape's largest displacement is looked for
+FAR = 1e-6  # reciprocal of a load factor, relative to the largest, below which errors of the stresses make it
+FINER = "finer"  # kind of features of the next level: what a mode lacks are waves that are shorter
+
+
+def why_no_modes(case: Case, spec: FieldSpec | None = None) -> str | None:
+    """Return why a field can't tell the modes that a case asks for, as one clause, or None if it can."""
+    if case.springs:
+        return "it finds modes of shells without springs only"
+    if any(support.motion is not None for support in case.supports):
+        return "it finds modes under loads, not under supports that move"
+    if spec is not None and spec.supports == "soft":
+        return 'it finds modes with supports = "hard" only'
+    if any(isinstance(load, MomentLoad) for load in case.loads):
+        return "it finds no modes under moments on edges"
+    return None
+
+
+@dataclass(frozen=True)
+class _Found:
+    """The modes of one field: their values and output weights (3 M, m), and how two rules differ on them."""
+
+    values: Array
+    weights: Tensor
+    gap: float
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Whose field finds modes: a solver's name, and the widths of hidden layers before the last, if there are any."""
+
+    solver: str = NAME
+    inner: tuple[int, ...] = ()
+
+
+RITZ = Recipe()
+
+
+def solve(
+    case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback, recipe: Recipe = RITZ
+) -> PathSolution:
+    """Find the modes by ever wider fields, until features of other kinds hardly change their values.
+
+    Raises
+    ------
+    SolveFailure
+        If there are not so many modes, or the shell is not stable about the state of which frequencies are asked.
+    """
+    # 1. A level has two answers on one basis: the usual features, and these with challengers of other kinds.
+    # 2. What challengers change is missed at least. Of a second level on one knows how much more the level after them
+    #    changed than they did. One level is enough only where challengers change next to nothing.
+    # 3. The values are Rayleigh's quotients on a finer rule. How the rule of the solve differs is uncertain besides.
+    began, usual = time.perf_counter(), with_settings(resolution(case), settings)
+    fixed = settings.neurons is not None or settings.panels is not None
+    first = first_level(case, usual, settings.neurons is not None, settings.panels is not None)
+    level: Level | None = first
+    before: Array | None = None
+    told: Array | None = None  # what challengers changed at the level before
+    steps: list[Step] = []
+    answer: PathSolution | None = None
+    while level is not None:
+        progress(Progress(level.number, None, f"modes with {level.resolution.neurons} neurons and their challengers"))
+        one = _OneLevel(case, spec, settings, level, recipe)
+        plain, whole = one.find(challenged=False), one.find(challenged=True)
+        kept, gained = whole, np.abs(plain.values - whole.values)
+        missed = gained
+        if before is not None and told is not None:
+            # Challengers can only lower a quotient. Where it is higher on the finer rule they have exploited their own:
+            # they are no part of the answer, and what they change tells nothing. What the level changed still does: it
+            # is larger than what the former challengers told, and no factor is to make it larger once more.
+            if whole.gap > plain.gap and whole.values.mean() > plain.values.mean():
+                kept, gained = plain, np.abs(before - plain.values)
+                told = np.maximum(told, gained)
+            missed = still_missed(gained, told, np.abs(before - kept.values))
+        sure = SAFETY * (missed + kept.gap * np.abs(kept.values))
+        for found in (plain, whole):
+            seconds = time.perf_counter() - began
+            values = dict(zip([q.name for q in case.quantities], _asked(case, found.values), strict=True))
+            steps.append(Step(len(steps), seconds, float(found.values.mean()), one.unknowns, quantities=values))
+        share = float((sure / np.abs(kept.values)).max())
+        # Of two fields the one of lower quotients is nearer. A wider one is worse conditioned, and may be the other.
+        if answer is not None and before is not None and kept.values.mean() > (1 + WANTED) * before.mean():
+            answer = replace(answer, history=tuple(steps))
+            break
+        answer = one.solution(kept, sure, steps)
+        if fixed or share <= (WANTED if before is None else SETTLED):
+            break
+        before, told = kept.values, gained
+        del one  # its matrices, before those of the next level are made
+        level = next_level(first, level, FINER, settings.most_neurons)
+    assert answer is not None  # there is a first level
+    return answer
+
+
+def still_missed(gained: Array, told: Array, changed: Array) -> Array:
+    """Return what modes (m,) may miss still.
+
+    Challengers have changed them by `gained` at this level and by `told` at the level before; `changed` is what they
+    have changed by since. So what challengers change is to be multiplied by changed / told, 1 at least, and what later
+    levels would change is the tail of a geometric series with the ratio gained / told.
+    """
+    least = np.finfo(float).tiny
+    ratio = np.minimum(gained / np.maximum(told, least), SLOWEST)
+    return np.asarray(gained * np.maximum(changed / np.maximum(told, least), 1.0) / (1 - ratio))
+
+
+def _asked(case: Case, values: Array) -> list[float]:
+    """Return the values of the case's quantities from those of modes 1, 2, ..."""
+    return [float(values[int(q.mark or 1) - 1]) for q in case.quantities]
+
+
+class _OneLevel:
+    """The features of one level, their matrices, and what they find."""
+
+    def __init__(self, case: Case, spec: FieldSpec, settings: RitzSettings, level: Level, recipe: Recipe) -> None:
+        self.case, self.level, self.solver = case, level, recipe.solver
+        self.spec = spec.model_copy(update={"detail": level.detail})
+        self.vibrates = case.quantities[0].kind == "frequency"
+        placement, chosen = Placement.on(settings.device), level.resolution
+        self.focal, inputs = graded_points(case, self.spec), build_inputs(case, self.spec)
+        if recipe.inner:
+            values = inputs.jets(case.surface.domain.grid(SHAPES, SHAPES).reshape(-1, 2), placement)[VALUE]
+            widths = (*recipe.inner, chosen.neurons + len(level.kinds) * level.challengers)
+            scales = placement.tensor(chosen.scales(inputs))
+            network = deep_random_features(values, scales, widths, settings.seed, settings.activation)
+        else:
+            network = level.network(inputs, settings.seed, settings.activation, placement)
+        # The jets of all points would take gigabytes, and each matrix needs them once only: they are not kept.
+        self.features = build_features(case, self.spec, network, placement, inputs)
+        # A linear measure has no second variation: the exact one, which agrees with it at rest, gives K and G.
+        exact = self.spec.model_copy(update={"strain": "exact"})
+        self.problem = PathProblem(exact, build_ansatz(case, exact), self.features, chosen.rule, self.focal, False)
+        rule = area_rule(case.surface.domain, self.focal, chosen.rule)
+        check_balance(case, rule, chosen.rule, self.focal)
+        weights = self.problem.weights.new_zeros(3 * self.features.count)
+        self.rest = self.problem.deform(weights, 0.0)
+        self.stiffness = self.problem.tangent(self.rest, 0.0)
+        self.mass = self.problem.sampled.products(case.material.areal_density * self.problem.share)
+
+    @property
+    def unknowns(self) -> int:
+        """Output weights that are solved for."""
+        return 3 * self.features.count
+
+    def _basis(self, kept: Tensor) -> Basis:
+        k, rows = self.case.material.membrane_stiffness, self.problem.constraints
+        # The rows of `anchor` are mean displacements along rigid motions that nothing holds.
+        rows = torch.cat([rows, self.problem.anchor / math.sqrt(k)])[:, kept]
+        stiffness = self.stiffness[kept][:, kept]
+        return Basis.from_stiffness(stiffness + k * rows.T @ rows, rows, (SAME_ROW / k) ** 0.5)
+
+    def _combinations(self, part: Integers) -> Tensor:
+        """Return independent combinations (3 M, r) of features, by their numbers, that the supports leave."""
+        kept = torch.as_tensor(self.features.pairs(part), device=self.stiffness.device)
+        basis = self._basis(kept).combine
+        combine = self.stiffness.new_zeros((self.unknowns, basis.shape[1]))
+        combine[kept] = basis
+        return combine
+
+    def _loaded(self, part: Integers) -> Tensor | None:
+        """Return the output weights (3 M,) of the linear answer to the case's loads; None where there are none."""
+        if not self.case.loads:
+            return None
+        # Powers about corners have infinite stresses there. A tiny amount of them, which rounding or the rule leaves,
+        # costs a static answer next to nothing, but buckles the shell at a point. So the stresses go without them.
+        hidden, fixed = self.features.network.width, self.features.fixed
+        before = np.array(fixed.kept, dtype=int) <= fixed.multipliers * len(fixed.foci)
+        smooth = np.r_[part[part < hidden], hidden + np.nonzero(before)[0]]
+        combine = self._combinations(smooth)
+        stiffness = combine.T @ self.stiffness @ combine
+        found: Tensor = combine @ torch.linalg.solve(stiffness, combine.T @ self.problem.forces(1.0)[0])
+        return found
+
+    def find(self, challenged: bool) -> _Found:
+        """Find the modes, with the usual features alone or with their challengers."""
+        # 1. Stresses of the linear answer to the loads, if there are any, and their matrix G.
+        # 2. Independent combinations of the features; A u = mu B u with mu the reciprocal of what is asked for.
+        # 3. The modes of largest mu, and their quotients on the finer rule.
+        number, width = max(int(q.mark or 1) for q in self.case.quantities), self.level.resolution.neurons
+        hidden, count = self.features.network.width, self.features.count
+        part: Integers = np.arange(count) if challenged else np.r_[:width, hidden:count]
+        loaded, combine = self._loaded(part), self._combinations(part)
+        elastic, mass = (combine.T @ matrix @ combine for matrix in (self.stiffness, self.mass))
+        geometric = None
+        if loaded is not None:
+            stresses = self.problem.predicted(self.rest, loaded)
+            whole = self.problem.tangent(self.rest, 0.0, geometric=stresses) - self.stiffness
+            geometric = combine.T @ whole @ combine
+        ahead, elastic = self._pair(elastic, mass, geometric)
+        size = len(ahead)
+        if size < number:
+            raise SolveFailure(f"the field has {size} independent combinations, too few for mode {number}")
+        pair = [_symmetric(m) for m in (ahead, elastic)]
+        try:
+            inverse, shares = eigh(*pair, subset_by_index=(size - number, size - 1))
+        except LinAlgError:
+            raise SolveFailure("the shell is not stable at the state about which it is to vibrate") from None
+        if not self.vibrates:
+            least = float(eigh(*pair, eigvals_only=True, subset_by_index=(0, 0))[0])
+            positive = inverse > FAR * max(inverse[-1], -least)
+            if not positive.all():
+                raise SolveFailure(why_too_few(number, int(positive.sum()), 1 / least if least < 0 else None))
+        weights = combine @ torch.as_tensor(shares[:, ::-1].copy(), dtype=combine.dtype, device=combine.device)
+        trained, values = 1 / inverse[::-1], self._certified(weights, loaded)
+        gap = float(np.abs(trained / values - 1).max())
+        if self.vibrates:
+            values, gap = np.sqrt(values) / (2 * math.pi), gap / 2
+        return _Found(values, weights, gap)
+
+    def _pair(self, elastic: Tensor, mass: Tensor, geometric: Tensor | None) -> tuple[Tensor, Tensor]:
+        """Return A and B whose largest eigenvalues are the reciprocals of what is asked for."""
+        if not self.vibrates:
+            assert geometric is not None  # a case that asks for buckling loads has loads
+            return -geometric, elastic
+        return mass, elastic if geometric is None else elastic + geometric
+
+    def _certified(self, weights: Tensor, loaded: Tensor | None) -> Array:
+        """Return the values of the modes (3 M, m) by Rayleigh and Ritz on the finer rule."""
+        fine = replace(self.problem, rule_spec=self.level.resolution.fine)
+        rest = fine.deform(torch.zeros_like(weights[:, 0]), 0.0)
+        gradients, moved = fine.sampled.of_several(weights.T.reshape(weights.shape[1], 3, -1))
+        elastic = _form(elastic_form(fine.elasticity, rest.strained.variation), gradients)
+        geometric = None
+        if loaded is not None:
+            geometric = _form(rest.strained.second_variation(fine.predicted(rest, loaded)), gradients)
+        share = self.case.material.areal_density * fine.share
+        mass = torch.einsum("nci,n,ncj->ij", moved, share, moved)
+        found = eigh(*(_symmetric(m) for m in self._pair(elastic, mass, geometric)), eigvals_only=True)
+        return np.asarray(1 / found[::-1])
+
+    def solution(self, found: _Found, sure: Array, steps: Sequence[Step]) -> PathSolution:
+        """Return the modes that the case asks for, as fields."""
+        case, marks = self.case, self.case.states
+        uncertainty = dict(zip([q.name for q in case.quantities], _asked(case, sure), strict=True))
+        values = dict(zip([q.name for q in case.quantities], _asked(case, found.values), strict=True))
+        return PathSolution(
+            marks=marks,
+            states=tuple(self._shape(found.weights[:, int(mark) - 1]) for mark in marks),
+            history=tuple(steps),
+            uncertainty=uncertainty,
+            unsettled=unsettled(uncertainty, values, SETTLED),
+            mode_values={int(mark): float(found.values[int(mark) - 1]) for mark in marks},
+            diagnostics={
+                "energy_gap": found.gap,
+                "level": self.level.number,
+                "neurons": self.features.network.width,
+                "features": self.features.count,
+                "quadrature_points": len(self.problem.weights),
+            },
+        )
+
+    def _shape(self, weights: Tensor) -> NdfSolution:
+        """Return a mode as a field whose largest component is about 1 m."""
+        output = weights.view(3, -1)
+        field = Field(build_ansatz(self.case, self.spec), self.features, output, output.new_zeros(6))
+        moved = field.displacement(self.case.surface.domain.grid(SHAPES, SHAPES).reshape(-1, 2)).flatten()
+        scaled = Field(field.ansatz, self.features, output / moved[moved.abs().argmax()], field.rigid)
+        shape = NdfSolution(
+            case=self.case,
+            solver=self.solver,
+            spec=self.spec,
+            field=scaled,
+            rule=self.level.resolution.fine,
+            membrane=float("nan"),
+            bending=float("nan"),
+            parameters=self.unknowns,
+        )
+        membrane, bending = shape.energies()
+        return replace(shape, membrane=membrane, bending=bending)
+
+
+def _form(form: Tensor, gradients: Tensor) -> Tensor:
+    """Return the products (m, m) of gradients (N, 15, m) by a form (N, 15, 15)."""
+    return torch.einsum("nai,nab,nbj->ij", gradients, form, gradients)
+
+
+def _symmetric(matrix: Tensor) -> Array:
+    return np.asarray(((matrix + matrix.T) / 2).cpu().numpy())

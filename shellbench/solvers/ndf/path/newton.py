@@ -1,0 +1,219 @@
+"""Newton's method on the output weights of a field: at a load factor, or with one more equation on a path."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import torch
+from torch import Tensor
+
+from shellbench.solvers.ndf.path.equilibrium import (
+    MOST_ITERATIONS,
+    Deformed,
+    NotConvergedError,
+    PathProblem,
+)
+
+
+@dataclass(frozen=True)
+class PathState:
+    """A state of equilibrium.
+
+    Attributes
+    ----------
+    t, weights, deformed
+        Load factor, output weights (3 M,), and what they do.
+    iterations
+        Newton iterations that led here.
+    tangent
+        That of the last iteration; None at rest.
+    critical
+        Whether the shell can buckle here for the first time.
+    """
+
+    t: float
+    weights: Tensor
+    deformed: Deformed
+    iterations: int = 0
+    tangent: Tangent | None = None
+    critical: bool = False
+
+    @classmethod
+    def rest(cls, problem: PathProblem) -> PathState:
+        """Return the state that nothing loads."""
+        weights = problem.weights.new_zeros(3 * problem.features.count)
+        return cls(0.0, weights, problem.deform(weights, 0.0))
+
+    @property
+    def stable(self) -> bool:
+        """Whether the state is a minimum of the potential energy.
+
+        Under a pressure that follows there is none: then, whether all steps from the state do positive work.
+        """
+        return self.tangent is None or self.tangent.definite
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """One more equation, row . w = value with a row (3 M,), for a path on which the load factor is unknown."""
+
+    row: Tensor
+    value: float
+
+
+def equilibrium(problem: PathProblem, start: PathState, t: float, neutral: float = 0.0) -> PathState:
+    """Return the state at a load factor, from another one; it is stable if its tangent is positive definite.
+
+    Modes whose eigenvalue is less than `neutral` of the stiffness at rest are left as they are.
+
+    Raises
+    ------
+    NotConvergedError
+        If Newton's method does not get there.
+    """
+    basis = problem.basis
+    # Point supports are moved first. Steps in the basis leave them where they are.
+    change = basis.held @ (problem.targets(t) - problem.constraints @ start.weights)
+    return _newton(problem, start, t, change, None, neutral)
+
+
+def on_path(problem: PathProblem, start: PathState, constraint: Constraint, guess: tuple[Tensor, float]) -> PathState:
+    """Return the state that satisfies a constraint, from another one and a guess (dw, dt) of the step to it.
+
+    Raises
+    ------
+    NotConvergedError
+        If Newton's method does not get there.
+    """
+    return _newton(problem, start, start.t + guess[1], guess[0], constraint)
+
+
+def drift(problem: PathProblem, state: PathState) -> Tensor:
+    """Return dw/dt (3 M,) along the path at a state.
+
+    Raises
+    ------
+    NotConvergedError
+        If the tangent is singular there.
+    """
+    tangent = state.tangent or Tangent(problem, state.deformed, state.t, state.weights, None)
+    return tangent.solve(problem.force_rate(state.weights))
+
+
+class Tangent:
+    """A tangent in the basis of independent fields, factorised; `definite` if it is positive.
+
+    A pressure that follows makes it unsymmetric. Then `definite` speaks of its symmetric part, and `whole` solves.
+
+    With `neutral`, it is decomposed into its modes, and those of an eigenvalue of that size are called zero: they make
+    no state unstable, and a solution has no part of them.
+    """
+
+    def __init__(
+        self,
+        problem: PathProblem,
+        deformed: Deformed,
+        t: float,
+        weights: Tensor,
+        geometric: Tensor | None,
+        neutral: float = 0.0,
+    ) -> None:
+        self.combine = problem.basis.combine
+        # Z^T K Z in independent fields that leave the point supports alone: small, dense, and the identity at rest.
+        matrix = problem.tangent(deformed, t, weights, geometric)
+        self.reduced = self.combine.T @ matrix @ self.combine
+        self.whole: tuple[Tensor, Tensor] | None = None
+        load = problem.load_stiffness(weights, t)
+        if load is not None:
+            # Such a matrix needs LU. Its symmetric part tells whether all steps do positive work.
+            whole = self.reduced - self.combine.T @ load @ self.combine
+            self.reduced = (whole + whole.T) / 2
+            if bool(torch.isfinite(whole).all()):
+                self.whole = torch.linalg.lu_factor(whole)
+        if not bool(torch.isfinite(self.reduced).all()):
+            raise NotConvergedError
+        self.neutral = neutral
+        self.positive = True  # its determinant
+        # 1. With neutral modes: all modes are needed, to leave some out.
+        # 2. Else Cholesky, for a stable state.
+        # 3. Where that fails LDL^T, and the sign of the determinant: it tells limit points from branches.
+        if neutral:
+            self.values, self.vectors = torch.linalg.eigh(self.reduced)
+            self.definite = float(self.values[0]) > -neutral
+            return
+        self.factor, info = torch.linalg.cholesky_ex(self.reduced)
+        self.definite = int(info) == 0
+        if not self.definite:
+            self.factor, self.pivots, info = torch.linalg.ldl_factor_ex(self.reduced)
+            if int(info) != 0:
+                raise NotConvergedError
+            self.positive = bool(torch.linalg.slogdet(self.reduced)[0] > 0)
+
+    @cached_property
+    def lowest(self) -> float:
+        """Smallest eigenvalue, relative to the stiffness at rest."""
+        return float((self.values if self.neutral else torch.linalg.eigvalsh(self.reduced))[0])
+
+    def solve(self, right: Tensor) -> Tensor:
+        """Return the output weights (3 M,) of a right-hand side (3 M,)."""
+        reduced = (self.combine.T @ right)[:, None]
+        if self.neutral:
+            # A pseudo-inverse: along a neutral mode the field stays, where Newton's step would be long and of either
+            # sign.
+            stiff = self.values.abs() > self.neutral
+            compliance = torch.where(stiff, 1 / self.values, torch.zeros_like(self.values))
+            solved = self.vectors @ (compliance[:, None] * (self.vectors.T @ reduced))
+        elif self.whole is not None:
+            solved = torch.linalg.lu_solve(*self.whole, reduced)
+        elif self.definite:
+            solved = torch.cholesky_solve(reduced, self.factor)
+        else:
+            solved = torch.linalg.ldl_solve(self.factor, self.pivots, reduced)
+        weights: Tensor = self.combine @ solved[:, 0]
+        return weights
+
+
+def _newton(
+    problem: PathProblem,
+    start: PathState,
+    t: float,
+    step: Tensor,
+    constraint: Constraint | None,
+    neutral: float = 0.0,
+) -> PathState:
+    # Newton's method with predicted stresses (Magisano, Leonetti & Garcea 2017), an iteration in four:
+    # 1. Factorise K: strains of w, and in its geometric part the stresses predicted by the step before.
+    # 2. dw = K^-1 r; on a path bordered by the constraint, dw = K^-1 r + dt K^-1 f'.
+    # 3. Predict the next stresses before w moves.
+    # 4. Stop when the work r . dw is at rounding.
+    # The textbook takes w's own stresses, and searches along dw. In a thin shell those stresses are far too large after
+    # a bending step. Here the residual may grow at first. A step that does not converge is cut by the caller.
+    weights, deformed, geometric = start.weights, start.deformed, start.deformed.stresses
+    if bool(step.any()):
+        geometric = problem.predicted(deformed, step)
+        weights = weights + step
+    if bool(step.any()) or t != start.t:
+        deformed = problem.deform(weights, t, start.deformed.angles)
+    known = None if bool(step.any()) else start.tangent  # at the start itself the tangent is known
+    first = 0.0
+    for iteration in range(1, MOST_ITERATIONS + 1):
+        tangent = known or Tangent(problem, deformed, t, weights, geometric, neutral)
+        known = None
+        step = tangent.solve(deformed.residual)
+        if constraint is not None:
+            moving = tangent.solve(problem.force_rate(weights))
+            slope = float(constraint.row @ moving)
+            if slope == 0.0:
+                raise NotConvergedError
+            change = (constraint.value - float(constraint.row @ (weights + step))) / slope
+            step, t = step + change * moving, t + change
+        # The constraint is linear, so that it holds after each step. The work of r alone says how far the state is.
+        decrement = abs(float(deformed.residual @ step))
+        geometric = problem.predicted(deformed, step, t)
+        weights = weights + step
+        deformed = problem.deform(weights, t, deformed.angles)
+        first = first or decrement
+        if problem.settled(deformed, decrement, first):
+            return PathState(t, weights, deformed, iteration, tangent)
+    raise NotConvergedError

@@ -1,0 +1,334 @@
+"""How sure a path of a field is, as challengers tell that join each state that quantities are asked at.
+
+The mechanism is that of linear shells (see `challenge`), on the tangent of a state: its features and challengers of
+`ndf-ritz` share one Newton step from the state. What that changes of each quantity and of the energy, the state had
+missed. The path itself stays as it is. At a limit point the states next to it are challenged, and the curve is drawn
+again through them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from shellbench.problem import Step
+from shellbench.problems.shell.quantities.measure import measure
+from shellbench.problems.shell.quantities.quantities import (
+    CriticalPoint,
+    DisplacementQuantity,
+    EnergyQuantity,
+    LargestDisplacement,
+    LimitPoint,
+    QuantityModel,
+)
+from shellbench.solvers.ndf.field.build import Resolution, graded_points
+from shellbench.solvers.ndf.field.field import Features, Field
+from shellbench.solvers.ndf.field.jets import Array
+from shellbench.solvers.ndf.field.quadrature import area_rule
+from shellbench.solvers.ndf.field.supports import point_supports
+from shellbench.solvers.ndf.linear.challenge import SHARE, joined_features, looking_everywhere
+from shellbench.solvers.ndf.linear.refinement import (
+    Miss,
+    changes,
+    finer_rule,
+    first_level,
+    layered,
+    probed,
+    scale,
+    uncertainties,
+    unsettled,
+)
+from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
+from shellbench.solvers.ndf.linear.solve import JITTER, SAME_ROW, RegularisedInverse
+from shellbench.solvers.ndf.path.equilibrium import Deformed, PathProblem
+from shellbench.solvers.ndf.path.newton import PathState
+from shellbench.solvers.ndf.strains.energy import rigid_part
+from shellbench.solvers.ndf.strains.sampled import Combined
+
+SETTLED = 2e-2  # of a scale: energies err twice as much as displacements, and these are asked for 1e-2 at most
+GROWTH = 1.5**0.5  # of points a side: a path's features and its challengers are half as many more
+PART = 0.25  # of what is gained, by which even a small part of the energy errs: on 48 drawn shells at most .24
+SAME = 1e-9  # relative distance of a state from its mark
+PRESCRIBED = 1e-12  # of a quantity's scale, where nothing is solved for and all is rounding
+
+
+def prescribed(solution: PathSolution, rounding: float) -> PathSolution:
+    """Return a path that its case prescribes with how sure it is of its quantities: its quadrature alone errs.
+
+    `rounding` is an energy, J, that is.
+    """
+    case, gap = solution.case, solution.diagnostics["energy_gap"]
+    uncertainty: dict[str, float] = {}
+    for q in case.quantities:
+        value = {q.name: measure(solution, q)}
+        scales = {q.name: scale(solution.state(q.at), q, value[q.name], rounding)}
+        missed = Miss({q.name: rounding if isinstance(q, EnergyQuantity) else 0.0}, 0.0)
+        uncertainty |= uncertainties(missed, gap, value, scales, PRESCRIBED)
+    return replace(solution, uncertainty=uncertainty)
+
+
+@dataclass(frozen=True)
+class Challenge:
+    """A path's problem with challengers beside its features.
+
+    Attributes
+    ----------
+    problem
+        Features: the path's independent ones, then the challengers as drawn.
+    features
+        Those of both fields, as drawn.
+    solved
+        (3 M,): numbers of the unknowns; a power about a corner is not one of every component.
+    row
+        (3 M,) of the displacement that the path is followed by, if there is one.
+    """
+
+    problem: PathProblem
+    features: Features
+    solved: Tensor
+    row: Tensor | None
+
+    @classmethod
+    def of_path(cls, problem: PathProblem, solution: NdfSolution, usual: Resolution, seed: int) -> Challenge:
+        """Draw challengers of a path's problem, whose last field is a solution of this resolution."""
+        case, spec = solution.case, solution.spec
+        level = first_level(case, usual, given_width=True, given_rule=True)
+        width = solution.field.features.network.width
+        number = max(1, round(SHARE * width / len(level.kinds)))
+        # Both fields are integrated with as many points a feature as the path's own: else the rule tells a difference.
+        rule = layered(case, finer_rule(usual.rule, GROWTH))
+        level = replace(level, resolution=replace(level.resolution, neurons=0), challengers=number)
+        features = joined_features(solution, level, seed)
+        assert isinstance(problem.features, Combined)
+        old = problem.features.combine
+        count, new = old.shape[1], features.count - len(old)
+        combine = old.new_zeros((len(old) + new, count + new))
+        combine[: len(old), :count] = old
+        combine[len(old) :, count:].fill_diagonal_(1.0)
+        allowed = torch.as_tensor(features.allowed()[:, len(old) :])
+        whole = torch.cat([torch.ones((3, count), dtype=torch.bool), allowed], dim=1)
+        focal = graded_points(case, looking_everywhere(spec))
+        joined = PathProblem(problem.spec, problem.ansatz, Combined(features, combine), rule, focal)
+        quantity = next((q for q in case.quantities if q.name == case.path.quantity), None)
+        row = joined.functional(quantity) if isinstance(quantity, DisplacementQuantity) else None
+        return cls(joined, features, torch.nonzero(whole.reshape(-1))[:, 0], row)
+
+    def start(self, problem: PathProblem, state: PathState) -> tuple[Tensor, Deformed]:
+        """Return the weights (3 M,) of a state of the path, and what they do on the rule of the challenge."""
+        output = state.weights.view(3, -1)
+        weights = output.new_zeros((3, self.problem.features.count))
+        weights[:, : output.shape[1]] = output
+        near = [
+            known.spread(angles, other)
+            for known, other, angles in zip(problem.moments, self.problem.moments, state.deformed.angles, strict=True)
+        ]
+        return weights.reshape(-1), self.problem.deform(weights.reshape(-1), state.t, tuple(near))
+
+    def step(self, weights: Tensor, deformed: Deformed, t: float, held: bool) -> tuple[Tensor, float, Tensor]:
+        """Return one Newton step: changes of weights (3 M,) and load factor, and forces (k,) of the point supports.
+
+        The load factor changes if the path's displacement is `held`.
+        """
+        # 1. K at the state, with the load's own stiffness; what holds points is added, times a stiffness.
+        # 2. A regularised inverse, as of linear shells; by LU, for a state need be no minimum.
+        # 3. Multipliers such that points stay, for the residual and for the load's rate.
+        # 4. The change of load such that the path's displacement stays.
+        problem, solved = self.problem, self.solved
+        matrix = problem.tangent(deformed, t, weights)
+        load = problem.load_stiffness(weights, t)
+        if load is not None:
+            matrix = matrix - load
+        rows, stiffness = problem.constraints, problem.ansatz.case.material.membrane_stiffness
+        targets = problem.targets(t) - rows @ weights
+        matrix = matrix + stiffness * rows.T @ rows
+        right = [deformed.residual + stiffness * rows.T @ targets, *([problem.force_rate(weights)] if held else [])]
+        inverse = RegularisedInverse.of_indefinite(matrix[solved][:, solved], JITTER)
+        response = weights.new_zeros((len(weights), len(right) + len(rows)))
+        response[solved] = inverse @ torch.cat([torch.stack(right, dim=1), rows.T], dim=1)[solved]
+        free, pulled = response[:, : len(right)], response[:, len(right) :]
+        beyond = rows @ free
+        beyond[:, 0] -= targets
+        multipliers = torch.linalg.pinv(rows @ pulled, rtol=SAME_ROW) @ beyond if len(rows) else beyond
+        free = free - pulled @ multipliers
+        change, forces, more = free[:, 0], -multipliers[:, 0], 0.0
+        if held:
+            assert self.row is not None
+            more = -float(self.row @ change) / float(self.row @ free[:, 1])
+            change, forces = change + more * free[:, 1], forces - more * multipliers[:, 1]
+        return change, more, forces[: len(point_supports(problem.ansatz.case, t))]
+
+    def field(
+        self, solution: NdfSolution, weights: Tensor, energies: tuple[float, float], forces: Tensor
+    ) -> NdfSolution:
+        """Return the solution of a state with these weights, energies, J, and forces of point supports instead."""
+        combined = self.problem.features
+        assert isinstance(combined, Combined)
+        output = weights.view(3, -1) @ combined.combine.T
+        field = Field(solution.field.ansatz, self.features, output, output.new_zeros(6))
+        rule = area_rule(solution.case.surface.domain, self.problem.focal, self.problem.rule_spec)
+        return replace(
+            solution,
+            field=field.less_rigid(rigid_part(field, rule)),
+            rule=self.problem.rule_spec,
+            membrane=energies[0],
+            bending=energies[1],
+            point_forces=tuple(forces.tolist()),
+        )
+
+
+@dataclass(frozen=True)
+class Found:
+    """A state of the path as it was, and as challengers change it: fields, and energies on one rule.
+
+    Attributes
+    ----------
+    solutions
+        Of the state, before and after.
+    probed
+        (n, 3): their displacements at points all over the shell, metres.
+    steps
+        Of the history.
+    gained
+        Energy, as a share of what is stored.
+    of_displacements
+        The share by which displacements err (see `_share_of_work`).
+    """
+
+    solutions: tuple[NdfSolution, NdfSolution]
+    probed: tuple[Array, Array]
+    steps: tuple[Step, Step]
+    gained: float
+    of_displacements: float
+
+
+def challenged(
+    problem: PathProblem,
+    states: Sequence[PathState],
+    solution: PathSolution,
+    usual: Resolution,
+    seed: int,
+    solution_of: Callable[[PathState], NdfSolution],
+) -> PathSolution:
+    """Return a path with how sure it is of its quantities; `seed` draws the challengers.
+
+    Parameters
+    ----------
+    problem, states
+        The path's problem, and all its states.
+    solution
+        The path, whose history ends with these states.
+    usual
+        The resolution of its features.
+    solution_of
+        Gives the solution of a state.
+    """
+    # 1. Challenge the states at which quantities are asked, and those about turning points.
+    # 2. Each quantity changes from the state, or the curve, without challengers to that with them, on one rule.
+    # 3. Uncertainties as of linear shells, by the change and by the energy gained at the quantity's own states.
+    case, offset = solution.case, len(solution.history) - len(states)
+    challenge = Challenge.of_path(problem, solution.states[-1], usual, seed)
+    gap = solution.diagnostics["energy_gap"]
+    known: dict[tuple[int, bool], Found] = {}
+    uncertainty: dict[str, float] = {}
+    scales: dict[str, float] = {}
+    gains = [0.0]
+    for q in case.quantities:
+        held = case.path.quantity is not None and not (isinstance(q, LimitPoint) and q.turning == "displacement")
+        numbers = _asked(q, solution, offset)
+        if not numbers:
+            continue  # one linear solve does not tell of it
+        for k in numbers:
+            if (k, held) not in known:
+                step = solution.history[offset + k]
+                known[k, held] = _found(challenge, problem, states[k], step, solution_of(states[k]), held)
+        there = {offset + k: known[k, held] for k in numbers}
+        last = there[max(there)]
+        histories = [
+            tuple(there[k].steps[n] if k in there else step for k, step in enumerate(solution.history)) for n in (0, 1)
+        ]
+        both = zip(last.solutions, histories, strict=True)
+        try:
+            values = [{q.name: measure(replace(state, history=history), q)} for state, history in both]
+        except ValueError:
+            continue  # the curve turns no longer where it did: nothing is stated
+        changed = changes(case, values[0], values[1], last.probed)
+        scales[q.name] = scale(last.solutions[0], q, values[0][q.name], problem.unstrained, last.probed[0])
+        gains.append(max(found.gained for found in there.values()))
+        moved = isinstance(q, DisplacementQuantity | LargestDisplacement)
+        share = max(found.of_displacements for found in there.values()) if moved else gains[-1]
+        # The gain is one of the whole energy, of which a small part errs by less; its own change is asked for, too.
+        of = max(abs(values[0][q.name]), PART * scales[q.name]) if isinstance(q, EnergyQuantity) else scales[q.name]
+        uncertainty |= uncertainties(Miss(changed, share), gap, values[0], {q.name: of})
+    return replace(
+        solution,
+        uncertainty=uncertainty,
+        unsettled=solution.unsettled or unsettled(uncertainty, scales, SETTLED),
+        diagnostics={
+            **solution.diagnostics,
+            "challenge_gain": max(gains),
+            "challengers": challenge.features.count - solution.states[-1].field.features.count,
+        },
+    )
+
+
+def _asked(q: QuantityModel, solution: PathSolution, offset: int) -> tuple[int, ...]:
+    """Return the numbers of the states of the path that tell a quantity; none of a critical state.
+
+    None either of where along the curve an extremum lies: it follows the slope of the changes there, not their size.
+    """
+    steps, path = solution.history[offset:], solution.case.path
+    if isinstance(q, CriticalPoint) or (isinstance(q, LimitPoint) and q.gives != q.turning):
+        return ()
+    along = [step.at if path.quantity is None else step.quantities[path.quantity] for step in steps]
+    if not isinstance(q, LimitPoint):
+        mark = solution.marks[-1] if q.at is None else q.at
+        there = (k for k, value in enumerate(along) if abs(value - mark) <= SAME * abs(mark))
+        return tuple(islice(there, 1))
+    values = np.array([0.0, *([step.at for step in steps] if q.turning == "load" else along)])
+    turns = np.nonzero(np.diff(np.sign(np.diff(values))))[0]  # state k + 1 of rest and the others is k of these
+    middle = int(turns[q.number - 1]) if len(turns) >= q.number else len(steps) - 1
+    return tuple(k for k in range(middle - 1, middle + 2) if 0 <= k < len(steps))
+
+
+def _found(
+    challenge: Challenge, problem: PathProblem, state: PathState, step: Step, solution: NdfSolution, held: bool
+) -> Found:
+    weights, deformed = challenge.start(problem, state)
+    change, more, forces = challenge.step(weights, deformed, state.t, held)
+    gained = float(deformed.residual @ change) / 2
+    quantities = dict(step.quantities)
+    if challenge.row is not None:
+        quantities[solution.case.path.quantity or ""] += float(challenge.row @ change)
+    steps = (
+        replace(step, energy=deformed.potential),
+        replace(step, energy=deformed.potential - gained, at=state.t + more, quantities=quantities),
+    )
+    energies = challenge.problem.foretold_energies(deformed, change, state.t)
+    solutions = (
+        replace(solution, membrane=deformed.membrane, bending=deformed.bending),
+        challenge.field(solution, weights + change, energies, forces),
+    )
+    share = abs(gained) / (deformed.membrane + deformed.bending + problem.unstrained)
+    of_work = share if held else _share_of_work(challenge.problem, deformed, change, state.t, abs(gained))
+    return Found(solutions, (probed(solutions[0]), probed(solutions[1])), steps, share, min(share, of_work))
+
+
+def _share_of_work(problem: PathProblem, deformed: Deformed, change: Tensor, t: float, gained: float) -> float:
+    """Return by which share the displacement that dead loads work on errs, as a Newton step (3 M,) tells.
+
+    Let the loads be s times what they are, and w their work at s = 1. In equilibrium the potential energy falls with s
+    as the loads' work on the displacement: dPi/ds = -w (Hellmann and Feynman). A field whose energy is too high by
+    e(s) does so, too. So its w is too small by de/ds, which to first order is the loads' work on the Newton step. In
+    linear shells e grows as s^2: de/ds = 2 e, and with w = 2 U the share is e / U, as there. Where loads do more work
+    than twice what is stored, as in a strip that hangs, e / U is no share of any displacement.
+    """
+    # The work on the step may be small by accident, the energy can't: so 2 e is the least.
+    if problem.moments or problem.pressure is not None or not deformed.work:
+        return math.inf  # what they do is no work of dead loads
+    return max(2 * gained, abs(float(problem.forces(t)[0] @ change))) / abs(deformed.work)

@@ -1,0 +1,91 @@
+"""Settings of `ndf-published`, and which of them a training's course depends on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field as PydanticField
+
+from shellbench.problem import SeededSettings
+from shellbench.problems.shell.case import Case
+from shellbench.protocol.schema import Positive
+from shellbench.solvers.ndf.field.choices import Components, PeriodicInput, Pins, StrainName
+
+NAME = "ndf-published"  # of the solver, in records and files
+
+NOT_OF_THE_TRAINING = {"device", "checkpoint", "checkpoint_every"}
+OF_FIXED_LENGTH = "cosine"  # a schedule whose steps depend on the iterations asked for
+
+
+class PublishedSettings(SeededSettings):
+    """Settings of `ndf-published`; the defaults are the paper's.
+
+    Departures from the paper are settings of their own: `pins`, `unit`, `schedule`, `averaging`, `keep`,
+    `resample_every`, `activation` and `dtype`.
+
+    Attributes
+    ----------
+    learning_rate
+        Of Adam, at its start.
+    """
+
+    iterations: int = PydanticField(2000, ge=1, description="of Adam; the paper has 2500 for the plate")
+    layers: int = PydanticField(5, ge=1, le=20, description="hidden layers")
+    width: int = PydanticField(512, ge=1, le=4096, description="of each hidden layer")
+    omega0: Positive = PydanticField(15.0, description="frequency of the sines")
+    learning_rate: Positive = 1e-4
+    cells: tuple[int, int] = PydanticField((20, 20), description="of the grid of samples, along xi1 and xi2")
+    times: int = PydanticField(20, ge=1, le=1000, description="samples of time, one in each of so many intervals")
+    modulus_factor: Positive | None = PydanticField(
+        None, description="of Young's modulus in training, linear theory; None follows from the case"
+    )
+    periodic_input: PeriodicInput = PydanticField("both", description='"both", "cosine" or "none" (a slit shell)')
+    pins: Pins = PydanticField(
+        "points",
+        description='of a shell that nothing holds: "points" as printed, "cells" wide enough for samples, "none"',
+    )
+    components: Components = PydanticField("cartesian", description="what the output layer gives")
+    unit: Literal["modulus", "load"] = PydanticField(
+        "modulus", description='of the output: 1 m at the scaled modulus, or "load", the deflection of a like plate'
+    )
+    schedule: Literal["constant", "cosine"] = PydanticField(
+        "constant", description='of the learning rate: "cosine" falls to nothing at the last iteration'
+    )
+    averaging: float = PydanticField(
+        0.0, ge=0.0, lt=1.0, description="share of the running average of weights that an iteration keeps; 0 for none"
+    )
+    keep: Literal["last", "best"] = PydanticField(
+        "last", description='which weights are the answer: "best" are those of least certified energy'
+    )
+    resample_every: int = PydanticField(1, ge=1, description="iterations on the same samples")
+    activation: Literal["sine", "tanh", "gelu"] = PydanticField(
+        "sine", description="of the hidden layers; omega0 belongs to the sine"
+    )
+    certify_every: int = PydanticField(
+        250, ge=0, description="iterations between two certified energies of the course; 0 for none"
+    )
+    strain: StrainName | None = PydanticField(
+        None, description="strains of the loss; None is linear where nothing moves, and eq. (30) in motion"
+    )
+    dtype: Literal["float32", "float64"] = PydanticField("float32", description="precision of the training")
+    checkpoint: str | None = PydanticField(
+        None, description="folder for checkpoints: an interrupted training goes on from its own; None for none"
+    )
+    checkpoint_every: int = PydanticField(100, ge=1, description="iterations between two checkpoints, at least 25")
+
+
+def training_key(case: Case, settings: PublishedSettings) -> str:
+    """Return what a training is, as a digest: of the case and of all settings that its course depends on."""
+    free = NOT_OF_THE_TRAINING if settings.schedule == OF_FIXED_LENGTH else {*NOT_OF_THE_TRAINING, "iterations"}
+    facts = {"case": case.digest(), **settings.model_dump(mode="json", exclude=free)}
+    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+
+
+def own_checkpoint(case: Case, settings: PublishedSettings) -> Path | None:
+    """Return the file in which a training keeps its checkpoints; None if it keeps none."""
+    if settings.checkpoint is None:
+        return None
+    return Path(settings.checkpoint) / f"{case.name}-{training_key(case, settings)[:16]}.safetensors"

@@ -1,0 +1,275 @@
+"""Training by Adam (Kingma & Ba 2014) on samples that are redrawn at every iteration; when a training has collapsed."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from shellbench.problem import Progress, ProgressCallback, Step
+from shellbench.solvers.ndf.published.checkpoint import Checkpoint, write_checkpoint
+from shellbench.solvers.ndf.published.published_network import Siren
+
+RECORD = 25  # iterations between two entries of the history
+STRETCH = 10  # entries of the history whose mean is an energy that a training had: 400 random samples are noisy
+CERTAIN = 2.0  # standard errors that this mean is raised by, so that luck is no energy
+CERTIFIED = "certified_energy"  # name in the history, J
+KEPT = 0.5  # of its best gain that a training must end with
+
+
+class Sampled(Protocol):
+    """What is drawn for one iteration."""
+
+    def loss(self, siren: Siren) -> Tensor:
+        """Return the loss of a network."""
+        ...
+
+
+class Sampling(Protocol):
+    """Draws the samples of a training, numbered by the iteration.
+
+    Attributes
+    ----------
+    modulus_factor
+        What a loss is to be multiplied by to be an energy, J.
+    """
+
+    @property
+    def modulus_factor(self) -> float:
+        """See the class."""
+        ...
+
+    @property
+    def end(self) -> float:
+        """Load factor, or final time, s."""
+        ...
+
+    def samples(self, start: int, stop: int) -> Iterator[Sampled]:
+        """Yield the samples of iterations start, ..., stop - 1."""
+        ...
+
+
+class LossNotFinite(Exception):
+    """The loss is no number any more; `good` is the training when it last was one."""
+
+    def __init__(self, iteration: int, good: Checkpoint) -> None:
+        super().__init__(f"the loss is not finite within iterations {good.iteration + 1} to {iteration}")
+        self.good = good
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How to train.
+
+    Attributes
+    ----------
+    iterations
+        In all, those of a checkpoint included.
+    learning_rate
+        Of Adam at its start; its other constants are its authors'.
+    checkpoint
+        File to keep the training in, at least every `checkpoint_every` iterations; None for none.
+    cosine
+        Whether the learning rate falls to nothing, as a cosine does from 0 to pi (Loshchilov & Hutter 2017).
+    averaging
+        What an iteration keeps of the running average of weights, which then are the answer; 0 for none.
+    certify_every
+        Iterations between two certified energies; 0 for none.
+    keep_best
+        Whether to keep the weights of least certified energy.
+    """
+
+    iterations: int
+    learning_rate: float
+    checkpoint: Path | None = None
+    checkpoint_every: int = RECORD
+    cosine: bool = False
+    averaging: float = 0.0
+    certify_every: int = 0
+    keep_best: bool = False
+
+    def rate(self, iteration: int) -> float:
+        """Return the learning rate of an iteration, the first being 1."""
+        return self.learning_rate * (
+            0.5 + 0.5 * math.cos(math.pi * (iteration - 1) / self.iterations) if self.cosine else 1.0
+        )
+
+    def kept_of_average(self, iteration: int) -> float:
+        """Return what an iteration keeps of the running average: less at first, so that the start is forgotten."""
+        return min(self.averaging, iteration / (iteration + 9.0))
+
+    def certifies(self, before: int, iteration: int) -> bool:
+        """Whether an energy is due at an iteration that is recorded, the one before being `before`."""
+        if not self.certify_every:
+            return False
+        due = iteration // self.certify_every > before // self.certify_every
+        return due or (self.keep_best and iteration == self.iterations)
+
+
+def beginning(key: str, siren: Siren) -> Checkpoint:
+    """Return the training of a network before its first iteration."""
+    zeros = [torch.zeros_like(t) for t in siren.tensors]
+    return Checkpoint(key, 0, 0.0, siren.tensors, zeros, zeros, torch.zeros(0, dtype=torch.float64), ())
+
+
+def train(
+    siren: Siren,
+    now: Checkpoint,
+    sampler: Sampling,
+    plan: Plan,
+    watch: Callable[[Siren], dict[str, float]],
+    progress: ProgressCallback,
+    certify: Callable[[Siren], dict[str, float]] = lambda siren: {},
+) -> Checkpoint:
+    """Go on with a training, and return it as it stands after the last iteration.
+
+    Parameters
+    ----------
+    siren
+        Says what the network is; its numbers are those of `now`.
+    watch
+        Gives quantities of a network for the history.
+    certify
+        Gives its energies on a fine quadrature, among them `CERTIFIED`; nothing where there are none.
+
+    Raises
+    ------
+    LossNotFinite
+        If it is not, which is looked at every `RECORD` iterations.
+    """
+    # The published recipe: Adam on samples drawn anew each time, a fixed number of iterations, no stopping rule.
+    # 1. Take weights and both moments from where the training stands: it goes on as if it had never stopped.
+    # 2. Loss of one draw, gradient, step; the running average of the weights goes along, if one is asked for.
+    # 3. Every `RECORD` iterations: look whether all is finite, keep the state, and write it down if that is due.
+    # 4. Certified energies now and then: they choose the weights that are kept, if the best are asked for.
+    # Looking each time would make the device wait for the host.
+    begin, first = time.perf_counter() - now.seconds, now.iteration
+    place = siren.tensors[0]
+    tensors = [weight.to(place).clone().requires_grad_() for weight in now.weights]
+    network, adam = siren.with_tensors(tensors), _adam(tensors, now, plan.learning_rate)
+    averaged = [tensor.to(place).clone() for tensor in now.averaged or now.weights] if plan.averaging else []
+    losses: list[Tensor] = []
+    written, message = now.iteration, "training"
+    for iteration, sample in enumerate(sampler.samples(first, plan.iterations), first + 1):
+        adam.param_groups[0]["lr"] = plan.rate(iteration)
+        adam.zero_grad()
+        loss = sample.loss(network)
+        loss.backward()  # type: ignore[no-untyped-call]
+        adam.step()
+        if averaged:
+            with torch.no_grad():
+                torch._foreach_lerp_(averaged, tensors, 1 - plan.kept_of_average(iteration))
+        losses.append(loss.detach())  # stays on the device: asking for its value would make it wait
+        if iteration % RECORD == 0 or iteration == plan.iterations:
+            if not all(bool(torch.isfinite(t).all()) for t in [torch.stack(losses), *tensors]):
+                # `now` is still the last state that was finite.
+                raise LossNotFinite(iteration, now)
+            recent, losses = torch.stack(losses).double().cpu(), []
+            answer = network.with_tensors(averaged) if averaged else network
+            energy = sampler.modulus_factor * float(recent.mean())
+            with torch.no_grad():
+                energies = certify(answer) if plan.certifies(now.iteration, iteration) else {}
+                step = Step(
+                    iteration=iteration,
+                    seconds=time.perf_counter() - begin,
+                    energy=energy,
+                    unknowns=network.parameters,
+                    at=sampler.end,
+                    gap=abs(energy / energies[CERTIFIED] - 1) if energies.get(CERTIFIED) else None,
+                    quantities=watch(answer) | energies,
+                )
+            now = _kept(now, step, recent, tensors, averaged, adam)
+            if plan.keep_best and CERTIFIED in energies:
+                now = _better(now, energies[CERTIFIED])
+            told = [f"energy {step.energy:.4g} J", *(f"{name} {v:.5g}" for name, v in step.quantities.items())]
+            message = ", ".join(told)
+            if plan.checkpoint and (iteration - written >= plan.checkpoint_every):
+                write_checkpoint(now, plan.checkpoint)
+                written = iteration
+        progress(Progress(iteration, plan.iterations, message))
+    return now
+
+
+def why_collapsed(certified: float, course: Sequence[tuple[int, float]], rest: float, loaded: bool) -> str | None:
+    """Return why a trained field is no answer, in one sentence; None if its energy does not speak against it.
+
+    Rest is the field without the network: the undeformed shell, or what the motion of supports alone makes of it. A
+    field gains what its energy lies below that of rest. The gain that a training had at its best is the largest over
+    all stretches of its course, each the mean less `CERTAIN` standard errors.
+
+    Parameters
+    ----------
+    certified
+        Energy of the trained field on the fine quadrature, J.
+    course
+        Iteration and mean loss, J, of each entry of the history.
+    rest
+        Energy at rest, J.
+    loaded
+        Whether loads act on a shell whose supports stay: then the answer lies below rest. A motion of supports may
+        already be the answer, so that nothing can be gained on it.
+    """
+    gain = rest - certified
+    # The loss can't say whether a training has collapsed: it is noisy, and taken on the points that it exploits. The
+    # certified energy can, against rest, and against what the course shows that the network once could do.
+    best, first, last = _best_gain(course, rest)
+    now = f"its certified energy, {certified:.3g} J, is {f'{gain:.2g} J below' if gain > 0 else 'not below'} rest"
+    if best > 0 and gain < KEPT * best:
+        return f"the training collapsed: {now}, but was at least {best:.2g} J below over iterations {first} to {last}"
+    if loaded and gain <= 0:
+        return f"the training came to no answer: {now} after {course[-1][0]} iterations"
+    return None
+
+
+def _best_gain(course: Sequence[tuple[int, float]], rest: float) -> tuple[float, int, int]:
+    """Return the largest certain gain of a stretch and its first and last iteration; 0 if there was none."""
+    best = (0.0, 0, 0)
+    for k in range(len(course) - STRETCH + 1):
+        iterations, energies = zip(*course[k : k + STRETCH], strict=True)
+        # One draw is a few hundred points, and the luckiest of many a large false gain. The mean of a stretch raised by
+        # its own error is an energy that the training surely had.
+        raised = float(np.mean(energies) + CERTAIN * np.std(energies, ddof=1) / STRETCH**0.5)
+        best = max(best, (rest - raised, iterations[0], iterations[-1]))
+    return best
+
+
+def _adam(tensors: list[Tensor], now: Checkpoint, learning_rate: float) -> torch.optim.Adam:
+    adam = torch.optim.Adam(tensors, lr=learning_rate)
+    if now.iteration:
+        for tensor, first, second in zip(tensors, now.first_moments, now.second_moments, strict=True):
+            adam.state[tensor] = {
+                "step": torch.tensor(float(now.iteration)),
+                "exp_avg": first.to(tensor).clone(),
+                "exp_avg_sq": second.to(tensor).clone(),
+            }
+    return adam
+
+
+def _kept(
+    now: Checkpoint, step: Step, recent: Tensor, tensors: list[Tensor], averaged: list[Tensor], adam: torch.optim.Adam
+) -> Checkpoint:
+    return replace(
+        now,
+        iteration=step.iteration,
+        seconds=step.seconds,
+        weights=[tensor.detach().clone() for tensor in tensors],
+        first_moments=[adam.state[tensor]["exp_avg"].clone() for tensor in tensors],
+        second_moments=[adam.state[tensor]["exp_avg_sq"].clone() for tensor in tensors],
+        losses=torch.cat([now.losses, recent]),
+        history=(*now.history, step),
+        averaged=[tensor.clone() for tensor in averaged],
+    )
+
+
+def _better(now: Checkpoint, energy: float) -> Checkpoint:
+    """Return the training with its present answer as its best one, if it is."""
+    if now.best_energy is not None and now.best_energy <= energy:
+        return now
+    return replace(now, best=[tensor.clone() for tensor in now.answer], best_energy=energy)  # files share no memory

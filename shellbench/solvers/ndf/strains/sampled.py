@@ -1,0 +1,401 @@
+"""Features and reference geometry at points, and what goes between the output weights and displacement gradients.
+
+Also here: combinations of nearly dependent features. On a path they are independent in stiffness. In motion they are
+orthonormal in mass, ordered by how quickly they vary, and as smooth at edges as inside.
+
+Random features are nearly dependent, and what they leave to tell apart at the end is rough. Their combinations are
+ordered by the scalar operator
+
+    sum_a (L / L_a) d/dt_a ( t_a (1 - t_a) d/dt_a ),   t_a = 0 .. 1 along side a of length L_a, L the longest,
+
+whose eigenfunctions along one side are Legendre's polynomials P_m, with the eigenvalues m (m + 1). Because its weight
+vanishes at the edges it asks for no condition there, so that smooth fields converge faster than any power of the
+degree; eigenfunctions of the plain stiffness have no slope across free edges and converge as a power of it (Canuto et
+al., Spectral Methods, 2006, section 2.3). A periodic side has the weight 1/4, which gives it waves of the same length.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from shellbench.errors import InputError, SolveFailure
+from shellbench.problems.shell.case import Case
+from shellbench.solvers.ndf.field.field import Ansatz
+from shellbench.solvers.ndf.field.geometry import side_lengths
+from shellbench.solvers.ndf.field.inputs import Inputs
+from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Array, Placement
+from shellbench.solvers.ndf.field.network import Network
+from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec, area_rule
+from shellbench.solvers.ndf.strains.strain_measures import GRADIENTS, Undeformed, gradients_through
+
+DEPENDENT = 1e-12  # combinations less stiff than this share of the stiffest are rounding, with ten times its room
+
+
+class FeatureSet(Protocol):
+    """Scalar features of which a field is a linear combination."""
+
+    @property
+    def count(self) -> int:
+        """Number of features M."""
+        ...
+
+    @property
+    def placement(self) -> Placement:
+        """Where they live and in what precision."""
+        ...
+
+    def jets(self, points: Array) -> Tensor:
+        """Return the jets (6, N, M) at points (N, 2)."""
+        ...
+
+    def values(self, points: Array) -> Tensor:
+        """Return the values (N, M) at points (N, 2)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Combined:
+    """Combinations (M, r) of other features, independent in a stiffness (M, M) if it is given."""
+
+    features: FeatureSet
+    combine: Tensor
+    stiffness: Tensor | None = None
+
+    def __post_init__(self) -> None:
+        # as in `shellbench.solvers.ndf.field.network.Network`; eigenvectors come column by column
+        object.__setattr__(self, "combine", self.combine.contiguous())
+
+    @property
+    def count(self) -> int:
+        """Number of combinations r."""
+        return self.combine.shape[1]
+
+    @property
+    def placement(self) -> Placement:
+        """Where they live and in what precision."""
+        return self.features.placement
+
+    def jets(self, points: Array) -> Tensor:
+        """Return the jets (6, N, r) at points (N, 2)."""
+        return self.features.jets(points) @ self.combine
+
+    def values(self, points: Array) -> Tensor:
+        """Return the values (N, r) at points (N, 2)."""
+        return self.features.values(points) @ self.combine
+
+
+def independent(stiffness: Tensor) -> Tensor:
+    """Return combinations (n, r) whose stiffness is the identity, from a positive semidefinite matrix (n, n).
+
+    Raises
+    ------
+    SolveFailure
+        If the matrix is not finite.
+    """
+    if not bool(torch.isfinite(stiffness).all()):
+        raise SolveFailure("the energy of the features is not finite")
+    diagonal = stiffness.diagonal().clamp_min(0.0).sqrt()
+    scale = torch.where(diagonal > 0, 1 / diagonal, torch.zeros_like(diagonal))
+    values, vectors = torch.linalg.eigh(stiffness * scale[:, None] * scale)
+    kept = values > DEPENDENT * values[-1]
+    combine: Tensor = scale[:, None] * vectors[:, kept] / values[kept].sqrt()
+    return combine
+
+
+COMPONENTS = 3
+COLUMNS = 6 * COMPONENTS  # components of F by planes of its jet
+PORTION = 1024  # points whose jets are held at once where they are not kept
+CACHED = 256  # points whose products are summed at once: a processor's cache holds them
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """N points of a shell for M features: gradients of u = lift + M F are affine in the output weights (3, M).
+
+    Attributes
+    ----------
+    points
+        (N, 2).
+    features
+        The features.
+    kept
+        (N, 6, M) jets of the features; None where each use computes them anew, a portion of the points at a time.
+    through
+        (N, 15, 18) from the jet of F to displacement gradients (`strain_measures.gradients_through`).
+    matrix
+        (N, 3, 3) values of the boundary matrix M.
+    undeformed
+        The surface.
+    """
+
+    points: Array
+    features: FeatureSet
+    kept: Tensor | None
+    through: Tensor
+    matrix: Tensor
+    undeformed: Undeformed
+
+    @classmethod
+    def at_points(cls, ansatz: Ansatz, features: FeatureSet, points: Array, keep: bool = True) -> Sampled:
+        """Tabulate points (N, 2), and keep the jets there or not."""
+        placement, surface = features.placement, ansatz.case.surface
+        undeformed = Undeformed.at_points(surface, points, placement)
+        matrix = ansatz.factors.matrix(points, placement)
+        through = gradients_through(undeformed.geometry, matrix)
+        kept = features.jets(points).permute(1, 0, 2).contiguous() if keep else None
+        return cls(points, features, kept, through, matrix[VALUE], undeformed)
+
+    @property
+    def jets(self) -> Tensor:
+        """(N, 6, M) jets of the features."""
+        return torch.cat([jets for _, jets in self._portions()]) if self.kept is None else self.kept
+
+    def _portions(self, small: bool = False) -> Iterator[tuple[slice, Tensor]]:
+        """Yield jets (n, 6, M), and which points they belong to; in `small` portions if they are kept, or at once."""
+        if self.kept is not None and not small:
+            yield slice(None), self.kept
+            return
+        size = CACHED if small else PORTION
+        for some in (slice(start, start + size) for start in range(0, len(self.points), size)):
+            kept = None if self.kept is None else self.kept[some]
+            yield some, self.features.jets(self.points[some]).permute(1, 0, 2).contiguous() if kept is None else kept
+
+    def carried(self, ansatz: Ansatz) -> Sampled:
+        """Return the same points and features with other boundary factors."""
+        matrix = ansatz.factors.matrix(self.points, self.features.placement)
+        return replace(self, through=gradients_through(self.undeformed.geometry, matrix), matrix=matrix[VALUE])
+
+    def lift_gradients(self, ansatz: Ansatz) -> Tensor | None:
+        """Return the gradients (N, 5, 3) of the lift, None where it is zero."""
+        if not ansatz.lift.moves:
+            return None
+        jet = ansatz.lift.jet(self.points, self.features.placement)
+        return self.undeformed.gradients(jet)
+
+    def gradients(self, output: Tensor, lift: Tensor | None = None) -> Tensor:
+        """Return u,1, u,2, d_11, d_22, d_12 (N, 5, 3) for output weights (3, M), those of the lift added."""
+        free = torch.cat([output @ jets.mT for _, jets in self._portions()]).reshape(-1, COLUMNS, 1)
+        gradients = (self.through @ free).view(-1, 5, COMPONENTS)
+        return gradients if lift is None else gradients + lift
+
+    def of_several(self, outputs: Tensor) -> tuple[Tensor, Tensor]:
+        """Return gradients (N, 15, m) and displacements (N, 3, m) less the lift for output weights (m, 3, M)."""
+        flat = outputs.flatten(0, 1)
+        free = torch.cat([flat @ jets.mT for _, jets in self._portions()]).view(-1, len(outputs), COMPONENTS, 6)
+        gradients = self.through @ free.reshape(-1, len(outputs), COLUMNS).mT
+        return gradients, self.matrix @ free[..., VALUE].mT
+
+    def pulled_back(self, conjugate: Tensor) -> Tensor:
+        """Return the vector (3 M,) on the output weights from what is conjugate (N, 15) to the gradients."""
+        on_jet = (conjugate[:, None] @ self.through).view(-1, COMPONENTS, 6)
+        total = conjugate.new_zeros((COMPONENTS, self.features.count))
+        for some, jets in self._portions():
+            total += on_jet[some].permute(1, 0, 2).reshape(COMPONENTS, -1) @ jets.flatten(0, 1)
+        return total.reshape(-1)
+
+    def forces(self, force: Tensor) -> Tensor:
+        """Return the vector (3 M,) of forces (N, 3) on u."""
+        on_free = (self.matrix.mT @ force[..., None])[..., 0]
+        total = force.new_zeros((COMPONENTS, self.features.count))
+        for some, jets in self._portions():
+            total += on_free[some].T @ jets[:, VALUE]
+        return total.reshape(-1)
+
+    def displacements(self, output: Tensor) -> Tensor:
+        """Return M F (N, 3), the displacement less the lift, for output weights (3, M)."""
+        free = torch.cat([jets[:, VALUE] @ output.mT for _, jets in self._portions()])
+        return (self.matrix @ free[..., None])[..., 0]
+
+    def products(self, share: Tensor) -> Tensor:
+        """Return the matrix (3 M, 3 M) of sums over points of products of displacements, weighted by `share` (N,)."""
+        # (M phi_i, M phi_j) by blocks of components: the boundary matrix M may couple them.
+        metric = (self.matrix.mT @ self.matrix) * share[:, None, None]
+        total = share.new_zeros((COMPONENTS * self.features.count,) * 2)
+        for some, jets in self._portions():
+            values = jets[:, VALUE]
+            for c in range(COMPONENTS):
+                for d in range(COMPONENTS):
+                    self._block(total, c, d).addmm_(values.T, metric[some, c, d, None] * values)
+        return total
+
+    def _block(self, matrix: Tensor, c: int, d: int) -> Tensor:
+        """Return a block of components of a matrix (3 M, 3 M) to write into."""
+        width = self.features.count
+        return matrix[c * width : (c + 1) * width, d * width : (d + 1) * width]
+
+    def values_by_slopes(self, form: Tensor) -> Tensor:
+        """Return the matrix (3 M, 3 M) of a form (N, 3, 6) that pairs values of u with its slopes u,1 and u,2."""
+        on_jets = (self.matrix.mT @ form @ self.through[:, : form.shape[-1]]).view(-1, COMPONENTS, COMPONENTS, 6)
+        total = form.new_zeros((COMPONENTS * self.features.count,) * 2)
+        for some, jets in self._portions():
+            for c in range(COMPONENTS):
+                for d in range(COMPONENTS):
+                    half = (on_jets[some, c, None, d] @ jets)[:, 0]
+                    self._block(total, c, d).addmm_(jets[:, VALUE].T, half)
+        return total
+
+    def add_form(self, total: Tensor, form: Tensor) -> None:
+        """Add the symmetric form (N, 15, 15) of the gradients to a matrix (3 M, 3 M) of the output weights.
+
+        Only its blocks of components on and above the diagonal; `mirrored` completes them.
+        """
+        on_jets = (self.through.mT @ form @ self.through).view(-1, COMPONENTS, 6, COMPONENTS, 6)
+        for some, jets in self._portions(small=True):
+            flat = jets.flatten(0, 1)
+            for d in range(COMPONENTS):
+                for c in range(d + 1):
+                    half = (on_jets[some, c, :, d] @ jets).flatten(0, 1)
+                    self._block(total, c, d).addmm_(flat.T, half)
+
+    def summed(self, form: Tensor) -> Tensor:
+        """Return the sum (M, M) of the diagonal blocks of a symmetric form's matrix (see `add_form`)."""
+        on_jets = (self.through.mT @ form @ self.through).view(-1, COMPONENTS, 6, COMPONENTS, 6)
+        alike = on_jets.diagonal(dim1=1, dim2=3).sum(-1)
+        total = form.new_zeros((self.features.count,) * 2)
+        for some, jets in self._portions(small=True):
+            total.addmm_(jets.flatten(0, 1).T, (alike[some] @ jets).flatten(0, 1))
+        return total
+
+
+def elastic_form(elasticity: Tensor, variation: Tensor) -> Tensor:
+    """Return the form (N, 15, 15) of the elastic part of the second variation."""
+    rows = variation.view(-1, 2, 3, GRADIENTS)
+    return variation.mT @ (elasticity @ rows).view(-1, 6, GRADIENTS)
+
+
+REACH = 2.5  # standard deviations of the weights within which waves of the highest degree are drawn
+SURPLUS = 1.5  # random features, in products of degrees: with both, nine in ten polynomials of a degree are met
+POINTS = 2.0  # Gauss points a degree, at first: strain energy is of the fourth degree in the field
+ORDER = 6  # Gauss points a panel
+LONG_ORDER = 22  # the same for placed features: a few long panels crowd points at edges, where such fields vary most
+LONG_SHARE = 0.75  # of the usual points: exact for third powers of the field; strain energy has fourth ones
+PERIOD = 1.5  # of placed waves, in sides: longer ones depend more on each other, shorter ones fit edges worse
+OVER = 1.5  # their highest frequency, over that of a polynomial of the degree in the middle of a side
+FINER = 1.25  # panels of the certificate
+SPRING = 1e-6  # relative error of the springs' whole stiffness that is nothing to the motion
+MOST_PANELS = 64  # of a side, for springs
+NOWHERE = np.zeros((0, 2))
+
+
+def degrees(case: Case, degree: int) -> tuple[float, float]:
+    """Return the highest degree along each side, for that along the longest."""
+    lengths = side_lengths(case)
+    first, second = (max(1.0, degree * math.sqrt(length / max(lengths))) for length in lengths)
+    return first, second
+
+
+def widest(case: Case, degree: int) -> int:
+    """Return the number of random features that hold the fields up to a degree."""
+    first, second = degrees(case, degree)
+    return math.ceil(SURPLUS * (first + 1) * (second + 1))
+
+
+def scales(case: Case, inputs: Inputs, degree: int) -> Array:
+    """Return the standard deviation (n,) of the weights of each input."""
+    along = degrees(case, degree)
+    periodic = case.surface.domain.periodic
+    plain = [along[axis] / (2 * math.pi if periodic[axis] else REACH) for axis in inputs.axes if axis is not None]
+    return np.array(plain)
+
+
+def placed_features(case: Case, inputs: Inputs, degree: int, placement: Placement) -> Network:
+    """Return one layer of sines with the weights of a lattice, a Fourier series of a longer period (Huybrechs 2010).
+
+    All waves are there up to a frequency, each as a sine and a cosine. Weights that are drawn leave gaps, the more the
+    higher the degree: of 22, polynomials of .6 of it are met to 4 %, here to .3 %; of 9, to .1 %, here to 2 %.
+
+    Raises
+    ------
+    InputError
+        If a coordinate is periodic, and so enters as a cosine and a sine.
+    """
+    if inputs.axes != (0, 1):
+        raise InputError(f'{case.name}: setting hidden = "placed" needs two coordinates that are not periodic')
+    most = [max(1.0, OVER * PERIOD * along / math.pi) for along in degrees(case, degree)]
+    reach = [range(-int(each), int(each) + 1) for each in most]
+    waves = [
+        (first, second)
+        for first in reach[0]
+        for second in reach[1]
+        if (first, second) > (0, 0) and (first / most[0]) ** 2 + (second / most[1]) ** 2 <= 1  # half of the plane
+    ]
+    weight = placement.tensor(np.array(waves)) * (math.pi / PERIOD)
+    phases = torch.tensor([0.0, math.pi / 2]).to(weight).repeat_interleave(len(weight))
+    return Network((weight.repeat(2, 1),), (phases,))
+
+
+def rule_of(case: Case, degree: int, points: float = POINTS, order: int = ORDER) -> RuleSpec:
+    """Return a rule of some points a degree that takes the springs in."""
+    first, second = (math.ceil(points * along / order) for along in degrees(case, degree))
+    spec = RuleSpec((first, second), order, joints=case.kinks)
+    exact = _stiffness(case, replace(spec, panels=(MOST_PANELS, MOST_PANELS)))
+    while max(spec.panels) < MOST_PANELS:
+        if np.all(np.abs(_stiffness(case, spec) - exact) <= SPRING * exact):
+            break
+        spec = replace(spec, panels=(spec.panels[0] + 1, spec.panels[1] + 1))
+    return spec
+
+
+def finer(spec: RuleSpec) -> RuleSpec:
+    """Return the rule that another one is judged by."""
+    panels = (math.ceil(FINER * spec.panels[0]), math.ceil(FINER * spec.panels[1]))
+    return replace(spec, panels=panels, order=spec.order + 1)
+
+
+def _stiffness(case: Case, spec: RuleSpec) -> Array:
+    rule = area_rule(case.surface.domain, NOWHERE, spec)
+    return np.asarray(rule.weights @ case.spring_stiffness(rule.points))
+
+
+def smooth(ansatz: Ansatz, features: FeatureSet, rule: Rule, degree: int) -> Combined:
+    """Return combinations of features up to a degree, orthonormal in the area, the boundary matrix taken in."""
+    domain, placement = ansatz.case.surface.domain, features.placement
+    jacobian = Undeformed.at_points(ansatz.case.surface, rule.points, placement).geometry.jacobian
+    held = ansatz.factors.matrix(rule.points, placement)[VALUE]
+    weights = placement.tensor(rule.weights) * jacobian * (held * held).sum(dim=(1, 2)) / 3
+    jets = features.jets(rule.points)
+    combine = orthonormal(jets, weights)
+    lengths = side_lengths(ansatz.case)
+    operator = combine.new_zeros((combine.shape[1],) * 2)
+    for axis, plane in enumerate((D1, D2)):
+        t = placement.tensor((rule.points[:, axis] - domain.lower[axis]) / domain.size[axis])
+        weight = torch.full_like(t, 0.25) if domain.periodic[axis] else t * (1 - t)
+        stretch = domain.size[axis] ** 2 * max(lengths) / lengths[axis]
+        operator += _gram(jets[plane] @ combine, stretch * weight * weights)
+    values, vectors = torch.linalg.eigh(operator)
+    kept = values <= degree * (degree + 1)
+    return Combined(features, combine @ vectors[:, kept])
+
+
+def orthonormal(jets: Tensor, weights: Tensor) -> Tensor:
+    """Return orthonormal combinations (M, r) of features with jets (6, N, M).
+
+    The constant one, the output layer's bias, is taken out of the others and kept: what is left out because it nearly
+    depends on others would else be a part of it.
+    """
+    values = jets[VALUE]
+    constant = torch.nonzero(jets[[D1, D2]].abs().amax(dim=(0, 1)) == 0)[:, 0]
+    if not len(constant):
+        return independent(_gram(values, weights))
+    one = int(constant[0])
+    level = values[:, one]
+    squared = (weights * level) @ level
+    less = torch.eye(values.shape[1]).to(values)
+    less[one] -= (weights * level) @ values / squared
+    less = less[:, torch.arange(values.shape[1]) != one]
+    combine = less @ independent(_gram(values @ less, weights))
+    first = torch.zeros_like(combine[:, :1])
+    first[one] = squared**-0.5
+    return torch.cat([first, combine], dim=1)
+
+
+def _gram(values: Tensor, weights: Tensor) -> Tensor:
+    product: Tensor = values.T @ (weights[:, None] * values)
+    return (product + product.T) / 2

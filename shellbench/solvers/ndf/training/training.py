@@ -1,0 +1,274 @@
+"""Training all weights of a field by certified energy.
+
+Three quadratures keep a field from exploiting its points. The energy and its gradient live on the training points. A
+step counts only if the energy falls on independent, finer check points too, and by about the same amount. A third,
+finest rule, which no decision has seen, gives the certificate that is reported (see `trainer`). Width
+and scale of the starting features are chosen by the check points' energy, so nothing is known of the answer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import torch
+
+from shellbench.errors import SolveFailure
+from shellbench.problems.shell.case import Case
+from shellbench.solvers.ndf.field.build import is_flat
+from shellbench.solvers.ndf.field.jets import VALUE
+from shellbench.solvers.ndf.field.network import Network, deep_random_features
+from shellbench.solvers.ndf.training.gauss_newton import (
+    Quadratic,
+    energy_gradient,
+    flatten,
+    quadratic_model,
+    unflatten,
+)
+from shellbench.solvers.ndf.training.sketch import Sketch
+from shellbench.solvers.ndf.training.training_problem import COARSE_ORDER, Quadratures, Trained, TrainingProblem
+
+CERTIFICATE = 3.0  # points of the final rule, as a multiple of the training points
+SINGULAR_SCALES = (2.0, 2.0), (2.0, 3.0), (1.0, 4.0)  # about point forces: each start has one of them
+WIDEST = 500  # last hidden layer, about point forces on curved shells
+MIXED_SCALES = (1.0, 4.0), (2.0, 2.0)  # on curved shells: the features of one start have both
+MIRRORED_SCALES = (1.0, 3.0), (0.7, 4.0)  # the same where a field has to vary over one of several parts only
+MANY_WEIGHTS, STEEPEST = 3200, 900  # hidden weights beyond which a step moves only the steepest ones, and how many
+COARSE_ROWS = 2.0  # strain rows of the Gauss-Newton matrix a column; 3 gains nothing more
+AGREEMENT = 0.2  # admissible difference of the gains on the two point sets, as a share of the smaller
+REFINE, MOST_REFINED = 1.4, 3.0  # more training points where they are exploited, and how many more at most
+HARDEN, EASE, EASE_MORE = 4.0, 3.0, 10.0  # factors of the damping after a refusal, a fair step and a good one
+FAIR, GOOD = 0.3, 0.7  # of the predicted decrease
+DRAWS = 3  # of directions among which no step was certified, one after the other, before training ends
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What training may do; see `TrainerSettings` for what each setting is for.
+
+    Attributes
+    ----------
+    widths
+        Of the last hidden layer, tried in turn until the certified energy settles.
+    scales
+        Standard deviations of the starting features' weights, for plain and for stretched inputs.
+    mixed
+        Whether the features of one start have all scales in turn, rather than each start one of them.
+    gap
+        Disagreement of training and check points beyond which more points are taken.
+    directions
+        Of hidden weights in a Gauss-Newton step, at most; None for all of them, of `MANY_WEIGHTS` for the steepest.
+    learning_rate
+        Of Adam (see `first_order`), at the start.
+    """
+
+    inner: tuple[int, ...]
+    widths: tuple[int, ...]
+    scales: tuple[tuple[float, float], ...]
+    activation: str
+    iterations: int
+    tolerance: float
+    gap: float
+    damping: float
+    attempts: int
+    seed: int
+    directions: int | None = None
+    learning_rate: float = 1e-3
+    mixed: bool = False
+
+
+Report = Callable[[int, Trained], None]
+
+
+def first_state(problem: TrainingProblem, plan: Plan) -> tuple[Trained, Quadratures]:
+    """Return starting features of the width and scale that certified energy asks for, and their points.
+
+    Raises
+    ------
+    SolveFailure
+        If no start agrees with itself on two quadratures.
+    """
+    # Widths from narrow to wide, until one gains too little over the one before.
+    # 1. Points for the width; more of them as long as no start agrees with itself on both sets.
+    # 2. Of all scales the start of most certified gain.
+    # 3. Wider networks try that scale and larger ones; where forces act at points, that scale only.
+    best: tuple[Trained, Quadratures] | None = None
+    scales: Sequence[tuple[float, float]] = plan.scales
+    for width in plan.widths:
+        found, refinement = None, 1.0
+        while found is None and refinement < MOST_REFINED:
+            points = Quadratures.for_width(problem, width, refinement)
+            found = _best_start(problem, plan, points, width, scales)
+            refinement *= REFINE
+        if found is None:
+            continue
+        state, chosen = found
+        if best is not None and state.check.relative_gain(best[0].check) < plan.tolerance:
+            break
+        best = state, points
+        scales = chosen if problem.singular else scales[scales.index(chosen[0]) :]
+    if best is None:
+        raise SolveFailure("no starting network agrees with itself on two quadratures")
+    return best
+
+
+def _best_start(
+    problem: TrainingProblem, plan: Plan, points: Quadratures, width: int, scales: Sequence[tuple[float, float]]
+) -> tuple[Trained, Sequence[tuple[float, float]]] | None:
+    found = None
+    stretched = np.asarray(problem.features.inputs.stretched)
+    # Random hidden layers with a solved output layer: a start costs one linear solve. So all scales can be tried.
+    for start in [scales] if plan.mixed else [(pair,) for pair in scales]:
+        each = np.array([np.where(stretched, of_stretched, plain) for plain, of_stretched in start])
+        by_input = problem.features.placement.tensor(each[np.arange(width) % len(each)])
+        values = points.train.inputs[VALUE]
+        network = deep_random_features(values, by_input, (*plan.inner, width), plan.seed, plan.activation)
+        state = points.evaluate(problem, network)
+        trusted = state.gap < 10 * plan.gap
+        if trusted and (found is None or state.check.gain > found[0].check.gain):
+            found = state, start
+    return found
+
+
+def refined(problem: TrainingProblem, state: Trained, points: Quadratures) -> tuple[Trained, Quadratures]:
+    """Take more points, and the output layer anew."""
+    more = Quadratures.for_width(problem, state.network.width, points.refinement * REFINE)
+    return more.evaluate(problem, state.network), more
+
+
+def trusted(problem: TrainingProblem, plan: Plan, state: Trained, points: Quadratures) -> tuple[Trained, Quadratures]:
+    """Refine the points until the gap leaves room to grow."""
+    while state.gap > plan.gap / 4 and points.refinement * REFINE < MOST_REFINED:
+        state, points = refined(problem, state, points)
+    return state, points
+
+
+def train(
+    problem: TrainingProblem, plan: Plan, state: Trained, points: Quadratures, report: Report
+) -> tuple[Trained, str]:
+    """Train all weights; return the last certified state and why training ended.
+
+    `report` is called with each certified state; whatever fails later, that one stands.
+    """
+    # Variable projection with Levenberg & Marquardt's damping, an iteration in five:
+    # 1. Of many weights, the steepest ones, or random directions if asked for; of few, all.
+    # 2. A sparse rule, one of three in turn, for the Gauss-Newton matrix.
+    # 3. Gradient on the training points, matrix on the sparse ones, output layer eliminated.
+    # 4. Damp until a step is certified: energy down on training and check points alike, the output layer solved anew.
+    # 5. No such step, and only the training points saw a gain: they are exploited, take more. Else draw other
+    #    directions, a few times, or stop.
+    # Textbooks accept what lowers the objective on its own points. A field lowers that without end, by displacements
+    # that cost energy only between the points. Independent points see through that.
+    damping, refused, generator = plan.damping, 0, torch.Generator().manual_seed(plan.seed)
+    for iteration in range(1, plan.iterations + 1):
+        weights = state.network.parameters
+        few = plan.directions is None or weights <= plan.directions
+        slope = energy_gradient(points.train, points.tips, state.network, state.output)
+        sketch = None if few else Sketch.draw(state.network, plan.directions or weights, generator)
+        if plan.directions is None and weights > MANY_WEIGHTS:
+            sketch = Sketch.steepest(state.network, slope, STEEPEST)
+        # Six strain rows a point, and twice as many rows as columns: the Gram matrix then has full rank.
+        rows = COARSE_ROWS * (state.output.numel() + (sketch.count if sketch else weights))
+        coarse = problem.sample(problem.rule_spec(rows / 6, COARSE_ORDER, more=iteration % 3))
+        local = quadratic_model(points.train, points.tips, coarse, state.network, state.output, sketch, slope)
+        found = _search(problem, plan, state, points, local, damping, sketch)
+        damping, spent = found.damping, state.evaluations + 2 * (len(points.train) + len(coarse)) + found.evaluations
+        if found.state is None:
+            refine = found.exploited and points.refinement * REFINE < MOST_REFINED
+            refused = 0 if refine else refused + 1
+            if refused == (1 if few else DRAWS):
+                return replace(state, evaluations=spent), "no further step is certified"
+            if refine:
+                state, points = refined(problem, state, points)
+                spent += state.evaluations
+            state, damping = replace(state, evaluations=spent), min(damping, plan.damping) if refused else damping
+            continue
+        refused = 0
+        gain, state = found.state.check.relative_gain(state.check), replace(found.state, evaluations=spent)
+        report(iteration, state)
+        if gain < plan.tolerance:
+            return state, "the certified gain fell below the tolerance"
+    return state, "all iterations were made"
+
+
+class Search(NamedTuple):
+    """What came of ever more damped steps.
+
+    Attributes
+    ----------
+    state
+        The first one that is certified, if any is.
+    exploited
+        Whether the training points alone saw a gain.
+    damping
+        For the next iteration.
+    evaluations
+        Of the network.
+    """
+
+    state: Trained | None
+    exploited: bool
+    damping: float
+    evaluations: int
+
+
+def _search(
+    problem: TrainingProblem,
+    plan: Plan,
+    state: Trained,
+    points: Quadratures,
+    local: Quadratic,
+    damping: float,
+    sketch: Sketch | None,
+) -> Search:
+    theta, exploited, spent = flatten(state.network), False, 0
+    for attempt in range(plan.attempts):
+        # A rejected step costs an evaluation, not a model: the same matrix is damped more.
+        step = local.step(damping)
+        if step is not None:
+            change = sketch.extend(step) if sketch else step
+            new = _attempt(problem, points, unflatten(theta + change, state.network))
+            spent += len(points.train)
+            if new is not None and new.train.gain > state.train.gain:
+                new = points.checked(new)
+                spent += len(points.check)
+                if agree(new, state) and new.gap <= max(plan.gap, state.gap):
+                    # Gain over prediction, as in a trust region: an energy falls by half of what its gain rises.
+                    # Damping eases only where the first attempt was accepted.
+                    ratio = 0.5 * (new.train.gain - state.train.gain) / local.decrease(step)
+                    ease = 1.0 if attempt or ratio <= FAIR else EASE_MORE if ratio > GOOD else EASE
+                    return Search(new, False, damping / ease, spent)
+                exploited = True
+        damping *= HARDEN
+    return Search(None, exploited, damping / HARDEN, spent)
+
+
+def _attempt(problem: TrainingProblem, points: Quadratures, network: Network) -> Trained | None:
+    try:
+        return points.solved(problem, network)
+    except SolveFailure:  # the step went too far: a shorter one is tried
+        return None
+
+
+def agree(new: Trained, old: Trained) -> bool:
+    """Tell whether both point sets see a gain, and about the same one."""
+    seen, certified = new.train.gain - old.train.gain, new.check.gain - old.check.gain
+    # Each condition alone can be met by luck or exploitation.
+    return seen > 0 and certified > 0 and abs(seen - certified) <= AGREEMENT * min(seen, certified)
+
+
+def default_plan_widths(
+    case: Case, singular: bool, parts: int = 1
+) -> tuple[tuple[int, ...], tuple[tuple[float, float], ...]]:
+    """Return the widths and scales that a case asks for, chosen by certified energy on plates, roofs and cylinders.
+
+    `parts` is how many parts planes of symmetry cut the shell into that are built into the field.
+    """
+    if singular and is_flat(case):
+        return (100, 200), SINGULAR_SCALES
+    if singular:
+        return (round(WIDEST / math.sqrt(parts)),), MIXED_SCALES if parts == 1 else MIRRORED_SCALES
+    return (40, 80, 160, 320), ((2.0, 0.0), (3.0, 0.0), (4.0, 0.0), (5.0, 0.0))
