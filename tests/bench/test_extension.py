@@ -11,16 +11,15 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench import brought
-from shellbench.bench.catalogue import about, catalog, listing
+from shellbench.bench.catalogue import about, brought, catalog, listing
 from shellbench.bench.judge.expected import Scope
 from shellbench.bench.judge.lock import check_lock
 from shellbench.bench.plugins import kinds
 from shellbench.bench.plugins.registry import find_solver
 from shellbench.bench.store.store import Store
 from shellbench.errors import InputError
-from shellbench.report import brought as sections_of_others
 from shellbench.report.data.evidence import Evidence
+from shellbench.report.page import brought as sections_of_others
 from tests.patience import GUARD
 from tests.test_faults import accuracy_gate, findings
 

@@ -6,8 +6,8 @@ pytest.importorskip("KratosMultiphysics", reason="needs Kratos: python -m pip in
 
 from shellbench_kratos.iga_solver import KratosIgaSolver
 
-from shellbench.bench.brought import claimed
 from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.brought import claimed
 from shellbench.bench.plugins.registry import find_solver
 
 CLAIMS = {

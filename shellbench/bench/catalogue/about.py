@@ -7,8 +7,8 @@ import textwrap
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from shellbench.bench.brought import claimed
 from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.brought import claimed
 from shellbench.bench.catalogue.listing import gated_quantities, list_solver, list_suite, run_words
 from shellbench.bench.catalogue.reference import KnownValue, Tolerance
 from shellbench.bench.plugins.kinds import find_kind

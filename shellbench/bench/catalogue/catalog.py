@@ -1,6 +1,7 @@
 """Where cases, suites, known values and tolerances are: in the wheel or the source tree, or in other packages.
 
-What is called *own* here comes with shellbench; the rest is what other packages bring (`shellbench.bench.brought`).
+What is called *own* here comes with shellbench; the rest is what other packages bring
+(`shellbench.bench.catalogue.brought`).
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from shellbench.bench.brought import brought, distinct, suites_brought
+from shellbench.bench.catalogue.brought import brought, distinct, suites_brought
 from shellbench.bench.catalogue.reference import (
     FOLDER,
     KnownValues,

@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
-from shellbench.bench.brought import claimed
 from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.brought import claimed
 from shellbench.bench.catalogue.listing import gated_quantities
 from shellbench.bench.catalogue.reference import Tolerances
 from shellbench.bench.judge.baseline import Baseline, cost_findings, make_baseline, regression_finding

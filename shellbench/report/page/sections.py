@@ -1,6 +1,6 @@
 """The sections of a report, in the order in which page, Markdown and paper show them, and the page of each.
 
-A new section of ours is a module that makes it and a line here; packages add others (`shellbench.report.brought`).
+A new section of ours is a module that makes it and a line here; packages add others (`shellbench.report.page.brought`).
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from dataclasses import dataclass, field, replace
 from shellbench.bench.judge.row import Row
 from shellbench.bench.store.record import Record
 from shellbench.bench.store.store import Say, Store, silent
-from shellbench.report.brought import sections_brought
 from shellbench.report.data.evidence import Evidence, Maker, Section, all_tables
 from shellbench.report.data.exhibit import Exhibit, style
 from shellbench.report.data.runs import rows_at_home, suite_title, told_apart
 from shellbench.report.data.solutions import Known
 from shellbench.report.data.table import Table
 from shellbench.report.figures.pictures import COMPOSITE, PICTURE, pictures
+from shellbench.report.page.brought import sections_brought
 from shellbench.report.sections import (
     calibration,
     consistency,
