@@ -151,10 +151,12 @@ def figures(value, count):
 
 
 COURSE = {
-    "square_plate": "Square plate, centre",
-    "scordelis_lo": "Scordelis-Lo roof, straight edge",
-    "pinched_cylinder_diaphragm": "Pinched cylinder, diaphragms",
-    "pinched_cylinder_free": "Pinched cylinder, free ends",
+    "square_plate": "Square plate, centre, m",
+    "scordelis_lo": "Scordelis-Lo roof, straight edge, m",
+    "pinched_cylinder_diaphragm": "Pinched cylinder, diaphragms, m",
+    "pinched_cylinder_free": "Pinched cylinder, free ends, m",
+    "sleeve_course": "Sleeve, twist at which it buckles, rad",
+    "napkin_course": "Napkin, drop of the free corner at .4 s, m",
 }
 
 
@@ -162,7 +164,7 @@ def mean_error(case, solver):
     """Relative error of the headline, mean over the seeds of the obstacle course."""
     found = [r for r in objects("course") if (r.case, r.solver) == (case, solver) and r.primary]
     errors = [r.relative_error for r in found if "obstacle_course" in r.suites and r.default_settings]
-    assert len(errors) == (1 if solver == "fem" else 3)
+    assert len(errors) == (3 if solver != "fem" and case in LINEAR else 1)
     return sum(errors) / len(errors)
 
 
@@ -173,10 +175,10 @@ def the_course():
         said = {v["label"]: v["value"] for v in known(case) if v["quantity"] == headline and v.get("label")}
         value = one(v for v in known(case) if (v["quantity"], v["role"]) == (headline, "judge"))
         yield (
-            f"| {title}, m | {{}} | {{}} | {{}} | {{}} | {{}} | {{}} |",
+            f"| {title} | {{}} | {{}} | {{}} | {{}} | {{}} | {{}} |",
             text_of(rounded(value["value"], value["uncertainty"])),
             *(told(mean_error(case, s), value["uncertainty"] / value["value"]) for s in ("fem", "ndf-ritz", "ndf")),
-            *(text_of(quoted(said[label])) for label in ("Analytical", "NeuralClothSim")),
+            *(text_of(quoted(said[label])) if said else "-" for label in ("Analytical", "NeuralClothSim")),
         )  # fmt: skip
 
 
