@@ -11,12 +11,15 @@ It names a function, as typer takes it, or a `typer.Typer` with several. It is i
 
 from __future__ import annotations
 
+from importlib.metadata import entry_points
 from typing import Any, NoReturn
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
 from shellbench.errors import InputError, PluginError, ShellbenchError
+
+GROUP = "shellbench.commands"
 
 
 class CommandsOfOthers(TyperGroup):
@@ -25,13 +28,13 @@ class CommandsOfOthers(TyperGroup):
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names of all commands."""
         own = super().list_commands(ctx)
-        return [*own, *(name for name in _entries() if name not in own)]
+        return [*own, *(name for name in _packages() if name not in own)]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Return a command of ours, or what stands for one of another package until it is called."""
         own = super().get_command(ctx, cmd_name)
-        entry = None if own else _entries().get(cmd_name)
-        return TyperCommand(cmd_name, help=f"Of package {entry.distribution}.") if entry else own
+        package = None if own else _packages().get(cmd_name)
+        return TyperCommand(cmd_name, help=f"Of package {package}.") if package else own
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the command that is called, imported now if it is another package's."""
@@ -41,17 +44,17 @@ class CommandsOfOthers(TyperGroup):
         return name, command, rest
 
 
-def _entries() -> dict[str, Any]:
-    from shellbench.bench.plugins.registry import registered
-
-    return registered("shellbench.commands", "command")
+def _packages() -> dict[str, str]:
+    """Return the package of each command, by name, sorted."""
+    points = sorted(entry_points(group=GROUP), key=lambda point: point.name)
+    return {point.name: str(point.dist.name) if point.dist else "?" for point in points}
 
 
 def _loaded(name: str) -> Any:
-    from shellbench.bench.plugins.registry import load
+    from shellbench.bench.plugins.registry import load, registered
 
     try:
-        command = load(_entries()[name], "command", _as_command)
+        command = load(registered(GROUP, "command")[name], "command", _as_command)
     except SystemExit:
         raise InputError(f"command '{name}' can't be used: its import ends the process") from None
     command.name = name

@@ -90,11 +90,17 @@ NDF = Target(
 QUESTION = Target(
     "question",
     ("fem", "ndf-ritz"),
-    ("shellbench/problems", "shellbench/problems/shell"),
+    (
+        "shellbench/problems",
+        *(
+            f"shellbench/problems/shell/{room}"
+            for room in ("", "question", "quantities", "posed", "symmetry", "records")
+        ),
+    ),
     (
         ("__init__|formula_text|case|kind|field|history|surfaces|quantities", SETTINGS),
-        ("course|path", CHECKS),
-        ("portrait|sampling|series|solution", "what a record keeps beside its values, and no value is made of"),
+        ("course|path|declining", CHECKS),
+        ("portrait|drawing|sampling|series|solution", "what a record keeps beside its values, and no value is made of"),
         ("variants|placing|reparametrisation|units", "it asks the variants: it is the exam, not the examined"),
         ("symmetry", "it tells solvers what they may leave out; a wrong answer is theirs"),
     ),
@@ -248,21 +254,21 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
     # the question
     ("problems.kinks", r".*", CHOICE, "where meshes and panels get lines, or a refusal"),
     ("problems.solving", r".*", RECORD, "how solvers take a case: no mechanics"),
-    ("shell.contact", r"kept_touch|restored_touch", RECORD, "what a file keeps"),
+    ("shell.question.contact", r"kept_touch|restored_touch", RECORD, "what a file keeps"),
     (
-        "shell.mirror_frame",
+        "shell.symmetry.mirror_frame",
         r".*",
         CHOICE,
         FOLDS,
     ),
     (
-        "shell.mirrors",
+        "shell.posed.mirrors",
         r"Sight\..*|mirror_of|_.*|point_forces",
         CHOICE,
         FOLDS + "; how points, places and supports are mirrored is mechanics",
     ),
-    ("shell.self_intersection", r".*", RECORD, "a study of an answer, and no quantity"),
-    ("shell.shell", r"Shell\.(physics|asked_as_well)", RECORD, "which records answer a question"),
+    ("shell.records.self_intersection", r".*", RECORD, "a study of an answer, and no quantity"),
+    ("shell.posed.shell", r"Shell\.(physics|asked_as_well)", RECORD, "which records answer a question"),
 )
 
 

@@ -9,7 +9,7 @@ from shellbench.bench.plugins.kinds import headline_of
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.records.portrait import ShellPortrait
-from shellbench.solvers.cst.solver import CstSolver
+from shellbench.solvers.ndf.published_solver import PublishedSolver
 
 
 def built(name, change):
@@ -46,7 +46,7 @@ def test_the_states_of_a_case_are_the_numbers_of_its_modes():
 
 
 def test_a_solver_without_modes_declines():
-    assert "modes" in (CstSolver().declines(catalog.named_case("plate_modes")) or "")
+    assert "modes" in (PublishedSolver().declines(catalog.named_case("plate_modes")) or "")
 
 
 def test_a_page_says_what_is_shown():

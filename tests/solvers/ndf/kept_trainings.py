@@ -20,8 +20,9 @@ from shellbench.bench.store.record import Record
 from shellbench.bench.store.store import Store
 from shellbench.problem import Progress, Step
 from shellbench.solvers.ndf.published.checkpoint import read_checkpoint
+from shellbench.solvers.ndf.published.published_settings import PublishedSettings, own_checkpoint
 from shellbench.solvers.ndf.published.published_training import RECORD, why_collapsed
-from shellbench.solvers.ndf.published_solver import PublishedSettings, PublishedSolver, own_checkpoint
+from shellbench.solvers.ndf.published_solver import PublishedSolver
 from tests.solvers.ndf.trainings import sampler_of, trained
 
 FOLDER, REPAIRED = (Path(__file__).parents[3] / f"reports/{name}" for name in ("published", "replication"))

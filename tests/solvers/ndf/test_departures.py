@@ -9,8 +9,9 @@ from shellbench.errors import InputError, SolveFailure
 from shellbench.solvers.ndf.field.jets import D1, D11, VALUE, Placement
 from shellbench.solvers.ndf.published.published_network import PublishedFactors, initial_siren
 from shellbench.solvers.ndf.published.published_samples import expected_displacement
+from shellbench.solvers.ndf.published.published_settings import training_key
 from shellbench.solvers.ndf.published.published_training import CERTIFIED, RECORD, Plan
-from shellbench.solvers.ndf.published_solver import PublishedSolver, training_key
+from shellbench.solvers.ndf.published_solver import PublishedSolver
 from tests.solvers.ndf.shells import differences, inner_points
 from tests.solvers.ndf.test_published import Interrupted, interrupt_at, jolt_after, numbers, same
 from tests.solvers.ndf.trainings import sampler_of, small, trained
