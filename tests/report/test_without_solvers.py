@@ -40,7 +40,7 @@ mode, *commands = sys.argv[1:]
 if mode != "with":
     sys.meta_path.insert(0, Blocked())
 if mode == "unregistered":
-    from shellbench.bench import registry
+    from shellbench.bench.plugins import registry
     registry.entry_points = lambda group: ()
 from shellbench.cli import main
 for command in commands:

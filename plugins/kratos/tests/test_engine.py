@@ -34,7 +34,7 @@ def version(name):
     return there(name)
 metadata.version = version
 
-from shellbench.bench import registry
+from shellbench.bench.plugins import registry
 try:
     registry.load_solver(registry.find_solver("kratos-iga"))
 except Exception as error:
