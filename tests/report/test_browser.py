@@ -13,7 +13,7 @@ from shellbench.bench.store.store import Store as Records
 from shellbench.report.data import exhibit
 from shellbench.report.data.fields import read_fields
 from shellbench.report.figures import shells
-from shellbench.report.figures.pictures import lead_shells, pictured
+from shellbench.report.figures.pictures import PICTURE, lead_shells, pictured
 from shellbench.report.figures.shells import AXES_TO_UP
 from shellbench.report.page import page, sections
 from tests.patience import GUARD, until
@@ -61,9 +61,7 @@ def course_page(course_report):
 def cloth_page(motion, tmp_path_factory):
     def pictures(evidence):
         return [
-            exhibit.Exhibit(
-                f"{pictures.PICTURE}{one.case}", one.title, "", one.title, shells.shell_figure(one), (), False
-            )
+            exhibit.Exhibit(f"{PICTURE}{one.case}", one.title, "", one.title, shells.shell_figure(one), (), False)
             for one in lead_shells(pictured(evidence.records, evidence.compared), evidence.folder)
         ]
 
