@@ -52,12 +52,7 @@ ROOMS = {  # of a package, from the lowest up; what stands at its root is a room
 UNSORTED = tuple(f"solvers.{name}" for name in ("cst", "naghdi", "skinning"))
 """Packages whose files are not in rooms yet: circles of their own files, and how many and long they are, may stay."""
 MOST_MODULES, MOST_LINES = 20, 400  # of a folder, its `__init__` apart; of a module
-STILL_LONG = {  # lines of modules that are to be cut, and may not grow
-    "fem/path/problem.py": 511,
-    "fem/mechanics/constraints.py": 421,
-    "ndf/path/equilibrium.py": 429,
-    "ndf/strains/sampled.py": 401,
-}
+STILL_LONG = {"fem/path/problem.py": 511}  # lines; it holds the equations and Newton's method, and may not grow
 CEILINGS = {  # lines of code: no blanks, comments and docstrings; the aims are 52,000 and 42,000
     "shellbench": 53_750,
     "tests": 41_150,
@@ -77,7 +72,7 @@ CEILINGS = {  # lines of code: no blanks, comments and docstrings; the aims are 
     "shellbench/report/page": 950,
     "shellbench/report/sections": 2_700,
     "shellbench/report/studies": 2_800,
-    "shellbench/solvers/fem": 7_050,
+    "shellbench/solvers/fem": 7_100,
     "shellbench/solvers/ndf": 11_900,
     "shellbench/testing": 2_650,
 }

@@ -27,7 +27,7 @@ from shellbench.solvers.ndf.motion import integration, motion, motion_problem, m
 from shellbench.solvers.ndf.path import buckling, equilibrium, large_displacement, newton
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.strains import strain_measures
-from shellbench.solvers.ndf.strains.sampled import widest
+from shellbench.solvers.ndf.strains.smooth import widest
 from tests.test_faults import more_poisson, stiffness, wrapped
 from tests.test_large_displacement_faults import ndf_strain
 

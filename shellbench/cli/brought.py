@@ -80,6 +80,7 @@ def _as_command(found: Any) -> Any:
 
 def _one_sentence(name: str, error: Exception) -> NoReturn:
     """Raise what a command raised as one sentence; its exits and errors of usage are its own."""
+    # Typer gives its error of usage no public name: it is the base of that of a bad parameter.
     passed = (ShellbenchError, typer.Exit, typer.Abort, typer.BadParameter.__base__)
     if isinstance(error, passed):  # type: ignore[arg-type]
         raise error

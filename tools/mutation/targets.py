@@ -232,12 +232,12 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
     ),
     ("ndf.ritz", r".*", CHOICE, "rungs, which are tried in order until a path settles"),
     (
-        "ndf.strains.sampled",
+        "ndf.strains.smooth",
         r".*independent|smooth|placed_features|scales|widest|degrees",
         CHOICE,
         "trial functions of paths and motions",
     ),
-    ("ndf.strains.sampled", r"rule_of|finer", CHOICE, "how fine a rule is"),
+    ("ndf.strains.smooth", r"rule_of|finer", CHOICE, "how fine a rule is"),
     ("ndf.linear.signs", r"rounding_energy", STATEMENT, "an energy that is rounding"),
     ("ndf.linear.signs", r".*", CHECK, "what makes a solved field no answer"),
     (

@@ -1,4 +1,4 @@
-"""What `kratos-iga` claims of itself: what was asked of its converged values, and it holds."""
+"""The errors that `kratos-iga` promises: its converged values keep them."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What the solvers on Kratos decline, in the words that other solvers have."""
+"""Cases that the Kratos solvers decline, with the same reasons as other solvers."""
 
 from pathlib import Path
 

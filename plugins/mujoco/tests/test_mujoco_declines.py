@@ -1,4 +1,4 @@
-"""What MuJoCo's cloth declines and refuses, in the words that other solvers have."""
+"""Cases that MuJoCo's cloth declines or refuses, with the same reasons as other solvers."""
 
 from pathlib import Path
 

@@ -5,7 +5,7 @@ A package names its folder in the entry-point group ``shellbench.data``::
     [project.entry-points."shellbench.data"]
     mine = "my_package.data"
 
-The folder has the layout of ours: ``cases/*.toml``, ``cases/suites/*.toml``, ``references/*.toml`` and
+The folder is laid out as shellbench's own data: ``cases/*.toml``, ``cases/suites/*.toml``, ``references/*.toml`` and
 ``references/tolerances/*.toml``. It is found and read without importing the package. Known values and tolerances judge
 the package's own cases only. What it says of its own solvers on other cases is a claim, and decides nothing.
 """
@@ -132,7 +132,10 @@ def distinct(what: str, own: list[str], others: list[tuple[str, str]]) -> list[s
 
 
 def claimed(entry: SolverEntry) -> Tolerances:
-    """Return what a solver claims of itself: beside its module, or in its package's data. It is not imported."""
+    """Return the errors that a package promises for its solver, read without importing it.
+
+    They are beside the solver's module, or in the data of its package.
+    """
     module = locate(entry.module)
     path = module.parent / FOLDER / f"{entry.name}.toml" if module else None
     found = read_tolerances(path) if path and path.is_file() else {}

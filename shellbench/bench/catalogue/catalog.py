@@ -289,14 +289,14 @@ def tolerances() -> Mapping[str, Tolerances]:
 
 
 def tolerance(case_name: str, quantity: str, solver: str) -> Tolerance | None:
-    """Return what a case, or a variant of it, allows a solver; None if nothing is frozen."""
+    """Return the frozen tolerance of a quantity for a solver; None if there is none. The case may be a variant."""
     base, _, variant = case_name.partition(VARIANT)
     found = tolerances_of(solver).get(base, {}).get(quantity)
     return found.of_variant(variant) if found else None
 
 
 def tolerances_of(solver: str) -> Tolerances:
-    """Return what a solver is allowed, by case and quantity; each package says so of its own cases."""
+    """Return the tolerances of a solver by case and quantity. Each package sets those of its own cases."""
     found = tolerances().get(solver, {})
     for one in brought():
         found = found | {case: held for case, held in one.tolerances.get(solver, {}).items() if case in one.cases}
@@ -304,7 +304,7 @@ def tolerances_of(solver: str) -> Tolerances:
 
 
 def tolerated(case_name: str, quantity: str) -> dict[str, Tolerance]:
-    """Return what a case allows, by solver."""
+    """Return the frozen tolerance of a quantity by solver."""
     solvers = dict.fromkeys((*tolerances(), *(solver for one in brought() for solver in one.tolerances)))
     found = {solver: tolerance(case_name, quantity, solver) for solver in solvers}
     return {solver: allowed for solver, allowed in found.items() if allowed}

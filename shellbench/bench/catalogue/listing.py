@@ -1,4 +1,4 @@
-"""What there is: cases, suites and solvers, with what each needs."""
+"""The list of cases, suites and solvers, with what each needs."""
 
 from __future__ import annotations
 

@@ -9,9 +9,9 @@ takes it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
@@ -20,6 +20,7 @@ from shellbench.problem import Problem, Quantity
 from shellbench.protocol.schema import Finite, Model, Name, Positive, one_sentence, read_toml
 
 KnownTheory = Annotated[str, Field(pattern=r"^[a-z]+(-[a-z]+)*$")]
+Read = TypeVar("Read")
 Role = Literal["judge", "origin", "literature", "published"]
 """judge: decides; origin: an independent second derivation of it; literature: the figure usually quoted;
 published: what a paper reports of its own solver."""
@@ -117,9 +118,13 @@ def read_known_values(path: Path) -> KnownValues:
     InputError
         In one sentence with the file and the field.
     """
+    return _read(path, KnownValues.model_validate)
+
+
+def _read(path: Path, make: Callable[[Any], Read]) -> Read:
     data = read_toml(path)
     try:
-        return KnownValues.model_validate(data)
+        return make(data)
     except ValidationError as error:
         raise InputError(f"{path}: {one_sentence(error, data)}") from None
 
@@ -193,11 +198,7 @@ def read_tolerances(path: Path) -> Tolerances:
     InputError
         In one sentence with the file and the field.
     """
-    data = read_toml(path)
-    try:
-        return _READER.validate_python(data)
-    except ValidationError as error:
-        raise InputError(f"{path}: {one_sentence(error, data)}") from None
+    return _read(path, _READER.validate_python)
 
 
 def allowed_by_file(case: Problem, quantity: Quantity) -> Tolerance | None:

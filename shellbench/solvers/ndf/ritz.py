@@ -41,7 +41,7 @@ from shellbench.solvers.ndf.path import contact_at_finite_strain, large_displace
 from shellbench.solvers.ndf.path.edited import checked_start, start_of_path
 from shellbench.solvers.ndf.path.path_challenge import SETTLED
 from shellbench.solvers.ndf.path.rungs import Rung
-from shellbench.solvers.ndf.strains.sampled import LONG_ORDER, LONG_SHARE, placed_features, scales
+from shellbench.solvers.ndf.strains.smooth import LONG_ORDER, LONG_SHARE, placed_features, scales
 
 
 def solve(

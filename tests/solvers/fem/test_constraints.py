@@ -5,8 +5,8 @@ import pytest
 
 from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
-from shellbench.solvers.fem.mechanics.constraints import Ties
 from shellbench.solvers.fem.mechanics.loads import Loading
+from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.grading import graded_mesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.solver import FemSettings, FemSolver

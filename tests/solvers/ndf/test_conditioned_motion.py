@@ -18,7 +18,7 @@ from shellbench.solvers.ndf.conditioned.conditioned_motion import (
 )
 from shellbench.solvers.ndf.conditioned.plane_motion import PlaneMotion, coordinates, features_of, plane_motion
 from shellbench.solvers.ndf.conditioned_solver import ConditionedFieldSolver, ConditionedSettings
-from shellbench.solvers.ndf.strains.sampled import widest
+from shellbench.solvers.ndf.strains.smooth import widest
 from tests.solvers.ndf.conditioned import missed
 
 NAME = "conditioned_napkin"

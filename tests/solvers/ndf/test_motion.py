@@ -15,7 +15,7 @@ from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.motion import integration, motion
 from shellbench.solvers.ndf.motion.motion_solution import MotionSolution
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
-from shellbench.solvers.ndf.strains.sampled import scales, widest
+from shellbench.solvers.ndf.strains.smooth import scales, widest
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from tests.alike import alike
 from tests.solvers.ndf.shells import shell, support

@@ -12,7 +12,7 @@ from shellbench.solvers.ndf.motion import integration, motion
 from shellbench.solvers.ndf.motion.motion_parts import Table
 from shellbench.solvers.ndf.motion.products import Products, product_features, why_no_products
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
-from shellbench.solvers.ndf.strains.sampled import LONG_SHARE
+from shellbench.solvers.ndf.strains.smooth import LONG_SHARE
 from tests.alike import alike, same_tensors
 from tests.solvers.ndf.shells import shell, support
 from tests.solvers.ndf.test_motion import GRID, PIN, RHO, mean_displacement, moving

@@ -10,7 +10,7 @@ from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Placement
 from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.field.quadrature import area_rule
 from shellbench.solvers.ndf.motion.motion_problem import Motion
-from shellbench.solvers.ndf.strains.sampled import degrees, finer, placed_features, rule_of, scales, smooth, widest
+from shellbench.solvers.ndf.strains.smooth import degrees, finer, placed_features, rule_of, scales, smooth, widest
 from tests.solvers.ndf.shells import shell, support
 
 RHO = 2.0

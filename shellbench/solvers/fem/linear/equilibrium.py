@@ -20,12 +20,12 @@ from shellbench.solvers.fem.algebra.direct_solve import Answer, Careful, solve_r
 from shellbench.solvers.fem.linear.contact import settle
 from shellbench.solvers.fem.mechanics.assembly import InternalForces, root_operators, spring_blocks, stiffness
 from shellbench.solvers.fem.mechanics.clamping import clamped_edges
-from shellbench.solvers.fem.mechanics.constraints import Ties
 from shellbench.solvers.fem.mechanics.contact_points import ContactPoints
 from shellbench.solvers.fem.mechanics.loads import Loading
 from shellbench.solvers.fem.mechanics.pins import determinate_pins
 from shellbench.solvers.fem.mechanics.rigid_motions import mean_rigid_motion, nodal_rigid_motions
 from shellbench.solvers.fem.mechanics.solution import FemSolution
+from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS, TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 

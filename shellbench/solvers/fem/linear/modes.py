@@ -45,7 +45,6 @@ from shellbench.solvers.fem.mechanics.assembly import (
     stiffness,
 )
 from shellbench.solvers.fem.mechanics.clamping import clamped_edges
-from shellbench.solvers.fem.mechanics.constraints import Ties
 from shellbench.solvers.fem.mechanics.kinematics import (
     DERIVATIVES,
     GRADIENT,
@@ -58,6 +57,7 @@ from shellbench.solvers.fem.mechanics.kinematics import (
 from shellbench.solvers.fem.mechanics.pins import determinate_pins
 from shellbench.solvers.fem.mechanics.rigid_motions import nodal_rigid_motions
 from shellbench.solvers.fem.mechanics.solution import FemSolution
+from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CORNERS, CUBIC, KINDS, TensorMesh, present_functions, tabulate
 from shellbench.solvers.fem.mesh.quadrature import Quadrature, basis_scales, chunks
 

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix
 from shellbench.solvers.fem.algebra.factor import Factor, NotPositiveDefiniteError, factorise
 from shellbench.solvers.fem.mechanics.assembly import weighted_products
-from shellbench.solvers.fem.mechanics.constraints import Ties
+from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS
 from shellbench.solvers.fem.path.continuation import CUT, EASY, GROWTH, PathEndsError
 from shellbench.solvers.fem.path.finite_state import FiniteState, Hold, NotConvergedError, TangentFactor, on_free

@@ -10,8 +10,8 @@ from scipy.sparse.linalg import LinearOperator, gmres
 
 from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix
 from shellbench.solvers.fem.algebra.factor import Factor
-from shellbench.solvers.fem.mechanics.constraints import Ties
 from shellbench.solvers.fem.mechanics.strain_energy import Strained
+from shellbench.solvers.fem.mechanics.ties import Ties
 
 Array = NDArray[np.float64]
 

@@ -29,12 +29,12 @@ from shellbench.solvers.fem.algebra.block_matrix import NODE_DOFS, BlockMatrix
 from shellbench.solvers.fem.algebra.dissection import Dissection
 from shellbench.solvers.fem.algebra.factor import Factor, NotPositiveDefiniteError, factorise
 from shellbench.solvers.fem.mechanics.clamping import FiniteClamp, finite_clamps
-from shellbench.solvers.fem.mechanics.constraints import Ties
 from shellbench.solvers.fem.mechanics.contact_points import ContactPoints
 from shellbench.solvers.fem.mechanics.loads import EdgeMoment, Loading, area_rule, edge_moments
 from shellbench.solvers.fem.mechanics.pins import determinate_pins
 from shellbench.solvers.fem.mechanics.rigid_motions import Revolution, nodal_rigid_motions
 from shellbench.solvers.fem.mechanics.strain_energy import Strained, StrainEnergy
+from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.path.contact_at_finite_strain import Pressed, Pressing

@@ -48,7 +48,8 @@ from shellbench.solvers.ndf.linear.refinement import SETTLED
 from shellbench.solvers.ndf.motion.motion import degree_of
 from shellbench.solvers.ndf.motion.motion_problem import Motion
 from shellbench.solvers.ndf.strains.energy import exploits
-from shellbench.solvers.ndf.strains.sampled import Combined, finer, widest
+from shellbench.solvers.ndf.strains.sampled import Combined
+from shellbench.solvers.ndf.strains.smooth import finer, widest
 
 FORMAT = "ndf-conditioned in motion, format 2"
 DEGREE, FEWER = 13, 3  # of the features along a side; how many less those have by which their error is told

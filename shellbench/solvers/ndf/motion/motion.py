@@ -52,7 +52,8 @@ from shellbench.solvers.ndf.motion.motion_problem import Motion
 from shellbench.solvers.ndf.motion.motion_solution import Course, MotionSolution
 from shellbench.solvers.ndf.motion.products import Products
 from shellbench.solvers.ndf.strains.energy import exploits
-from shellbench.solvers.ndf.strains.sampled import COMPONENTS, NOWHERE, ORDER, POINTS, finer, rule_of, smooth, widest
+from shellbench.solvers.ndf.strains.sampled import COMPONENTS
+from shellbench.solvers.ndf.strains.smooth import NOWHERE, ORDER, POINTS, finer, rule_of, smooth, widest
 
 DEGREES = (10, 13, 17, 22)  # along the longest side, of each rung: each costs some four times the one before
 SETTLED = 2e-4  # change of the motion between rungs, over the longest side, below which the finer one is kept

@@ -29,8 +29,9 @@ from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density, point_supports
 from shellbench.solvers.ndf.motion.motion_parts import Energies, Lifted, Reflected, Table
 from shellbench.solvers.ndf.motion.products import Grid, Products
-from shellbench.solvers.ndf.path.equilibrium import Basis
-from shellbench.solvers.ndf.strains.sampled import COMPONENTS, NOWHERE, Combined, Sampled
+from shellbench.solvers.ndf.path.basis import Basis
+from shellbench.solvers.ndf.strains.sampled import COMPONENTS, Combined, Sampled
+from shellbench.solvers.ndf.strains.smooth import NOWHERE
 from shellbench.solvers.ndf.strains.strain_measures import GRADIENTS, stresses
 
 STENCIL = 7  # values in time from which rates of prescribed motions follow

@@ -39,7 +39,8 @@ from shellbench.solvers.ndf.field.jets import D1, D2, D11, D22, VALUE, Array, Pl
 from shellbench.solvers.ndf.field.network import Network
 from shellbench.solvers.ndf.field.quadrature import line_rule
 from shellbench.solvers.ndf.field.supports import edge_supports
-from shellbench.solvers.ndf.strains.sampled import COMPONENTS, PERIOD, degrees, orthonormal
+from shellbench.solvers.ndf.strains.sampled import COMPONENTS
+from shellbench.solvers.ndf.strains.smooth import PERIOD, degrees, orthonormal
 
 ALONG = ((VALUE, D1, D11), (VALUE, D2, D22))  # planes of the derivatives along each side
 OVER = 1.2  # highest frequency over the degree: with 1.5 steps of time are shorter by .6, and waves longer that are met

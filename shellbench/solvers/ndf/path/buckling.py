@@ -27,6 +27,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from shellbench.solvers.ndf.path.basis import Deformed, NotConvergedError
 from shellbench.solvers.ndf.path.continuation import (
     CUT,
     EASY,
@@ -37,7 +38,7 @@ from shellbench.solvers.ndf.path.continuation import (
     PathEndsError,
     landing,
 )
-from shellbench.solvers.ndf.path.equilibrium import CONVERGED, Deformed, NotConvergedError, PathProblem
+from shellbench.solvers.ndf.path.equilibrium import CONVERGED, PathProblem
 from shellbench.solvers.ndf.path.newton import PathState, equilibrium
 
 NEUTRAL = 1e-4

@@ -32,8 +32,9 @@ from shellbench.solvers.ndf.linear.contact_forces import (
 from shellbench.solvers.ndf.linear.ritz_settings import NAME, RitzSettings
 from shellbench.solvers.ndf.linear.signs import Signs
 from shellbench.solvers.ndf.linear.solution import PathSolution
+from shellbench.solvers.ndf.path.basis import NotConvergedError
 from shellbench.solvers.ndf.path.continuation import PathEndsError, load_steps
-from shellbench.solvers.ndf.path.equilibrium import MOST_ITERATIONS, NotConvergedError, PathProblem
+from shellbench.solvers.ndf.path.equilibrium import MOST_ITERATIONS, PathProblem
 from shellbench.solvers.ndf.path.newton import PathState
 from shellbench.solvers.ndf.path.rungs import Rung, disagreement, state_solution
 

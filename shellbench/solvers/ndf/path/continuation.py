@@ -16,7 +16,8 @@ from torch import Tensor
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.records.path_end import branch_passed
-from shellbench.solvers.ndf.path.equilibrium import NotConvergedError, PathProblem
+from shellbench.solvers.ndf.path.basis import NotConvergedError
+from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.newton import Constraint, PathState, drift, equilibrium, on_path
 
 Find = Callable[[PathProblem, PathState, float], PathState]

@@ -20,8 +20,9 @@ from shellbench.problem import Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.variants.edit import why_no_edit
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
+from shellbench.solvers.ndf.path.basis import NotConvergedError
 from shellbench.solvers.ndf.path.continuation import EASY, PathEndsError
-from shellbench.solvers.ndf.path.equilibrium import NotConvergedError, PathProblem
+from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.newton import PathState, equilibrium
 from shellbench.solvers.ndf.strains.sampled import Combined
 

@@ -24,6 +24,7 @@ from shellbench.solvers.ndf.field.factors import turns
 from shellbench.solvers.ndf.field.quadrature import area_rule
 from shellbench.solvers.ndf.field.supports import check_balance
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
+from shellbench.solvers.ndf.path.basis import Deformed, NotConvergedError
 from shellbench.solvers.ndf.path.buckling import follow_steps
 from shellbench.solvers.ndf.path.continuation import (
     PathEndsError,
@@ -32,7 +33,7 @@ from shellbench.solvers.ndf.path.continuation import (
     load_steps,
 )
 from shellbench.solvers.ndf.path.edited import states_of_edit
-from shellbench.solvers.ndf.path.equilibrium import Deformed, NotConvergedError, PathProblem
+from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.newton import PathState, equilibrium
 from shellbench.solvers.ndf.path.path_challenge import challenged, prescribed
 from shellbench.solvers.ndf.path.rungs import Rung, disagreement, state_solution

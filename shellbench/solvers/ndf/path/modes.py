@@ -47,7 +47,8 @@ from shellbench.solvers.ndf.linear.ritz_field import with_settings
 from shellbench.solvers.ndf.linear.ritz_settings import NAME, RitzSettings
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.linear.solve import SAME_ROW
-from shellbench.solvers.ndf.path.equilibrium import Basis, PathProblem
+from shellbench.solvers.ndf.path.basis import Basis
+from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.strains.sampled import elastic_form
 
 Integers = NDArray[np.int64]

@@ -8,12 +8,8 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-from shellbench.solvers.ndf.path.equilibrium import (
-    MOST_ITERATIONS,
-    Deformed,
-    NotConvergedError,
-    PathProblem,
-)
+from shellbench.solvers.ndf.path.basis import Deformed, NotConvergedError
+from shellbench.solvers.ndf.path.equilibrium import MOST_ITERATIONS, PathProblem
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,8 @@ from shellbench.solvers.ndf.linear.refinement import (
 )
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.linear.solve import JITTER, SAME_ROW, RegularisedInverse
-from shellbench.solvers.ndf.path.equilibrium import Deformed, PathProblem
+from shellbench.solvers.ndf.path.basis import Deformed
+from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.newton import PathState
 from shellbench.solvers.ndf.strains.energy import rigid_part
 from shellbench.solvers.ndf.strains.sampled import Combined

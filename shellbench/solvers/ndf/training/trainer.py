@@ -56,8 +56,7 @@ from shellbench.solvers.ndf.path import large_displacement, modes
 from shellbench.solvers.ndf.path.edited import checked_start, start_of_path
 from shellbench.solvers.ndf.path.rungs import Rung
 from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, exploits, rigid_part
-from shellbench.solvers.ndf.strains.sampled import scales
-from shellbench.solvers.ndf.training.first_order import train_by_adam
+from shellbench.solvers.ndf.strains.smooth import scales
 from shellbench.solvers.ndf.training.trainer_settings import NAME, TrainerSettings
 from shellbench.solvers.ndf.training.training import (
     CERTIFICATE,
@@ -252,7 +251,6 @@ def training_plan(settings: TrainerSettings, widths: tuple[int, ...], scales: tu
         attempts=settings.attempts,
         seed=settings.seed,
         directions=settings.directions,
-        learning_rate=settings.learning_rate,
     )
 
 
@@ -294,8 +292,7 @@ class _Run:
                 served = found.diagnostics["challenge_gain"] <= SERVES * self.settings.tolerance
                 if served and found.unsettled is None:
                     return found
-            optimise = train_by_adam if self.settings.optimiser == "adam" else train
-            state, ending = optimise(self.problem, self.plan, state, points, self._report)
+            state, ending = train(self.problem, self.plan, state, points, self._report)
             self._tell(self.plan.iterations, "certifying the energy on the finest quadrature")
             return self._certified(state, points, ending)
         except SolveFailure as failure:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 from pydantic import Field as PydanticField
 
 from shellbench.problem import SeededSettings
@@ -32,10 +30,6 @@ class TrainerSettings(SeededSettings):
     directions: int | None = PydanticField(
         None, ge=1, description="of hidden weights that a Gauss-Newton step moves in; None for all of them"
     )
-    optimiser: Literal["gauss-newton", "adam"] = PydanticField(
-        "gauss-newton", description="what moves hidden weights; the output layer is always solved for"
-    )
-    learning_rate: Positive = PydanticField(1e-3, description="of Adam, at the start; it falls along half a cosine")
     iterations: int | None = PydanticField(
         None, ge=0, le=100_000, description="at most; None for 3, or 2 on curved shells under forces at points"
     )

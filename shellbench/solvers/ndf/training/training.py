@@ -61,8 +61,6 @@ class Plan:
         Disagreement of training and check points beyond which more points are taken.
     directions
         Of hidden weights in a Gauss-Newton step, at most; None for all of them, of `MANY_WEIGHTS` for the steepest.
-    learning_rate
-        Of Adam (see `first_order`), at the start.
     """
 
     inner: tuple[int, ...]
@@ -76,7 +74,6 @@ class Plan:
     attempts: int
     seed: int
     directions: int | None = None
-    learning_rate: float = 1e-3
     mixed: bool = False
 
 
