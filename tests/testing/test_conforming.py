@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +36,7 @@ from tests.bench.test_known_in_files import known
 from tests.testing.test_suite import InProcess
 
 SHELL = "shell"
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
@@ -176,3 +179,24 @@ def test_the_command_keeps_what_it_finds(strangers: Store, monkeypatch: pytest.M
     found[:] = lines_of(work="failed")
     assert suite.check_solver("toy-noisy", console=out, exam=exam) == 1
     assert not judged(strangers, "toy-noisy").good()
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_a_solver_of_flat_plates_is_asked_for_its_plate_elsewhere(lost: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It declines the turned plate. One that does not know where its plate begins fails."""
+    monkeypatch.syspath_prepend(str(ROOT / "examples/solver_template/src"))
+    case, entry = (
+        catalog.named_case("square_plate"),
+        SolverEntry("plate", "plate_series.solver:PlateSeriesSolver", "", ""),
+    )
+    if lost:
+        reading = importlib.import_module("plate_series.reading").plate_of
+        solution = importlib.import_module("plate_series.solution")
+        solver = importlib.import_module("plate_series.solver")
+        for module in (solution, solver):
+            if hasattr(module, "plate_of"):
+                monkeypatch.setattr(module, "plate_of", lambda case: replace(reading(case), lower=(0.0, 0.0)))
+    lines = examine(entry, CheckOptions((case,), checks=("placement",)), start=lambda: InProcess(entry))
+    (verdict,) = [line.verdict for line in lines if line.check == "placement"]
+    assert verdict.status == ("failed" if lost else "passed")
+    assert "along its plane" in verdict.words
