@@ -134,12 +134,13 @@ def _curves(
     ]
     shown = "; ".join(f"{one.name}: {one.description}" for one in series if one.description)
     diamonds = "Diamonds: limit points of the computed curves. " if case.controlled_by is not None else ""
+    apart = "Buckled shapes may be turned or mirrored: there the lines of one point part. " if case.buckles else ""
     yield _drawing(
         name=name,
         title=f"{case.title}: {about}",
         caption="Marks on the lines are computed states; between them the lines only guide the eye. Open circles: known"
         " values that judge. Crosses: figures from elsewhere, of the theory named."
-        f" {diamonds}{_failures(runs)}".rstrip(),
+        f" {diamonds}{apart}{_failures(runs)}".rstrip(),
         description=f"{load.label} against {shown or ', '.join(readable(one.name) for one in series)}; "
         + "; ".join(f"{run.name}: {max(len(one.marks) for one in run.traces.values()) - 1} states" for run in runs),
         figure=trace_figure(panels, runs, colours, special="limit points"),
