@@ -11,7 +11,7 @@ from skfem import MeshTri
 
 from shellbench.problems.shell.question.places import Edge
 from shellbench.problems.shell.question.surface import Domain
-from shellbench.solvers.cst.solver import Diagonal
+from shellbench.solvers.cst.settings import Diagonal
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

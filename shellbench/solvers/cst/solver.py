@@ -6,9 +6,7 @@ What the mesh of triangles and hinges can't take, each with its reason.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Literal
-
-from pydantic import Field
+from typing import TYPE_CHECKING, ClassVar
 
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
@@ -16,27 +14,10 @@ from shellbench.problems.shell.declining import why_not_by_load, why_not_plain
 from shellbench.problems.shell.question.conditions import Support
 from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.problems.shell.solution import ShellSolver
-from shellbench.protocol.schema import Finite
+from shellbench.solvers.cst.settings import CstSettings
 
 if TYPE_CHECKING:
     from shellbench.solvers.cst.solution import CstSolution
-
-
-Diagonal = Literal["right", "left", "alternating"]
-
-
-TOLERANCE = 1e-9  # of Newton's last step, relative to the shell's size
-
-
-class CstSettings(Settings):
-    """Settings of `CstSolver`."""
-
-    cells: tuple[int, int] | None = Field(None, description="cells along xi1 and xi2; None: 32 on the longer side")
-    diagonal: Diagonal = Field("right", description="how cells are cut into triangles")
-    time_step: Finite | None = Field(
-        None, gt=0, description="longest step in time, s; None: 1/240 s; static cases have none"
-    )
-    tolerance: Finite = Field(TOLERANCE, gt=0, le=1e-2, description="Newton's last step, relative to the shell's size")
 
 
 class CstSolver(ShellSolver):

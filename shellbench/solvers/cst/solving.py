@@ -27,8 +27,8 @@ from shellbench.problems.shell.records.history import Log, displacements, failin
 from shellbench.solvers.cst.mesh import FEWEST_PERIODIC, TriangleMesh
 from shellbench.solvers.cst.modes import find_modes
 from shellbench.solvers.cst.problem import TriangleProblem, factorised, minimise
+from shellbench.solvers.cst.settings import CstSettings
 from shellbench.solvers.cst.solution import CstSolution
-from shellbench.solvers.cst.solver import CstSettings
 
 LONGER_SIDE = 32  # cells, unless settings say otherwise
 MOST_CELLS = 5000  # along a coordinate: 150 million unknowns, more than any direct solve takes

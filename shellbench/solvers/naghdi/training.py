@@ -25,6 +25,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.measure import measure
 from shellbench.problems.shell.solution import DAMAGE
 from shellbench.solvers.naghdi.network import Fields, Shape, units
+from shellbench.solvers.naghdi.settings import NaghdiSettings, training_key
 from shellbench.solvers.naghdi.solution import (
     Check,
     NaghdiSolution,
@@ -33,7 +34,6 @@ from shellbench.solvers.naghdi.solution import (
     side_of,
     sobol_points,
 )
-from shellbench.solvers.naghdi.solver import NaghdiSettings, training_key
 
 Loss = Callable[[Tensor], Tensor]
 

@@ -26,7 +26,7 @@ from shellbench.solvers.skinning.linear import coefficients, modes_of
 from shellbench.solvers.skinning.solution import Arrays, Skin, Skinned
 
 if TYPE_CHECKING:
-    from shellbench.solvers.skinning.solver import NetworkSettings, RecurrentSettings
+    from shellbench.solvers.skinning.settings import NetworkSettings, RecurrentSettings
 
 Array = NDArray[np.float64]
 LOOKS = 8  # times at which the course of a training is looked at, evenly spread

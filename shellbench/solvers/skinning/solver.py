@@ -5,80 +5,24 @@ from __future__ import annotations
 import time
 from abc import abstractmethod
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any
 
-from pydantic import Field
-
-from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, Settings, Step
+from shellbench.problem import Capabilities, ProgressCallback, Settings, Step
 from shellbench.problems.skinning.case import SkinningCase
 from shellbench.problems.solving import FreshSolver
-from shellbench.protocol.schema import Finite, Positive
+from shellbench.solvers.skinning.settings import (
+    BlendSettings,
+    FloorSettings,
+    NetworkSettings,
+    QuasistaticSettings,
+    RecurrentSettings,
+    RidgeSettings,
+)
 
 if TYPE_CHECKING:
     from shellbench.solvers.skinning.solution import Skin, Skinned
 
 THEORIES = ("skinning",)
-MODES = 100  # as the paper has them: "about 100"
-Count = Annotated[int, Field(ge=1, strict=True)]
-
-
-class ModeSettings(Settings):
-    """Settings of solvers with PCA modes."""
-
-    modes: Count = Field(MODES, description="PCA modes, at most")
-
-
-class FloorSettings(ModeSettings):
-    """Settings of `skin-floor`."""
-
-    of: Literal["seen", "held out"] = Field("seen", description="frames whose PCA modes are taken")
-
-
-class BlendSettings(Settings):
-    """Settings of `skin-blend`."""
-
-    near: Count = Field(8, description="nearest bones that a vertex may follow")
-
-
-class RidgeSettings(ModeSettings):
-    """Settings of `skin-ridge`."""
-
-    penalty: Positive | None = Field(
-        None, description="over the mean variance of a bone's coordinate; chosen by cross validation if left out"
-    )
-
-
-class TrainingSettings(SeededSettings):
-    """Settings of what trains."""
-
-    modes: Count = Field(MODES, description="PCA modes, at most")
-    epochs: Count = Field(40, description="passes over the frames that are seen; the paper says nothing")
-
-
-class NetworkSettings(TrainingSettings):
-    """Settings of perceptrons; learning rate, widths and weights are the paper's."""
-
-    widths: Annotated[tuple[Count, ...], Field(min_length=1)] = Field((500, 500), description="of the hidden layers")
-    learning_rate: Positive = Field(1e-4, description="of Adam at the start; a cosine leads it to 0")
-    batch: Count = Field(16, description="frames of a step; the paper says nothing")
-    collision: bool = Field(True, strict=True, description="whether the loss counts vertices inside the body")
-    data_weight: Positive = Field(0.1, description="of squared distances from the simulation")
-    collision_weight: Positive = Field(1000.0, description="of squared pushes out of the body")
-    expansion: Annotated[Finite, Field(ge=0)] = Field(0.0025, description="of the body in the loss, m; ours")
-
-
-class QuasistaticSettings(NetworkSettings):
-    """Settings of `skin-quasistatic`: no collision loss unless asked for."""
-
-    collision: bool = Field(False, strict=True, description="whether the loss counts vertices inside the body")
-
-
-class RecurrentSettings(TrainingSettings):
-    """Settings of `skin-recurrent`; the paper gives none."""
-
-    width: Count = Field(200, description="of the hidden state")
-    learning_rate: Positive = Field(2e-3, description="of Adam at the start; a cosine leads it to 0")
-    batch: Count = Field(2, description="clips of a step")
 
 
 class SkinningSolver(FreshSolver):

@@ -9,7 +9,8 @@ from shellbench.bench.catalogue import catalog
 from shellbench.solvers.cst.mesh import TriangleMesh
 from shellbench.solvers.cst.modes import find_modes
 from shellbench.solvers.cst.problem import TriangleProblem
-from shellbench.solvers.cst.solver import CstSettings, CstSolver
+from shellbench.solvers.cst.settings import CstSettings
+from shellbench.solvers.cst.solver import CstSolver
 from shellbench.solvers.cst.solving import solve_linear
 
 

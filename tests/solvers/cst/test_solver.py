@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from shellbench.bench.plugins import registry
-from shellbench.solvers.cst.solver import CstSettings, CstSolver
+from shellbench.solvers.cst.settings import CstSettings
+from shellbench.solvers.cst.solver import CstSolver
 from shellbench.solvers.cst.solving import usual_cells
 from tests.alike import alike
 from tests.solvers.cst.shells import PLATE, cloth, cylinder, plate

@@ -8,8 +8,9 @@ from shellbench.bench.plugins.registry import load_solver, solver_entries
 from shellbench.errors import InputError
 from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.solvers.naghdi.network import ACTIVATIONS, Fields, Shape
+from shellbench.solvers.naghdi.settings import NaghdiSettings
 from shellbench.solvers.naghdi.solution import Check, NaghdiSolution, gauss_points
-from shellbench.solvers.naghdi.solver import NaghdiSettings, NaghdiSolver
+from shellbench.solvers.naghdi.solver import NaghdiSolver
 from tests.solvers.naghdi.test_strains import dome, jets
 
 PLATE, ROOF = "thick_plate_naghdi", "scordelis_lo_naghdi"
