@@ -19,10 +19,6 @@ from typing import Any
 from shellbench.bench.plugins.facts import attributes
 from shellbench.problem import Problem
 from shellbench.problems import obstacle
-from shellbench.problems.conditioned import case as conditioned
-from shellbench.problems.conditioned import quantities as of_materials
-from shellbench.problems.editing import case as editing
-from shellbench.problems.editing.quantities import EditedDisplacement
 from shellbench.problems.expression import MAX_LENGTH
 from shellbench.problems.field import body as ball
 from shellbench.problems.field import case as field
@@ -30,6 +26,10 @@ from shellbench.problems.field import quantities as of_fields
 from shellbench.problems.formula_functions import CONSTANTS, FUNCTIONS
 from shellbench.problems.rope import case as rope
 from shellbench.problems.rope import quantities as asked
+from shellbench.problems.series import conditioned
+from shellbench.problems.series import edited as editing
+from shellbench.problems.series import quantities as of_materials
+from shellbench.problems.series.quantities import EditedDisplacement
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities import quantities
 from shellbench.problems.shell.question import surface

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shellbench.problems.conditioned.case import Material, Ranges
+from shellbench.problems.series.conditioned import Material, Ranges
 from shellbench.solvers.ndf.conditioned import conditioned, reduced
 from shellbench.solvers.ndf.conditioned.reduced import Reduced, stiffness_rates, stiffnesses
 from tests.solvers.ndf.conditioned import missed, small_field

@@ -16,9 +16,9 @@ from safetensors.numpy import save_file
 
 from shellbench.errors import InputError
 from shellbench.problem import Progress, ProgressCallback, Step
-from shellbench.problems.conditioned.case import ASKED, ConditionedCase, Material
-from shellbench.problems.conditioned.quantities import Parameter, Sensitivity, Value
-from shellbench.problems.conditioned.solving import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer, stepped
+from shellbench.problems.series.conditioned import ASKED, ConditionedCase, Material
+from shellbench.problems.series.conditioned_answer import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer, stepped
+from shellbench.problems.series.quantities import Parameter, Sensitivity, Value
 from shellbench.solvers.fem.conditioned_settings import RepeatedSettings
 from shellbench.solvers.fem.settings import FemSettings
 from shellbench.solvers.fem.solver import FemSolver

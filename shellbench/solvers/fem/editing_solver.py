@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from shellbench.problem import Capabilities, Settings, Solution
-from shellbench.problems.editing.solving import THEORIES, EditingSolver
+from shellbench.problems.series.edited_answer import THEORIES, EditingSolver
 from shellbench.problems.solving import CheckedSolver
 from shellbench.solvers.fem.settings import FemSettings
 from shellbench.solvers.fem.solver import FemSolver

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from shellbench.problem import Capabilities, ProgressCallback
-from shellbench.problems.conditioned.case import ConditionedCase
-from shellbench.problems.conditioned.solving import THEORIES, ConditionedSolver
+from shellbench.problems.series.conditioned import ConditionedCase
+from shellbench.problems.series.conditioned_answer import THEORIES, ConditionedSolver
 from shellbench.solvers.ndf.published.conditioned_published_settings import ConditionedPublishedSettings
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from shellbench.problem import Capabilities, ProgressCallback
-from shellbench.problems.conditioned.case import ConditionedCase
-from shellbench.problems.conditioned.solving import IN_MOTION, ConditionedSolver
+from shellbench.problems.series.conditioned import ConditionedCase
+from shellbench.problems.series.conditioned_answer import IN_MOTION, ConditionedSolver
 from shellbench.solvers.ndf.conditioned.conditioned_settings import ConditionedSettings
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import ClassVar
 
 from shellbench.problem import Capabilities, Settings, Solution
-from shellbench.problems.editing.case import EditingCase
-from shellbench.problems.editing.solving import THEORIES, EditingSolver
+from shellbench.problems.series.edited import EditingCase
+from shellbench.problems.series.edited_answer import THEORIES, EditingSolver
 from shellbench.problems.solving import CheckedSolver
 from shellbench.solvers.ndf.linear.ritz_settings import RitzSettings
 from shellbench.solvers.ndf.ritz_solver import RitzSolver

@@ -6,8 +6,8 @@ import torch
 
 from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
-from shellbench.problems.conditioned.case import Material
-from shellbench.problems.conditioned.solving import stepped
+from shellbench.problems.series.conditioned import Material
+from shellbench.problems.series.conditioned_answer import stepped
 from shellbench.solvers.ndf.conditioned.affine import Equations
 from shellbench.solvers.ndf.conditioned.conditioned import ConditionedField
 from shellbench.solvers.ndf.conditioned.reduced import stiffness_rates, stiffnesses

@@ -6,7 +6,7 @@ import torch
 
 from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
-from shellbench.problems.conditioned.solving import stepped
+from shellbench.problems.series.conditioned_answer import stepped
 from shellbench.solvers.ndf.conditioned import conditioned_motion
 from shellbench.solvers.ndf.conditioned import plane_motion as mechanics
 from shellbench.solvers.ndf.conditioned.conditioned_motion import (

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from shellbench.problems.conditioned.case import ASKED, Material
+from shellbench.problems.series.conditioned import ASKED, Material
 from shellbench.problems.shell.posed.rigid import free_motions
 from shellbench.problems.shell.quantities.measure import unit
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity

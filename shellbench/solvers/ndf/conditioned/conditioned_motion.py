@@ -33,9 +33,9 @@ from torch import Tensor
 
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
-from shellbench.problems.conditioned.case import ConditionedCase, Material
-from shellbench.problems.conditioned.quantities import Parameter, Value
-from shellbench.problems.conditioned.solving import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer
+from shellbench.problems.series.conditioned import ConditionedCase, Material
+from shellbench.problems.series.conditioned_answer import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer
+from shellbench.problems.series.quantities import Parameter, Value
 from shellbench.solvers.ndf.conditioned.conditioned import ASKED_TIMES, kept_features
 from shellbench.solvers.ndf.conditioned.conditioned_settings import ConditionedSettings
 from shellbench.solvers.ndf.conditioned.plane_motion import PLANE, coordinates, features_of, plane_motion

@@ -14,7 +14,7 @@ import torch
 from scipy.integrate import solve_ivp
 
 from shellbench.errors import SolveFailure
-from shellbench.problems.conditioned.case import ConditionedCase, Material
+from shellbench.problems.series.conditioned import ConditionedCase, Material
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.loads import GravityLoad
 from shellbench.solvers.ndf.conditioned.conditioned_settings import ConditionedSettings

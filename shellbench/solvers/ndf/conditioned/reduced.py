@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.problems.conditioned.case import Material
-from shellbench.problems.conditioned.quantities import Parameter
+from shellbench.problems.series.conditioned import Material
+from shellbench.problems.series.quantities import Parameter
 
 Array = NDArray[np.float64]
 PARTS = 4  # trace and rest of the membrane's energy, then of the bending's

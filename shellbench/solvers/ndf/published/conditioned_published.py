@@ -20,9 +20,9 @@ from torch import Tensor
 
 from shellbench.errors import SolveFailure
 from shellbench.problem import ProgressCallback
-from shellbench.problems.conditioned.case import ASKED, ConditionedCase, Material
-from shellbench.problems.conditioned.quantities import Parameter
-from shellbench.problems.conditioned.solving import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer, stepped
+from shellbench.problems.series.conditioned import ASKED, ConditionedCase, Material
+from shellbench.problems.series.conditioned_answer import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer, stepped
+from shellbench.problems.series.quantities import Parameter
 from shellbench.problems.shell.quantities.measure import unit
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.problems.shell.question.places import Point

@@ -1,4 +1,4 @@
-"""What can be asked of an answer for a range of materials: the displacement at one of them, and its derivatives."""
+"""What can be asked of one shell many times: of a range of materials, and of a shell that is edited."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from shellbench.problem import Quantity
+from shellbench.protocol.schema import Name, Vector
 
 Parameter = Literal["thickness", "youngs_modulus", "poissons_ratio"]
 
@@ -39,3 +40,17 @@ class Sensitivity(Quantity):
 
 
 ConditionedQuantity = Annotated[Value | Sensitivity, Field(discriminator="kind")]
+
+
+class EditedDisplacement(Quantity):
+    """The displacement of the edited shell along a direction, m, the mean over points; from the earlier solution."""
+
+    kind: Literal["edited_displacement"]
+    points: Annotated[tuple[Name, ...], Field(min_length=1)] = Field(description="points of the shell")
+    direction: Vector | Annotated[tuple[Vector, ...], Field(min_length=1)] = Field(
+        description="one for all points, or one for each"
+    )
+
+    def measure(self, solution: Any) -> float:
+        """Return the displacement, m."""
+        return float(solution.value(self.name))

@@ -24,7 +24,7 @@ from safetensors.numpy import save_file
 
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Solution, Step
-from shellbench.problems.editing.case import EditingCase
+from shellbench.problems.series.edited import EditingCase
 from shellbench.problems.solving import CheckedSolver, FreshSolver
 
 THEORIES = ("kirchhoff-love-linear-edited", "kirchhoff-love-nonlinear-edited")
@@ -81,6 +81,11 @@ class EditedAnswer:
     def storage_bytes(self) -> int:
         """Bytes of the figures that are kept."""
         return int(self.values.nbytes)
+
+    @property
+    def kept_values(self) -> NDArray[np.float64]:
+        """All values, (2, n), m."""
+        return self.values
 
     def value(self, name: str) -> float:
         """Return a quantity of the edited shell, as answered from the earlier solution."""

@@ -5,7 +5,7 @@ import pytest
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.plugins.kinds import read_problem
 from shellbench.errors import InputError
-from shellbench.problems.editing.case import EditingCase
+from shellbench.problems.series.edited import EditingCase
 from shellbench.problems.shell.variants.edit import between
 from shellbench.solvers.fem import solving
 from shellbench.solvers.fem.editing_solver import FemEditSolver

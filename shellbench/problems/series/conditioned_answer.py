@@ -9,9 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from shellbench.problem import Solution, Step
-from shellbench.problems.conditioned.case import ConditionedCase, Material
-from shellbench.problems.conditioned.quantities import Parameter
+from shellbench.problems.series.conditioned import ConditionedCase, Material
+from shellbench.problems.series.quantities import Parameter
 from shellbench.problems.solving import FreshSolver
 
 THEORIES = ("kirchhoff-love-linear-conditioned",)
@@ -35,9 +38,14 @@ class ConditionedAnswer(ABC):
     def value(self, number: int) -> float:
         """Return the asked displacement, m, at a held-out material."""
 
+    @property
+    def kept_values(self) -> NDArray[np.float64]:
+        """The asked displacement at all held-out materials, m."""
+        return np.array([self.value(number) for number in range(len(self.case.materials))])
+
     @abstractmethod
     def sensitivity(self, number: int, by: Parameter) -> float:
-        """Return the derivative of its logarithm; see `shellbench.problems.conditioned.quantities.Sensitivity`."""
+        """Return the derivative of its logarithm; see `shellbench.problems.series.quantities.Sensitivity`."""
 
 
 def stepped(material: Material, by: Parameter, step: float) -> Material:

@@ -11,17 +11,16 @@ from collections.abc import Iterator
 from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
-from shellbench.problem import Problem
-from shellbench.problems.editing.quantities import EditedDisplacement
+from shellbench.problems.series.quantities import EditedDisplacement
+from shellbench.problems.series.shell_table import SeriesCase
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.variants.edit import why_no_edit
-from shellbench.protocol.schema import Finite, Model, Positive, one_sentence
+from shellbench.protocol.schema import Finite, Model, Positive
 
 What = Literal["force", "pose", "thickness"]
 WITHIN: dict[What, str] = {"force": "loads.", "pose": "supports.", "thickness": "material.thickness"}
-EDITED = "-edited"  # what a theory of edits has at its end
 Scalar = Finite | str
 To = Scalar | tuple[Scalar, Scalar, Scalar]
 
@@ -47,7 +46,7 @@ class Edit(Model):
         return self
 
 
-class EditingCase(Problem):
+class EditingCase(SeriesCase):
     """A shell, and an edit of it that is asked for.
 
     Attributes
@@ -64,16 +63,12 @@ class EditingCase(Problem):
 
     kind: Literal["editing"]
     theory: Literal["kirchhoff-love-linear-edited", "kirchhoff-love-nonlinear-edited"]
-    shell: dict[str, Any]
     edit: Edit
     accuracy: Positive = Field(1e-5, lt=1)
     quantities: Annotated[tuple[EditedDisplacement, ...], Field(min_length=1)]
 
     @model_validator(mode="after")
     def _makes_two_shells(self) -> Self:
-        for name in ("name", "kind", "title", "theory", "quantities", "suites"):
-            if name in self.shell:
-                raise ValueError(f"field 'shell.{name}' is not known here: that of the file counts")
         if self.original.physics() == self.edited.physics():
             raise ValueError("the edit changes nothing")
         if reason := why_no_edit(self.original, self.edited):
@@ -96,12 +91,7 @@ class EditingCase(Problem):
 
     def _shell(self, table: dict[str, Any], which: str) -> Case:
         asked = [{**q.model_dump(exclude={"kind"}), "kind": "displacement"} for q in self.quantities]
-        theory = self.theory.removesuffix(EDITED)
-        whole = {**table, "name": f"{self.base}_{which}", "title": self.title, "theory": theory, "quantities": asked}
-        try:
-            return Case.model_validate(whole)
-        except ValidationError as error:
-            raise ValueError(f"of the {which} shell, {one_sentence(error, whole)}") from None
+        return self.shell_case(table, f"{self.base}_{which}", asked, f"of the {which} shell")
 
 
 def _set(table: dict[str, Any], field: str, value: Any) -> None:

@@ -9,18 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Literal, NamedTuple, Self
 
 import numpy as np
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from shellbench.errors import InputError
-from shellbench.problem import Problem
-from shellbench.problems.conditioned.quantities import ConditionedQuantity
+from shellbench.problems.series.quantities import ConditionedQuantity
+from shellbench.problems.series.shell_table import SeriesCase
 from shellbench.problems.shell.case import Case
-from shellbench.protocol.schema import Finite, Model, Name, Positive, Vector, one_sentence
+from shellbench.protocol.schema import Finite, Model, Name, Positive, Vector
 
-CONDITIONED = "-conditioned"  # what the theory has beside that of the shell
 Ratio = Annotated[Finite, Field(ge=0, lt=0.5)]
 SLACK = 1e-12  # relative: what rounding may put beyond the end of a range
 ASKED = "asked"  # name of the quantity that each shell is asked
@@ -83,7 +82,7 @@ class Asked(Model):
     )
 
 
-class ConditionedCase(Problem):
+class ConditionedCase(SeriesCase):
     """A shell of a range of materials.
 
     Attributes
@@ -103,7 +102,6 @@ class ConditionedCase(Problem):
 
     kind: Literal["conditioned"]
     theory: Literal["kirchhoff-love-linear-conditioned", "kirchhoff-love-nonlinear-conditioned"]
-    shell: dict[str, Any]
     ranges: Ranges
     held_out: HeldOut
     asked: Asked
@@ -111,9 +109,6 @@ class ConditionedCase(Problem):
 
     @model_validator(mode="after")
     def _makes_shells(self) -> Self:
-        for name in ("name", "kind", "title", "theory", "quantities", "suites"):
-            if name in self.shell:
-                raise ValueError(f"field 'shell.{name}' is not known here: that of the file counts")
         for name in ("material", "dynamics"):
             if not isinstance(found := self.shell.get(name, {}), Mapping):
                 raise ValueError(f"field 'shell.{name}': found {found!r}, but a table is expected")
@@ -190,14 +185,4 @@ class ConditionedCase(Problem):
         asked = {"name": ASKED, "kind": "displacement", "primary": True, **self.asked.model_dump()}
         if self.moving:
             asked["at"] = dict(table["dynamics"]).get("until")
-        whole = {
-            **table,
-            "name": self.base,
-            "title": self.title,
-            "theory": self.theory.removesuffix(CONDITIONED),
-            "quantities": [asked],
-        }
-        try:
-            return Case.model_validate(whole)
-        except ValidationError as error:
-            raise ValueError(f"in the table 'shell', {one_sentence(error, whole)}") from None
+        return self.shell_case(table, self.base, [asked], "in the table 'shell'")
