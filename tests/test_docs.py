@@ -112,9 +112,6 @@ def test_what_the_site_needs_is_pinned():
     assert {re.match(r"[\w-]+", name)[0] for name in extra} <= pinned
 
 
-ROW = dict.fromkeys(evidence.CONTRACT) | {"case": "plate", "passed": None, "primary": False, "settings": {}}
-
-
 def test_evidence_keeps_rows_of_gated_suites_and_headlines_of_engines():
     assert evidence.is_kept({"suites": ["resolution", "cloth"], "primary": False})
     assert evidence.is_kept({"suites": ["engines"], "primary": True})
@@ -122,9 +119,18 @@ def test_evidence_keeps_rows_of_gated_suites_and_headlines_of_engines():
     assert not evidence.is_kept({"suites": ["resolution"], "primary": True})
 
 
-def test_evidence_drops_nothing_that_says_something():
-    row = ROW | {"suites": ["cloth"], "label": "", "reason": None, "declared": False, "overrides": {}, "mark": "t = 1"}
-    assert evidence.shortened(row) == ROW | {"suites": ["cloth"], "declared": False, "mark": "t = 1"}
+def test_evidence_keeps_what_pages_quote_of_a_row():
+    row = {
+        "case": "plate",
+        "value": None,
+        "seed": 0,
+        "suites": ["cloth"],
+        "label": "",
+        "passed": False,
+        "dtype": "float64",
+    }
+    kept = {"case": "plate", "value": None, "at": None, "seed": 0, "suites": ["cloth"], "passed": False, "settings": {}}
+    assert evidence.shortened(row | {"settings": {"cells": 8}, "overrides": {}}) == kept
 
 
 def test_committed_evidence_is_small():
