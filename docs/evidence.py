@@ -35,7 +35,12 @@ BUILT = {
 WHOLE_SUITES = {"obstacle_course", "verification", "nonlinear", "cloth", "ablations", "strain_ablation"}
 HEADLINE_SUITES = {"engines", "motion_engines"}
 NOT_QUOTED = {"settings", "run_id", "idle_memory_bytes", "own_case", "declared", "dtype"}
-NEEDED: dict[str, Any] = {"settings": {}, "seed": None, "at": None, "value": None}  # what a row must have, whatever it was
+NEEDED: dict[str, Any] = {
+    "settings": {},
+    "seed": None,
+    "at": None,
+    "value": None,
+}  # what a row must have, whatever it was
 QUOTED_CSV: dict[str, tuple[str, ...]] = {
     "course": (),
     "example": (

@@ -11,12 +11,12 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from shellbench.bench import worker
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.judge.expected import Scope
 from shellbench.bench.judge.gate import Verdict, gate
 from shellbench.bench.judge.lock import LockCheck
 from shellbench.bench.plugins.kinds import find_kind, kind_name
+from shellbench.bench.run import worker
 from shellbench.bench.run.plan import Request, make_plan
 from shellbench.bench.store import measuring
 from shellbench.bench.store.store import Store

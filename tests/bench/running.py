@@ -10,10 +10,10 @@ from shellbench.bench.run.display import Silent
 from shellbench.bench.run.execute import Ended, Event, Executor, Outcome, execute
 from shellbench.bench.run.local import LocalProcesses
 from shellbench.bench.run.plan import Request, make_plan
+from shellbench.bench.run.worker import RECORD, work
 from shellbench.bench.store.record import Record, document, read_document
 from shellbench.bench.store.store import Store
 from shellbench.bench.store.task import Task
-from shellbench.bench.worker import RECORD, work
 
 
 @dataclass(frozen=True)

@@ -89,7 +89,7 @@ def test_a_grade_that_was_not_given_is_data_too() -> None:
     assert (data["grade"], data["exam"]["worst"], data["exam"]["why"]) == (None, None, "why there is none")
 
 
-@pytest.mark.parametrize("module", ["shellbench.bench.worker", "shellbench.problems.shell.quantities.measure"])
+@pytest.mark.parametrize("module", ["shellbench.bench.run.worker", "shellbench.problems.shell.quantities.measure"])
 def test_the_source_of_a_solver_counts_what_measures_it(
     module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shellbench.bench import worker
+from shellbench.bench.run import worker
+from shellbench.bench.run.worker import RECORD, run, work
 from shellbench.bench.store.environment import environment
 from shellbench.bench.store.measuring import FIELDS, measured, values_of, without_values, write_fields
 from shellbench.bench.store.record import LARGEST_RECORD, LONGEST_REASON, Identity, Record, read_document
 from shellbench.bench.store.store import Store
 from shellbench.bench.store.task import Task, case_data
-from shellbench.bench.worker import RECORD, run, work
 from shellbench.errors import SolveFailure
 from shellbench.problem import Capabilities, Settings, Step
 from shellbench.problems.shell.case import Case

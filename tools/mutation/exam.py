@@ -100,8 +100,8 @@ def first_red(question: Question) -> str:
     from shellbench.bench.judge.expected import Scope
     from shellbench.bench.judge.lock import LockCheck
     from shellbench.bench.run.plan import Request, make_plan
+    from shellbench.bench.run.worker import run
     from shellbench.bench.store.store import Store
-    from shellbench.bench.worker import run
 
     _look_at_nothing_else(question)
     gates.check_lock = lambda: LockCheck(0, 0)
@@ -143,10 +143,10 @@ def _told(finding: Any) -> str:
 
 def _look_at_nothing_else(question: Question) -> None:
     """Read no case but the one that is asked, and digest no source: no file changes while an exam lasts."""
-    from shellbench.bench import worker
     from shellbench.bench.catalogue import catalog
     from shellbench.bench.judge import classes, gate
     from shellbench.bench.plugins import registry
+    from shellbench.bench.run import worker
     from shellbench.bench.store import current, identity
 
     for module in (identity, current, worker):

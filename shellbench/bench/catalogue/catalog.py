@@ -25,7 +25,6 @@ from shellbench.bench.catalogue.reference import (
     read_tolerances,
 )
 from shellbench.bench.catalogue.suite import Suite, read_suite
-from shellbench.bench.package import PACKAGE
 from shellbench.bench.plugins.kinds import find_kind, read_problem
 from shellbench.bench.plugins.registry import OWN
 from shellbench.errors import InputError
@@ -33,6 +32,7 @@ from shellbench.problem import VARIANT, Problem
 from shellbench.protocol.schema import LONGEST_TITLE, one_sentence, read_toml
 from shellbench.protocol.spelling import did_you_mean
 
+PACKAGE = Path(__file__).resolve().parents[2]  # the folder of shellbench
 LOCK = "lock.json"  # see `shellbench.bench.judge.lock`
 
 

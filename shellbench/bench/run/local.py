@@ -16,10 +16,10 @@ from typing import Any
 
 from shellbench.bench.plugins.process import GARBLED, STARTING, ServerProcess, is_overdue, worked
 from shellbench.bench.run.execute import Ended, Event, Progressed, Started
+from shellbench.bench.run.worker import DISK_FULL, RECORD, REFUSED
 from shellbench.bench.store.record import LARGEST_RECORD, Record, read_document
 from shellbench.bench.store.store import Store
 from shellbench.bench.store.task import Task
-from shellbench.bench.worker import DISK_FULL, RECORD, REFUSED
 from shellbench.disk import StoreError, said_plainly
 from shellbench.errors import InputError
 from shellbench.problem import Progress

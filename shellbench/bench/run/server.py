@@ -28,10 +28,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
-from shellbench.bench import worker
 from shellbench.bench.plugins.keeper import adopt, descendants, end_descendants
 from shellbench.bench.plugins.kinds import DEFAULT, find_kind, load_here, module_of
 from shellbench.bench.plugins.source import import_closure, remember, source_digest
+from shellbench.bench.run import worker
 from shellbench.bench.store.identity import MEASURING
 from shellbench.bench.store.store import LOG
 from shellbench.problem import Progress

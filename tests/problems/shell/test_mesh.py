@@ -7,8 +7,8 @@ import pytest
 
 from docs.meshes import SHAPES, cylinder, obj, roof
 from shellbench.bench.catalogue import catalog
+from shellbench.bench.run.worker import with_data_errors
 from shellbench.bench.store.record import Measured
-from shellbench.bench.worker import with_data_errors
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.mesh.file import read_mesh

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from shellbench.bench.catalogue import catalog
+from shellbench.bench.run.worker import run
 from shellbench.bench.store.environment import environment
 from shellbench.bench.store.measuring import measured
 from shellbench.bench.store.record import Identity, Record
 from shellbench.bench.store.task import Task, case_data
-from shellbench.bench.worker import run
 from shellbench.errors import InputError
 from shellbench.problem import Step
 from shellbench.problems.shell.case import Case, build_case
