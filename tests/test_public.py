@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import ast
 import re
+import tomllib
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.plugins import registry
+from shellbench.errors import InputError
 
 ROOT = Path(__file__).resolve().parent.parent
 PLUGINS = sorted(path.parent for path in (ROOT / "plugins").glob("*/pyproject.toml"))
@@ -76,3 +81,20 @@ def test_a_plugin_says_how_it_is_installed_in_ten_lines(package: Path) -> None:
     readme = (package / "README.md").read_text(encoding="utf-8")
     assert f"python -m pip install ./plugins/{package.name}" in readme
     assert len([line for line in readme.splitlines() if line]) <= 12
+
+
+def test_what_a_package_brings_is_known_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    told = tomllib.loads(Path(registry.__file__).with_name("packages.toml").read_text(encoding="utf-8"))
+    for package in PLUGINS:
+        project = tomllib.loads((package / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+        brings = told.pop(project["name"])
+        assert brings["folder"] == f"plugins/{package.name}"
+        assert set(brings["solvers"]) == set(project["entry-points"]["shellbench.solvers"])
+        assert set(brings["suites"]) == {path.stem for path in package.glob("*/data/cases/suites/*.toml")}
+    assert not told
+    monkeypatch.setattr(registry, "solver_entries", dict)
+    with pytest.raises(InputError, match=r"solver 'mujoco-flex' comes with .*: python -m pip install ./plugins/mujoco"):
+        registry.find_solver("mujoco-flex")
+    monkeypatch.setattr(catalog, "suite_names", list)
+    with pytest.raises(InputError, match=r"suite 'engines' comes with .*: python -m pip install ./plugins/kratos"):
+        catalog.find_suite("engines")

@@ -26,7 +26,7 @@ from shellbench.bench.catalogue.reference import (
 )
 from shellbench.bench.catalogue.suite import Suite, read_suite
 from shellbench.bench.plugins.kinds import find_kind, read_problem
-from shellbench.bench.plugins.registry import OWN
+from shellbench.bench.plugins.registry import OWN, refuse_without_package
 from shellbench.errors import InputError
 from shellbench.problem import VARIANT, Problem
 from shellbench.protocol.schema import LONGEST_TITLE, one_sentence, read_toml
@@ -186,6 +186,7 @@ def is_own(case: Problem) -> bool:
 def find_suite(name: str) -> Suite:
     """Return the suite of this name; InputError if there is none."""
     if name not in suite_names():
+        refuse_without_package("suite", name)
         hint = did_you_mean(name, suite_names())
         raise InputError(f"unknown suite '{name}'{hint}: suites are {', '.join(suite_names())}")
     base = [suite for _, of, suite in suites_brought() if of == name and suite.extends is None]

@@ -9,11 +9,13 @@ A plug-in registers like our own solvers do::
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import Distribution, entry_points
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
 
 from shellbench.errors import InputError
 from shellbench.problem import Solver
@@ -85,9 +87,19 @@ def find_solver(name: str) -> SolverEntry:
     """Return the registered solver of this name; InputError, naming the known ones, if there is none."""
     entries = solver_entries()
     if name not in entries:
+        refuse_without_package("solver", name)
         hint = did_you_mean(name, entries)
         raise InputError(f"unknown solver '{name}'{hint}: solvers are {', '.join(entries) or 'not installed'}")
     return entries[name]
+
+
+def refuse_without_package(what: Literal["solver", "suite"], name: str) -> None:
+    """Raise InputError with the command that installs it if a package of this repository brings what is asked for."""
+    packages = tomllib.loads(Path(__file__).with_name("packages.toml").read_text(encoding="utf-8"))
+    for package, brings in packages.items():
+        if name in brings[f"{what}s"]:
+            install = f"python -m pip install ./{brings['folder']}"
+            raise InputError(f"{what} '{name}' comes with {package}, which is not installed: {install} in a clone")
 
 
 def loads_here(entry: SolverEntry) -> bool:
