@@ -247,7 +247,7 @@ class UndescribedError(Exception):
 def _is_shown(cls: type[Model]) -> bool:
     # Quantities of many materials and edits have names of their own kind's, and bodies that wear capes those of obstacles.
     return cls.__module__.startswith(SHOWN) and not any(
-        name in cls.__module__ for name in ("conditioned", "editing", "skinning")
+        name in cls.__module__ for name in ("series", "skinning")
     )
 
 

@@ -5,6 +5,9 @@ side, sort key and way of being written are declared here, once. A table that de
 ``column("mean_error", "Error")``, and declares what it alone has in the same words:
 ``column("drift", "Energy drift", significant(2), unit="J")``.
 
+The frame holds a column only if its maker names it: for ``shellbench table`` that is `report.data.solutions.COLUMNS`.
+`count` and `size` are ways for whole numbers; a ratio takes `significant` or `share`.
+
 A way writes a value that is there. A value that is not there is a dash, or what the column has `instead`; in a line
 about a known value, whose `kind` is not "solver", it is nothing: there is nothing to say.
 """
@@ -197,7 +200,10 @@ def column(
 
 
 def frame(lines: Sequence[Line], columns: Sequence[str] | None = None) -> pd.DataFrame:
-    """Return lines as the data of a table, whole numbers as such though some be missing."""
+    """Return lines as the data of a table, whole numbers as such though some be missing.
+
+    With `columns`, names that it lacks are dropped.
+    """
     data = pd.DataFrame(list(lines), columns=columns)
     counts = [name for name in data if name in VOCABULARY and VOCABULARY[name][1] in WHOLE]
     return data.astype({name: "Int64" for name in counts if not data[name].map(type).eq(str).any()})

@@ -1,7 +1,7 @@
 """From rows to the data of the tables: runs that differ in their seed alone become one line.
 
 A block is one quantity of one case: the figures that others quote, the known value that judges, and a line for
-each solver with its mean and its worst seed.
+each solver with its mean and its worst seed. Values whose name `COLUMNS` lacks are dropped.
 """
 
 from __future__ import annotations

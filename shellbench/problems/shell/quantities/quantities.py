@@ -1,6 +1,8 @@
 """Quantities of interest of shells: what a case asks of every solution, what each needs, and how it is measured.
 
-A new quantity is one class in a module that is imported here: its `kind` is what case files call it.
+A new quantity is one class in a module that is imported here: its `kind` is what case files call it. It measures itself
+in SI units; the field `unit` only names the unit. What treats some classes apart: `records.history` (parts of one
+vector), `posed.point_actions` (values without a limit), `variants.reparametrisation` (what turns with the normal).
 """
 
 from __future__ import annotations

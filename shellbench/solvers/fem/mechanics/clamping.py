@@ -245,7 +245,7 @@ class FiniteClamp:
     @classmethod
     def on_edge(cls, case: Case, mesh: TensorMesh, support: Support, edge: Edge) -> FiniteClamp | None:
         """Integrate along an edge; None where its normal keeps its direction."""
-        # As `ClampedEdge.of`, but with the derivatives of u kept apart from the strains: these are not linear here.
+        # As in `ClampedEdge`, but with the derivatives of u kept apart from the strains: these are not linear here.
         # 1. Gauss points on the edge, and the geometry there. An edge whose normal keeps its direction needs no terms.
         # 2. n^a for theta, and B H^{abcd} n_a n_b for m: both refer to the undeformed edge.
         # 3. Length of edge, and the spring k by the cell's extent across the edge.

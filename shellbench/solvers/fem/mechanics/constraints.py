@@ -12,7 +12,8 @@ an edge whose position is prescribed, the condition that the surface be normal t
 plane of symmetry the components in the plane have no derivative at all.
 
 All conditions at a node, from whatever supports meet there, are resolved together by a singular value decomposition:
-what is said twice counts once, and contradictions are found.
+what is said twice counts once, and contradictions are found (`ties`). A clamp has two more parts: `bubble_conditions`
+holds bubbles, and `clamping` holds the rotation between nodes of edges on which the normal turns.
 """
 
 from __future__ import annotations
