@@ -19,6 +19,7 @@ PACKAGE = Path(shellbench.__file__).parent
 MODULES = sorted(PACKAGE.rglob("*.py"))
 PLUGINS = PACKAGE.parent / "plugins"
 KINDS, SOLVERS = "problems", "solvers"
+STEPPING = "stepping"  # step control of paths, which every solver may import
 BASE = {"", "errors", "files", "disk", "protocol", "problem"}  # what all stand on
 BELOW = {  # what a layer may import beside itself
     "base": BASE,
@@ -106,7 +107,7 @@ def test_imports_run_down():
             continue
         if own == parts[1] == SOLVERS:
             same = path.relative_to(PACKAGE).parts[1]
-            assert len(parts) == 2 or parts[2] == same, f"solver {same} imports {name}"
+            assert len(parts) == 2 or parts[2] in (same, STEPPING), f"solver {same} imports {name}"
         else:
             assert parts[1] in BELOW["base" if own in BASE else own], f"{path} imports {name}"
 
@@ -248,13 +249,22 @@ def test_the_bench_knows_no_solver_by_name():
 
 @pytest.mark.parametrize(
     ("one", "other"),
-    list(combinations(("fem", "ndf", "cst", "kratos", "mujoco", "rope", "pbd", "pendulum", "field"), 2)),
+    list(combinations(("fem", "ndf", "cst", "kratos", "mujoco", "rope", "pbd", "pendulum", "field", STEPPING), 2)),
 )
 def test_the_solvers_share_no_mechanics(one, other):
-    """No function body of some length stands on both sides."""
+    """No function body of some length stands on both sides, and none of step control is written again."""
 
     assert bodies(one)
     assert not bodies(one) & bodies(other)
+
+
+def test_step_control_has_no_mechanics():
+    """Lengths of steps are numbers: neither an array nor a shell is needed for them."""
+    for path in (PACKAGE / SOLVERS / STEPPING).glob("*.py"):
+        outside = {name.partition(".")[0] for name in imports(path)} - {"shellbench"} - sys.stdlib_module_names
+        assert not outside, f"{path} imports {outside}"
+        room = f"shellbench.{SOLVERS}.{STEPPING}"
+        assert not {name for name in imports(path) if name.startswith("shellbench") and not name.startswith(room)}
 
 
 @cache

@@ -17,9 +17,10 @@ from shellbench.solvers.ndf.linear.contact import ALONG_SLENDER, drawn
 from shellbench.solvers.ndf.linear.contact_forces import SMOOTH, contact_points, least_forces, smoothest
 from shellbench.solvers.ndf.linear.ritz_field import field_spec
 from shellbench.solvers.ndf.path import contact_at_finite_strain as touching
-from shellbench.solvers.ndf.path.continuation import PathEndsError, load_steps
+from shellbench.solvers.ndf.path.continuation import load_steps
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
+from shellbench.solvers.stepping.control import PathEndsError
 from tests.injecting import shares_of_tolerances
 
 STRIP, DRAPE = "contact_heavy_strip", "contact_drape"

@@ -14,11 +14,10 @@ from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.path.buckling import BRACKET, Buckling, following_steps
-from shellbench.solvers.fem.path.continuation import PathEndsError
-from shellbench.solvers.fem.path.finite_state import NotConvergedError
 from shellbench.solvers.fem.path.large_displacement import solve as solve_on_mesh
 from shellbench.solvers.fem.path.problem import FiniteProblem
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
+from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError
 from tests.solvers.fem.shells import shell
 
 YOUNG, THICKNESS, WIDTH, LENGTH = 1e4, 0.02, 0.2, 1.0

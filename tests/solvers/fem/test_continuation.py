@@ -14,14 +14,9 @@ from shellbench.solvers.fem.mechanics.solution import FemSolution
 from shellbench.solvers.fem.mesh.grading import graded_mesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.path import large_displacement
-from shellbench.solvers.fem.path.continuation import (
-    PathEndsError,
-    arc_length_steps,
-    displacement_steps,
-    functional,
-    load_steps,
-)
+from shellbench.solvers.fem.path.continuation import arc_length_steps, displacement_steps, functional, load_steps
 from shellbench.solvers.fem.path.problem import FiniteProblem
+from shellbench.solvers.stepping.control import PathEndsError
 from tests.solvers.fem.shells import PLANE, shell
 
 SHORTEST = 2e-4  # load step

@@ -9,8 +9,9 @@ from shellbench.solvers.fem.algebra.factor import factorise
 from shellbench.solvers.fem.mesh.grading import graded_mesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.path.continuation import functional
-from shellbench.solvers.fem.path.finite_state import Constraint, NotConvergedError
+from shellbench.solvers.fem.path.finite_state import Constraint
 from shellbench.solvers.fem.path.problem import FiniteProblem
+from shellbench.solvers.stepping.control import NotConvergedError
 
 TIGHT = 1e-20  # square of the last step's relative size: iterations go on to rounding
 PLATE, CURVED, ROOF, STRIP, RING = (

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS
-from shellbench.solvers.fem.path.finite_state import NotConvergedError
+from shellbench.solvers.stepping.control import NotConvergedError
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -37,8 +37,8 @@ from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.motion.generalised_alpha import Instant, Scheme
 from shellbench.solvers.fem.motion.motion_solution import MotionSolution
 from shellbench.solvers.fem.motion.time_step import MovingShell
-from shellbench.solvers.fem.path.finite_state import NotConvergedError
 from shellbench.solvers.fem.path.problem import FiniteProblem
+from shellbench.solvers.stepping.control import NotConvergedError
 
 Array = NDArray[np.float64]
 

@@ -41,8 +41,8 @@ from shellbench.solvers.fem.motion.contact_in_motion import (
     TouchingPoints,
 )
 from shellbench.solvers.fem.motion.generalised_alpha import Instant, Scheme
-from shellbench.solvers.fem.path.finite_state import NotConvergedError
 from shellbench.solvers.fem.path.problem import FiniteProblem
+from shellbench.solvers.stepping.control import NotConvergedError
 
 Array = NDArray[np.float64]
 

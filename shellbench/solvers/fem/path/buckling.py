@@ -31,9 +31,17 @@ from shellbench.solvers.fem.algebra.factor import Factor, NotPositiveDefiniteErr
 from shellbench.solvers.fem.mechanics.assembly import weighted_products
 from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS
-from shellbench.solvers.fem.path.continuation import CUT, EASY, GROWTH, PathEndsError
-from shellbench.solvers.fem.path.finite_state import FiniteState, Hold, NotConvergedError, TangentFactor, on_free
+from shellbench.solvers.fem.path.finite_state import FiniteState, Hold, TangentFactor, on_free
 from shellbench.solvers.fem.path.problem import FiniteProblem
+from shellbench.solvers.stepping.control import (
+    CUT,
+    EASY,
+    GROWTH,
+    Illinois,
+    NotConvergedError,
+    PathEndsError,
+    landing,
+)
 
 Array = NDArray[np.float64]
 
@@ -81,9 +89,7 @@ def following_steps(
     state, step, buckled = problem.rest(), first, False
     for mark in marks:
         while state.t < mark:
-            remaining = mark - state.t
-            parts = np.ceil(remaining / step * (1 - 1e-9))
-            target = mark if parts <= 1 else state.t + remaining / parts
+            target = landing(state.t, mark, step)
             try:
                 found = buckling.equilibrium(state, target, holding=buckled)
                 stable = found.stable
@@ -195,26 +201,26 @@ class Buckling:
         PathEndsError
             If the path can't be followed between them.
         """
-        # Illinois: regula falsi for the root of the least stiffness, the value at an end that stays twice halved
-        # (Dowell & Jarratt 1971, BIT 11). From stable states only. The textbook solves K + dt dK for its eigenvalue
-        # instead, which is linear in t, and thin shells are not.
-        low, high, unstable, side = below, above.t, above.t, 0
-        at_low, at_high = self._least_stiffness(below), self._least_stiffness(above)
+        # Regula falsi for the root of the least stiffness, from stable states only. The textbook solves K + dt dK for
+        # its eigenvalue instead, which is linear in t, and thin shells are not.
+        low, high, unstable = below, above.t, above.t
+        root = Illinois(self._least_stiffness(below), self._least_stiffness(above))
         while high - low.t > BRACKET * high:
             # Beside the root, where the tangent is singular, on the side of the end that is farther away.
-            share = at_low / (at_low - at_high) if high == unstable else 0.5
+            share = root.share
             trial = low.t + share * (high - low.t) + math.copysign(BRACKET / 4 * high, 0.5 - share)
             try:
                 middle = self.equilibrium(low, trial)
                 value = self._least_stiffness(middle)
             except NotConvergedError:
-                high = trial  # too long a step, or beyond buckling: a shorter one tells
+                high, root.at_high = trial, None  # too long a step, or beyond buckling: a shorter one tells
                 continue
             if value > 0:
-                low, at_low, at_high, side = middle, value, at_high / 2 if side > 0 else at_high, 1
+                low = middle
+                root.raise_low(value)
             else:
                 high = unstable = trial
-                at_high, at_low, side = value, at_low / 2 if side < 0 else at_low, -1
+                root.lower_high(value)
         if high != unstable:  # failures of Newton's method are no evidence of buckling
             raise PathEndsError(f"no equilibrium was found between {low.t:.6g} and {unstable:.6g}")
         return low

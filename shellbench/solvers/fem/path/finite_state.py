@@ -208,7 +208,3 @@ def on_free(ties: Ties, factor: TangentFactor, right: Array) -> Array:
     """Return what the shell answers to forces (nodes, 12) where the supports leave it free."""
     free = ties.to_free(right[..., None])
     return np.asarray(ties.to_nodal(factor.solve(free) * ties.free[..., None])[..., 0])
-
-
-class NotConvergedError(ArithmeticError):
-    """Newton's method did not converge from here: the step was too long, or there is no equilibrium."""

@@ -42,13 +42,13 @@ from shellbench.solvers.fem.path.finite_state import (
     Constraint,
     FiniteState,
     Hold,
-    NotConvergedError,
     PressedFactor,
     TangentFactor,
     TurnedFactor,
     on_free,
 )
 from shellbench.solvers.fem.path.following import FollowingPressure
+from shellbench.solvers.stepping.control import NotConvergedError
 
 Array = NDArray[np.float64]
 

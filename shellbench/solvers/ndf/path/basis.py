@@ -11,10 +11,6 @@ from shellbench.solvers.ndf.strains.sampled import independent
 from shellbench.solvers.ndf.strains.strain_measures import Strained
 
 
-class NotConvergedError(ArithmeticError):
-    """Newton's method did not converge from here: the step was too long, or there is no equilibrium."""
-
-
 @dataclass(frozen=True)
 class Deformed:
     """A displacement of the shell.

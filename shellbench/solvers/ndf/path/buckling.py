@@ -2,7 +2,7 @@
 
 Up to the first state that is no minimum of the energy the path is followed as under load control. The critical load is
 where the tangent's smallest eigenvalue, relative to the stiffness at rest, passes zero: it is found between a stable
-and an unstable state by the Illinois variant of regula falsi (Dowell & Jarratt 1971, BIT 11). A little beyond it the
+and an unstable state by the Illinois variant of regula falsi (Dowell & Jarratt 1971). A little beyond it the
 shell relaxes from there (`relaxed`); from there on load steps are taken as long as they lead to stable
 states, and where they don't the shell relaxes again.
 
@@ -27,19 +27,21 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from shellbench.solvers.ndf.path.basis import Deformed, NotConvergedError
-from shellbench.solvers.ndf.path.continuation import (
+from shellbench.solvers.ndf.path.basis import Deformed
+from shellbench.solvers.ndf.path.continuation import FIRST_STEP
+from shellbench.solvers.ndf.path.equilibrium import CONVERGED, PathProblem
+from shellbench.solvers.ndf.path.newton import PathState, equilibrium
+from shellbench.solvers.stepping.control import (
     CUT,
     EASY,
-    FIRST_STEP,
     GROWTH,
     SMALLEST_STEP,
     STRAIGHT,
+    Illinois,
+    NotConvergedError,
     PathEndsError,
     landing,
 )
-from shellbench.solvers.ndf.path.equilibrium import CONVERGED, PathProblem
-from shellbench.solvers.ndf.path.newton import PathState, equilibrium
 
 NEUTRAL = 1e-4
 """Eigenvalue of a tangent, relative to the stiffness at rest, that is called zero.
@@ -262,26 +264,22 @@ def _critical(problem: PathProblem, stable: PathState, unstable: PathState | Non
     A field that is not quite symmetric may lead around the bifurcation: a state whose smallest eigenvalue has risen
     again is one of the buckled shell.
     """
-    # Illinois: regula falsi for the root of the lowest eigenvalue. The value at an end that stays twice is halved. The
-    # textbook has a value at both ends. Here the upper end may have no state at all, and is bisected then.
-    low, high = _lowest(stable), _lowest(unstable) if unstable is not None else None
-    side = 0
+    # Regula falsi for the root of the lowest eigenvalue. The textbook has a value at both ends. Here the upper end may
+    # have no state at all, and the interval is bisected then.
+    root = Illinois(_lowest(stable), _lowest(unstable) if unstable is not None else None)
     for _ in range(SECANTS):
         if beyond - stable.t <= LOCATED * beyond or abs(_lowest(stable)) <= NEUTRAL:
             break
-        share = 0.5 if high is None else low / (low - high)
-        t = stable.t + min(max(share, LOCATED), 1 - LOCATED) * (beyond - stable.t)
+        t = stable.t + min(max(root.share, LOCATED), 1 - LOCATED) * (beyond - stable.t)
         found = _stepped(problem, stable, t)
         if found is not None and found.stable and _lowest(found) > _lowest(stable):
             found = None
         if found is not None and found.stable:
-            stable, low = found, _lowest(found)
-            high = high / 2 if high is not None and side > 0 else high
-            side = 1
+            stable = found
+            root.raise_low(_lowest(found))
         else:
-            beyond, high = t, _lowest(found) if found is not None else None
-            low = low / 2 if side < 0 else low
-            side = -1
+            beyond = t
+            root.lower_high(_lowest(found) if found is not None else None)
     return stable
 
 

@@ -32,11 +32,11 @@ from shellbench.solvers.ndf.linear.contact_forces import (
 from shellbench.solvers.ndf.linear.ritz_settings import NAME, RitzSettings
 from shellbench.solvers.ndf.linear.signs import Signs
 from shellbench.solvers.ndf.linear.solution import PathSolution
-from shellbench.solvers.ndf.path.basis import NotConvergedError
-from shellbench.solvers.ndf.path.continuation import PathEndsError, load_steps
+from shellbench.solvers.ndf.path.continuation import load_steps
 from shellbench.solvers.ndf.path.equilibrium import MOST_ITERATIONS, PathProblem
 from shellbench.solvers.ndf.path.newton import PathState
 from shellbench.solvers.ndf.path.rungs import Rung, disagreement, state_solution
+from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError
 
 DIFFERENCE = 1e-6  # of the shell's size: over which normals of obstacles are compared
 SHUT = 1e-6  # of the largest displacement: gap of a point that the step before left in contact

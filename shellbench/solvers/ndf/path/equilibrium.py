@@ -30,12 +30,13 @@ from shellbench.solvers.ndf.field.jets import VALUE, Array
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density, point_supports
 from shellbench.solvers.ndf.linear.solve import SAME_ROW, slope_constraints
-from shellbench.solvers.ndf.path.basis import Basis, Deformed, NotConvergedError
+from shellbench.solvers.ndf.path.basis import Basis, Deformed
 from shellbench.solvers.ndf.strains.energy import mirrored
 from shellbench.solvers.ndf.strains.following import FollowingPressure
 from shellbench.solvers.ndf.strains.reaction import EdgeMoment, edge_moments
 from shellbench.solvers.ndf.strains.sampled import Combined, FeatureSet, Sampled, elastic_form, independent
 from shellbench.solvers.ndf.strains.strain_measures import UNSTRAINED, stresses
+from shellbench.solvers.stepping.control import NotConvergedError
 
 CONVERGED = 1e-10  # work of the residual on the last step, relative to the energy: the next one's is its square
 MOST_ITERATIONS = 14  # a step that takes more is cut

@@ -24,20 +24,16 @@ from shellbench.solvers.ndf.field.factors import turns
 from shellbench.solvers.ndf.field.quadrature import area_rule
 from shellbench.solvers.ndf.field.supports import check_balance
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
-from shellbench.solvers.ndf.path.basis import Deformed, NotConvergedError
+from shellbench.solvers.ndf.path.basis import Deformed
 from shellbench.solvers.ndf.path.buckling import follow_steps
-from shellbench.solvers.ndf.path.continuation import (
-    PathEndsError,
-    arc_length_steps,
-    displacement_steps,
-    load_steps,
-)
+from shellbench.solvers.ndf.path.continuation import arc_length_steps, displacement_steps, load_steps
 from shellbench.solvers.ndf.path.edited import states_of_edit
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.newton import PathState, equilibrium
 from shellbench.solvers.ndf.path.path_challenge import challenged, prescribed
 from shellbench.solvers.ndf.path.rungs import Rung, disagreement, state_solution
 from shellbench.solvers.ndf.strains.energy import exploits
+from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError, same
 
 SETTLED = 2e-4  # relative change of the certified energy from rung to rung; the finer one lacks far less
 
@@ -211,7 +207,7 @@ class _Run:
         marks = [s.t if self.controlled is None else float(self.controlled @ s.weights) for s in states]
         kept = []
         for mark in case.states:
-            there = [k for k, value in enumerate(marks) if abs(value - mark) <= 1e-9 * abs(mark)]
+            there = [k for k, value in enumerate(marks) if same(value, mark)]
             kept += there[:1]
         kept = sorted({*kept, *(k for k, state in enumerate(states) if state.critical)})
         if not complete and len(states) - 1 not in kept:

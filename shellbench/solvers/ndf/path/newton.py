@@ -8,8 +8,9 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-from shellbench.solvers.ndf.path.basis import Deformed, NotConvergedError
+from shellbench.solvers.ndf.path.basis import Deformed
 from shellbench.solvers.ndf.path.equilibrium import MOST_ITERATIONS, PathProblem
+from shellbench.solvers.stepping.control import NotConvergedError
 
 
 @dataclass(frozen=True)
