@@ -153,12 +153,8 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
         CHOICE,
         "where mesh lines are",
     ),
-    (
-        "fem.path.problem",
-        r".*\.(equilibrium|carried|revolution|on_path|_newton|_bordered|_factorised)|_size",
-        EQUATION,
-        "Newton's method: its first step, its steps, and when it ends; residual and tangent are mechanics",
-    ),
+    ("fem.path.newton", r".*", EQUATION, "Newton's method: its first step, its steps, and when it ends"),
+    ("fem.path.problem", r".*\.(revolution|factorised)", EQUATION, "what Newton's method asks beside the mechanics"),
     ("fem.mechanics.solution|fem.motion.motion_solution", r".*\.field_at", RECORD, DRAWN_ONLY),
     (
         "fem.linear.folding",

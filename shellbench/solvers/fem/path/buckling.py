@@ -32,6 +32,7 @@ from shellbench.solvers.fem.mechanics.assembly import weighted_products
 from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS
 from shellbench.solvers.fem.path.finite_state import FiniteState, Hold, TangentFactor, on_free
+from shellbench.solvers.fem.path.newton import carried, equilibrium
 from shellbench.solvers.fem.path.problem import FiniteProblem
 from shellbench.solvers.stepping.control import (
     CUT,
@@ -236,7 +237,7 @@ class Buckling:
         # Newton's method leaves a tangent of some earlier iteration. Beside a critical state that is too early. The own
         # one is also that by which the next step begins.
         problem = self.holding if holding else self.problem
-        found = problem.equilibrium(start, t, frugal=True)
+        found = equilibrium(problem, start, t, frugal=True)
         tangent = self.tangent(found)
         factor = self.stiffness(tangent, t)
         forgiven = int(Hold.from_ties(problem.ties(t), factor, problem.travelling(found.q)).negative)
@@ -279,7 +280,7 @@ class Buckling:
         ties = self.problem.ties(t)
         moved = ties.particular[..., 0] + ties.to_nodal(ties.to_free(start.q[..., None]))[..., 0] - start.q
         if np.any(moved):
-            moved, _ = self.holding.carried(start, t, ties, moved)
+            moved, _ = carried(self.holding, start, t, ties, moved)
         return self.problem.state_at(t, start.q + moved, start)
 
     def _pushed(self, state: FiniteState) -> FiniteState:

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from shellbench.problems.shell.question.places import Point
 from shellbench.problems.shell.records.path_end import branch_passed
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS, kind_scales, tabulate
 from shellbench.solvers.fem.path.finite_state import Constraint, FiniteState
+from shellbench.solvers.fem.path.newton import equilibrium, on_path
 from shellbench.solvers.fem.path.problem import FiniteProblem
 from shellbench.solvers.stepping import paths
 from shellbench.solvers.stepping.control import (
@@ -95,7 +97,7 @@ class ByDisplacement:
         if rate == 0.0:
             raise NotConvergedError
         change = (target - value) / rate
-        return self.problem.on_path(state, Constraint(self.row, 0.0, target), (change * drift, change))
+        return on_path(self.problem, state, Constraint(self.row, 0.0, target), (change * drift, change))
 
     def check_branch(self, found: FiniteState, rises: bool) -> None:
         """Check that only limit points were passed: these change the tangent's inertia by one, and the load's way."""
@@ -110,7 +112,7 @@ def load_steps(
 ) -> Iterator[FiniteState]:
     """Yield the states of equilibrium under load from rest, or from `start`; see `stepping.paths.load_steps`."""
     easy = EASY if problem.points is None else EASY_IN_CONTACT
-    yield from paths.load_steps(problem.equilibrium, start or problem.rest(), marks, first, shortest, easy)
+    yield from paths.load_steps(partial(equilibrium, problem), start or problem.rest(), marks, first, shortest, easy)
 
 
 def functional(problem: FiniteProblem, quantity: DisplacementQuantity) -> Array:
@@ -208,7 +210,7 @@ def arc_length_steps(
             guess = np.zeros_like(row), 0.0
         constraint = Constraint(row, 0.0, landings.waiting[0]) if on_mark else Constraint(row_of_arc, 0.0, along + arc)
         try:
-            found = problem.on_path(start, constraint, guess, state.factor if station and arc <= short else None)
+            found = on_path(problem, start, constraint, guess, state.factor if station and arc <= short else None)
             arc = float(np.sum(row_of_arc * found.q)) - along
             # The arc is the step's component along the tangent, so that this ratio is a cosine.
             if arc < STRAIGHT * size(found.q - state.q):

@@ -35,6 +35,7 @@ from shellbench.solvers.fem.path.continuation import (
     load_steps,
 )
 from shellbench.solvers.fem.path.finite_state import FiniteState
+from shellbench.solvers.fem.path.newton import equilibrium
 from shellbench.solvers.fem.path.problem import FiniteProblem
 from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError, same, state_at
 from shellbench.solvers.stepping.paths import over_edit
@@ -245,7 +246,7 @@ def _corrected(problem: FiniteProblem, trail: FemSolution) -> Iterator[FiniteSta
         if problem.points is not None:
             guess = replace(guess, pressure=carried_pressure(problem.points, trail.touch(t)))
         try:
-            state = problem.equilibrium(guess, t, frugal=True)
+            state = equilibrium(problem, guess, t, frugal=True)
         except NotConvergedError:
             state = guess
         if state is guess or not state.stable:
@@ -263,7 +264,7 @@ def _edited(problem: FiniteProblem, earlier: FemSolution, steps: tuple[float, fl
         part = problem
         if share < 1.0:
             part = FiniteProblem.on_mesh(between(earlier.case, case, share), mesh, problem.quadrature)
-        found = part.equilibrium(part.state_at(t, q, rest), t)
+        found = equilibrium(part, part.state_at(t, q, rest), t)
         return found, found.q
 
     states: list[FiniteState] = []
