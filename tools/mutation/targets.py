@@ -157,16 +157,10 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
     ("fem.path.problem", r".*\.(revolution|factorised)", EQUATION, "what Newton's method asks beside the mechanics"),
     ("fem.mechanics.solution|fem.motion.motion_solution", r".*\.field_at", RECORD, DRAWN_ONLY),
     (
-        "fem.linear.folding",
-        r".*\.(fold|_turned)",
-        CHOICE,
-        FOLDS + "; how the answer is turned back is mechanics",
-    ),
-    (
         "fem.linear.symmetry",
-        r".*\.from_case|_Observed\..*|_gauss_points",
+        r".*\.(from_case|fold|_turned)|_Observed\..*|_gauss_points",
         CHOICE,
-        FOLDS + "; how a part is unfolded is mechanics",
+        FOLDS + "; how a part is unfolded, and the answer turned back, is mechanics",
     ),
     (
         "fem.motion.time_step",

@@ -19,9 +19,9 @@ from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.conditioned.case import ASKED, ConditionedCase, Material
 from shellbench.problems.conditioned.quantities import Parameter, Sensitivity, Value
 from shellbench.problems.conditioned.solving import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer, stepped
+from shellbench.problems.solving import CheckedSolver
 from shellbench.solvers.fem.conditioned_settings import RepeatedSettings
 from shellbench.solvers.fem.settings import FemSettings
-from shellbench.solvers.fem.solver import FemSolver
 
 NOT_ASKED = np.nan
 
@@ -83,8 +83,10 @@ class _One:
     energy: float
 
 
-def solve(case: ConditionedCase, settings: RepeatedSettings, progress: ProgressCallback) -> RepeatedSolution:
-    """Solve for each held-out material, and four times more for each derivative that is asked."""
+def solve(
+    case: ConditionedCase, settings: RepeatedSettings, shells: CheckedSolver, progress: ProgressCallback
+) -> RepeatedSolution:
+    """Solve for each held-out material by `shells`, and four times more for each derivative that is asked."""
     begin = time.perf_counter()
     count = len(case.materials)
     values, derivatives = np.full(count, NOT_ASKED), np.full((count, len(Material._fields)), NOT_ASKED)
@@ -93,7 +95,7 @@ def solve(case: ConditionedCase, settings: RepeatedSettings, progress: ProgressC
     solved: list[_One] = []
     for number, material in enumerate(case.materials):
         progress(Progress(number, count, f"material {number}"))
-        one = _solve(case, material, settings)
+        one = _solve(case, material, settings, shells)
         values[number] = one.value
         solved.append(one)
         steps.append(Step(number, time.perf_counter() - begin, one.energy, one.unknowns))
@@ -103,7 +105,7 @@ def solve(case: ConditionedCase, settings: RepeatedSettings, progress: ProgressC
             if isinstance(quantity, Value):
                 spread = one.uncertainty
             else:
-                found, spread = _difference(case, material, quantity, settings)
+                found, spread = _difference(case, material, quantity, settings, shells)
                 derivatives[number, Material._fields.index(quantity.by)] = found
             if spread is not None:
                 uncertainty[quantity.name] = spread
@@ -118,17 +120,21 @@ def solve(case: ConditionedCase, settings: RepeatedSettings, progress: ProgressC
     )
 
 
-def _solve(case: ConditionedCase, material: Material, settings: RepeatedSettings) -> _One:
+def _solve(case: ConditionedCase, material: Material, settings: RepeatedSettings, shells: CheckedSolver) -> _One:
     shell = case.near(material)
     start = time.perf_counter()
-    found = FemSolver().solve(shell, FemSettings(cells=settings.cells))
+    found = shells.solve(shell, FemSettings(cells=settings.cells))
     value = shell.quantity(ASKED).measure(found)
     seconds = time.perf_counter() - start
     return _One(value, found.uncertainty.get(ASKED), found.parameters, seconds, found.history[-1].energy)
 
 
 def _difference(
-    case: ConditionedCase, material: Material, quantity: Sensitivity, settings: RepeatedSettings
+    case: ConditionedCase,
+    material: Material,
+    quantity: Sensitivity,
+    settings: RepeatedSettings,
+    shells: CheckedSolver,
 ) -> tuple[float, float | None]:
     """Return a difference quotient of the logarithm, and its uncertainty.
 
@@ -138,7 +144,7 @@ def _difference(
     quotients, relative = [], 0.0
     known = True
     for step in (settings.step, 2 * settings.step):
-        below, above = (_solve(case, stepped(material, quantity.by, way * step), settings) for way in (-1, 1))
+        below, above = (_solve(case, stepped(material, quantity.by, way * step), settings, shells) for way in (-1, 1))
         quotients.append(math.log(above.value / below.value) / (2 * step))
         for one in (below, above):
             known = known and one.uncertainty is not None

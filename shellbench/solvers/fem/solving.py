@@ -19,8 +19,8 @@ from shellbench.problems.shell.quantities.quantities import EnergyQuantity
 from shellbench.problems.shell.records.path_end import cut_short
 from shellbench.problems.shell.variants.edit import why_no_edit
 from shellbench.solvers.fem.linear import equilibrium
-from shellbench.solvers.fem.linear.folding import Folding
 from shellbench.solvers.fem.linear.modes import solve_modes
+from shellbench.solvers.fem.linear.symmetry import Folding
 from shellbench.solvers.fem.mechanics.corners import break_gradings, edge_gradings, slowest_rate
 from shellbench.solvers.fem.mechanics.layers import layer_gradings
 from shellbench.solvers.fem.mechanics.solution import FemSolution

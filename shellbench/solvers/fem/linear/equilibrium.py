@@ -20,12 +20,11 @@ from shellbench.solvers.fem.algebra.direct_solve import Answer, Careful, solve_r
 from shellbench.solvers.fem.linear.contact import settle
 from shellbench.solvers.fem.mechanics.assembly import InternalForces, root_operators, spring_blocks, stiffness
 from shellbench.solvers.fem.mechanics.clamping import clamped_edges
+from shellbench.solvers.fem.mechanics.constraints import support_ties
 from shellbench.solvers.fem.mechanics.contact_points import ContactPoints
 from shellbench.solvers.fem.mechanics.loads import Loading
-from shellbench.solvers.fem.mechanics.pins import determinate_pins
-from shellbench.solvers.fem.mechanics.rigid_motions import mean_rigid_motion, nodal_rigid_motions
-from shellbench.solvers.fem.mechanics.solution import FemSolution
-from shellbench.solvers.fem.mechanics.ties import Ties
+from shellbench.solvers.fem.mechanics.rigid_motions import determinate_pins, nodal_rigid_motions
+from shellbench.solvers.fem.mechanics.solution import FemSolution, mean_rigid_motion
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS, TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 
@@ -75,12 +74,12 @@ def solve(
     """
     quadrature = Quadrature.of_order(mesh, quadrature_order)
     loading = Loading.on_mesh(case, mesh, quadrature, states)
-    ties = Ties.from_case(case, mesh, states)
+    ties = support_ties(case, mesh, states)
     # a case that names no rigid motion was checked to have none that is free
     loose = free_motions(case) if case.remove_rigid_motions else np.zeros((len(RIGID_MOTIONS), 0))
     check_balance(loading, loose)
     if loose.size:
-        ties = ties.pinned(*determinate_pins(ties, nodal_rigid_motions(case, mesh) @ loose))
+        ties = ties.pinned(*determinate_pins(ties.nodes, nodal_rigid_motions(case, mesh) @ loose))
 
     roots = root_operators(mesh, case.surface, case.material, quadrature)
     matrix = stiffness(mesh, case.surface, case.material, quadrature, roots)

@@ -45,6 +45,7 @@ from shellbench.solvers.fem.mechanics.assembly import (
     stiffness,
 )
 from shellbench.solvers.fem.mechanics.clamping import clamped_edges
+from shellbench.solvers.fem.mechanics.constraints import support_ties
 from shellbench.solvers.fem.mechanics.kinematics import (
     DERIVATIVES,
     GRADIENT,
@@ -54,8 +55,7 @@ from shellbench.solvers.fem.mechanics.kinematics import (
     stiffness_moduli,
     strain_operator,
 )
-from shellbench.solvers.fem.mechanics.pins import determinate_pins
-from shellbench.solvers.fem.mechanics.rigid_motions import nodal_rigid_motions
+from shellbench.solvers.fem.mechanics.rigid_motions import determinate_pins, nodal_rigid_motions
 from shellbench.solvers.fem.mechanics.solution import FemSolution
 from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CORNERS, CUBIC, KINDS, TensorMesh, present_functions, tabulate
@@ -90,11 +90,11 @@ class _Modes:
 
     @cached_property
     def ties(self) -> Ties:
-        ties = Ties.from_case(self.case, self.mesh, (FULL_LOAD,))
+        ties = support_ties(self.case, self.mesh, (FULL_LOAD,))
         if self.vibrates or not self.loose.size:
             return ties
         # Stresses do no work on a translation: held or not, it changes no buckling load.
-        return ties.pinned(*determinate_pins(ties, nodal_rigid_motions(self.case, self.mesh) @ self.loose))
+        return ties.pinned(*determinate_pins(ties.nodes, nodal_rigid_motions(self.case, self.mesh) @ self.loose))
 
     @cached_property
     def plain(self) -> Matrix:

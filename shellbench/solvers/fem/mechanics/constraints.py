@@ -30,6 +30,7 @@ from shellbench.solvers.fem.algebra.block_matrix import NODE_DOFS
 from shellbench.solvers.fem.mechanics.bubble_conditions import Motion, bubble_conditions, motion_at
 from shellbench.solvers.fem.mechanics.kinematics import Midsurface, local_axes
 from shellbench.solvers.fem.mechanics.sharing import RANK_TOLERANCE, Conditions
+from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.mesh import CUBIC, KINDS, Derivative, TensorMesh
 
 Array = NDArray[np.float64]
@@ -39,6 +40,17 @@ Flags = NDArray[np.bool_]
 MIRROR_SAMPLES = 17  # points of an edge at which coordinate lines are compared with a plane of symmetry
 IN_PLANE = 1e-9  # largest sine of the angles by which a shell may miss its plane of symmetry
 OBLIQUE = 1e-12  # |cos| of the angle between the coordinate lines below which they count as orthogonal
+
+
+def support_ties(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Ties:
+    """Return the ties of all supports of a case at load factors.
+
+    Raises
+    ------
+    InputError
+        If a clamp can't be stated node by node, or supports contradict each other where they meet.
+    """
+    return Ties.from_conditions(case, mesh, list(conditions(case, mesh, states)), states)
 
 
 def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterator[Conditions]:

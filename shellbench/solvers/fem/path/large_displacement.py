@@ -19,8 +19,7 @@ from shellbench.problems.shell.question.conditions import RIGID_MOTIONS, Value
 from shellbench.problems.shell.variants.edit import between
 from shellbench.solvers.fem.linear.equilibrium import Equilibrium, check_balance
 from shellbench.solvers.fem.mechanics.loads import Loading
-from shellbench.solvers.fem.mechanics.rigid_motions import mean_rigid_motion
-from shellbench.solvers.fem.mechanics.solution import FemSolution
+from shellbench.solvers.fem.mechanics.solution import FemSolution, mean_rigid_motion
 from shellbench.solvers.fem.mesh.bubbles import interpolated
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CUBIC, KINDS, Derivative, TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature

@@ -22,10 +22,10 @@ from shellbench.solvers.fem.algebra.block_matrix import NODE_DOFS, BlockMatrix
 from shellbench.solvers.fem.algebra.dissection import Dissection
 from shellbench.solvers.fem.algebra.factor import Factor, NotPositiveDefiniteError, factorise
 from shellbench.solvers.fem.mechanics.clamping import FiniteClamp, finite_clamps
+from shellbench.solvers.fem.mechanics.constraints import support_ties
 from shellbench.solvers.fem.mechanics.contact_points import ContactPoints
 from shellbench.solvers.fem.mechanics.loads import EdgeMoment, Loading, area_rule, edge_moments
-from shellbench.solvers.fem.mechanics.pins import determinate_pins
-from shellbench.solvers.fem.mechanics.rigid_motions import Revolution, nodal_rigid_motions
+from shellbench.solvers.fem.mechanics.rigid_motions import Revolution, determinate_pins, nodal_rigid_motions
 from shellbench.solvers.fem.mechanics.strain_energy import Strained, StrainEnergy
 from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.mesh import TensorMesh
@@ -105,7 +105,7 @@ class FiniteProblem:
         return lambda t: fixed
 
     def _ties(self, t: float) -> Ties:
-        ties = Ties.from_case(self.case, self.mesh, (t,))
+        ties = support_ties(self.case, self.mesh, (t,))
         if self.case.dynamics is not None:
             return ties  # what nothing holds moves
         # Rigid motions that neither supports nor loads mind would leave K singular. Determinate pins hold them, without
@@ -113,7 +113,7 @@ class FiniteProblem:
         loose = free_motions(self.case)
         if not loose.size:
             return ties
-        return ties.pinned(*determinate_pins(ties, nodal_rigid_motions(self.case, self.mesh) @ loose))
+        return ties.pinned(*determinate_pins(ties.nodes, nodal_rigid_motions(self.case, self.mesh) @ loose))
 
     @cached_property
     def loads(self) -> Callable[[float], Array]:
