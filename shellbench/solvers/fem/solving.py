@@ -43,6 +43,7 @@ from shellbench.solvers.fem.path import large_displacement
 from shellbench.solvers.fem.path.continuation import STEP_SHARE
 from shellbench.solvers.fem.refinement import Level, balanced_share, first_level, level_cells, levels
 from shellbench.solvers.fem.settings import FemSettings, takes_bubbles
+from shellbench.solvers.stepping.control import SMALLEST_STEP
 
 SMOOTH_TOLERANCE = 6e-7  # of a case whose loads and supports are spread out: the element converges fast
 SINGULAR_TOLERANCE = 2.5e-5  # of a case with forces at points: deflections under a load need many cells
@@ -56,7 +57,7 @@ USUAL_DEGREE: Degree = 5  # where it is taken: reaches 1e-6 soonest (tests/bench
 GRADING: dict[Degree, float] = {3: 2.0, 4: 2.0, 5: 2.5}  # toward points, usually: higher degrees gain from more
 FIRST_STEP, TRIAL_STEP = 1 / 8, 1 / 2  # of the path, at first; Newton's method has the last word
 TRIAL_SHARE = 1 / 12  # of the path: its steps by displacement or arc length in a trial
-SHORTEST_STEP, SHORTEST_TRIAL_STEP = 1e-4, 0.04  # of the path: where a shorter one were needed, the path ends
+SHORTEST_TRIAL_STEP = 0.04  # of the path: where a shorter one were needed, the trial ends
 FIRST_TOUCH = 8  # most cells along a coordinate, as settings count them, where contact at finite strain begins
 MOST_UNCERTAIN = 0.5  # relative uncertainty beyond which an answer says nothing
 FEWEST_TO_JUDGE = 3  # meshes after which such an answer is a failure
@@ -244,7 +245,7 @@ def _solves(
     def nonlinear(
         of: Case,
         first_step: float,
-        shortest_step: float = SHORTEST_STEP,
+        shortest_step: float = SMALLEST_STEP,
         share: float = STEP_SHARE,
         earlier: FemSolution | None = None,
         trial: bool = False,

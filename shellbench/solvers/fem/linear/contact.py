@@ -20,12 +20,13 @@ from shellbench.errors import SolveFailure
 from shellbench.problems.shell.question.contact import gaps
 from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix
 from shellbench.solvers.fem.algebra.cell_matrices import CellMatrices
-from shellbench.solvers.fem.mechanics.contact_points import SETTLED, ContactPoints, Flags
+from shellbench.solvers.fem.mechanics.contact_points import CLOSED, ContactPoints, Flags
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS
 
 if TYPE_CHECKING:
     from shellbench.solvers.fem.algebra.direct_solve import Answer
-    from shellbench.solvers.fem.mechanics.solution import FemSolution
+    from shellbench.solvers.fem.mesh.mesh import ROUNDING
+from shellbench.solvers.fem.mechanics.solution import FemSolution
 
 Array = NDArray[np.float64]
 Matrix = BlockMatrix | CellMatrices
@@ -108,7 +109,7 @@ def settle(
         u = points.displacement(q)
         gap, _ = gaps(points.case, points.points, u, t)
         largest = float(np.abs(u).max())
-        if np.all(np.where(pressure > 0, np.abs(gap), -gap) <= SETTLED * largest):
+        if np.all(np.where(pressure > 0, np.abs(gap), -gap) <= CLOSED * largest):
             return Settled(q, answer, (pressure * area)[:, None] * normal)
     raise SolveFailure("the gaps between an obstacle and the shell do not close")
 
@@ -175,4 +176,4 @@ def _length(matrix: Matrix, forces: Array, q: Array, change: Array, pressed: tup
 
     if work(1.0) <= 0 or work(0.0) >= 0:
         return 1.0
-    return float(brentq(work, 0.0, 1.0, xtol=1e-12))
+    return float(brentq(work, 0.0, 1.0, xtol=ROUNDING))

@@ -23,7 +23,7 @@ Matrix = BlockMatrix | CellMatrices
 
 Flags = NDArray[np.bool_]
 STIFFNESS = 100.0  # of a point in contact, in that of bending between such points: each step divides gaps by that
-SETTLED = 1e-8  # of the largest displacement: gaps that are closed
+CLOSED = 1e-8  # of the largest displacement at rest, of the shell's size in motion: gaps that are closed
 SOFTER = 1 / 40  # of the penalty, while an edge of contact is far from its place; it moves 2.5 times as far
 REACH = 2.0  # cells over which forces make a pressure
 

@@ -22,12 +22,11 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.posed.rigid import middle_and_size, motions_of
 from shellbench.problems.shell.symmetry.symmetry import axis_of_revolution
 from shellbench.solvers.fem.mesh.bubbles import interpolated
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CUBIC, KINDS, Derivative, TensorMesh
+from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CUBIC, KINDS, SAME, Derivative, TensorMesh
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-UNIFORM = 1e-9  # relative difference of the mesh's steps that is rounding
 STILL = 1e-6  # largest change of a state by a turn, relative to its displacements, by which it is symmetric
 
 
@@ -86,7 +85,7 @@ class Revolution:
         """Return what is symmetric about a case; None if its waves could not travel."""
         steps = np.diff(mesh.lines[0])
         axis = axis_of_revolution(case) if case.surface.domain.periodic[0] else None
-        if axis is None or np.ptp(steps) > UNIFORM * steps.max():
+        if axis is None or np.ptp(steps) > SAME * steps.max():
             return None
         return cls(mesh, Rotation.from_rotvec(steps[0] * axis).as_matrix())
 

@@ -30,10 +30,10 @@ from numpy.typing import NDArray
 from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix
 from shellbench.solvers.fem.algebra.factor import Factor, NotPositiveDefiniteError, factorise
 from shellbench.solvers.fem.mechanics.assembly import mass_matrix, spring_matrix
+from shellbench.solvers.fem.mechanics.contact_points import CLOSED
 from shellbench.solvers.fem.mechanics.strain_energy import Strained
 from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.motion.contact_in_motion import (
-    CLOSED,
     STEEPER,
     Compliance,
     Pushed,

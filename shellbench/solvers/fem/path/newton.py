@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from shellbench.solvers.fem.algebra.factor import NotPositiveDefiniteError
 from shellbench.solvers.fem.mechanics.ties import Ties
+from shellbench.solvers.fem.mesh.mesh import ROUNDING, UNSTRAINED
 from shellbench.solvers.fem.path.finite_state import (
     Constraint,
     FiniteState,
@@ -40,9 +41,7 @@ BALANCED = 1e-3  # largest residual force before the last step, relative to the 
 MOST_ITERATIONS = 14  # a step that takes more is cut
 MOST_IN_CONTACT = 40  # the same where points come into contact and part, and gaps close round by round
 FEW = 3  # iterations with an obstacle that is soft
-UNSTRAINED = 1e-14  # strain, relative to the displacements, that is the rounding of a shell that is only moved
 HOPELESS = 1e8  # growth of that work that no iteration comes back from
-ONTO = 1e-12  # of a displacement: what rounding misses supports by that stand still
 SLOW = 1e-2  # ratio of that work from iteration to iteration beyond which an old tangent is replaced: 0.1 of the error
 UNKNOWN = float(np.finfo(float).max)  # work before a first step by an old tangent: the second one tells of it
 STRICT = 1e-4  # of `CONVERGED`, where the last step was made by an old tangent: what is to come is up to `SLOW` of it
@@ -84,7 +83,7 @@ def equilibrium(
 
 def _stays(problem: FiniteProblem, start: FiniteState, step: Array) -> bool:
     """Whether a step (nodes, 12) is no more than rounding; where points may touch, any is more."""
-    return bool(np.abs(step).max() <= (ONTO * np.abs(start.q).max() if problem.points is None else 0.0))
+    return bool(np.abs(step).max() <= (ROUNDING * np.abs(start.q).max() if problem.points is None else 0.0))
 
 
 def carried(problem: FiniteProblem, start: FiniteState, t: float, ties: Ties, moved: Array) -> tuple[Array, Known]:
