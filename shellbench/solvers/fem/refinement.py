@@ -50,7 +50,7 @@ FIRST_UNKNOWNS = 12_000  # the first mesh has no more degrees of freedom, unless
 MOST_UNEVEN = 3  # largest share: a factor of 8 between the coordinates
 ENERGY_LEEWAY = 10  # energies and their parts may be so much less certain than displacements, forces and moments
 NEGLIGIBLE = 1e-3  # part of the largest displacement, force or moment below which a value's relative error is idle
-REFINED = 4.0  # of the change by the last refinement of a solve, as the error that rounding leaves
+ROUNDING_FACTOR = 4.0  # of the change by the last refinement of a solve, as the error that rounding leaves
 EPSILON = 16 * float(np.finfo(float).eps)  # relative error that no sum escapes
 RESULTANT_LEEWAY = 50  # resultants may be so much less certain than displacements: they are derivatives
 WITHIN_CELL = 0.005  # of a cell: what two meshes agree on of an edge that lies anywhere in a cell may be chance
@@ -290,23 +290,23 @@ def rounding(equilibrium: Equilibrium, quantity: QuantityModel, quantities: Mapp
     change, noise = equilibrium.correction, equilibrium.noise
     match quantity:
         case EnergyQuantity():
-            return REFINED * (2 * math.sqrt(value * noise) + noise) + EPSILON * value
+            return ROUNDING_FACTOR * (2 * math.sqrt(value * noise) + noise) + EPSILON * value
         case FieldError():
-            return REFINED * max(change, EPSILON)
+            return ROUNDING_FACTOR * max(change, EPSILON)
         case LargestDisplacement() | DisplacementQuantity() | LargestPenetration():
-            return REFINED * max(change, EPSILON) * _largest_displacement(solution, quantity.at)
+            return ROUNDING_FACTOR * max(change, EPSILON) * _largest_displacement(solution, quantity.at)
         case PotentialEnergy() if solution.case.linear:
-            return REFINED * noise + EPSILON * value
+            return ROUNDING_FACTOR * noise + EPSILON * value
         case CriticalPoint():
             return BRACKET * value
         case LoadQuantity() | LimitPoint() | PotentialEnergy():
             return EPSILON * value
         case ModeQuantity():
-            return (REFINED * change**2 + EPSILON) * value
+            return (ROUNDING_FACTOR * change**2 + EPSILON) * value
         case _:
             energy = sum(solution.energies(quantity.at))
             share = math.sqrt(noise / energy) if energy > 0 else 0.0
-            return REFINED * max(share, EPSILON) * scale(solution, quantity, quantities)
+            return ROUNDING_FACTOR * max(share, EPSILON) * scale(solution, quantity, quantities)
 
 
 def field_difference(solution: FemSolution, other: FemSolution) -> float:

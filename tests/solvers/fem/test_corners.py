@@ -6,7 +6,7 @@ from scipy.optimize import brentq
 
 from shellbench.bench.catalogue import catalog
 from shellbench.solvers.fem.mechanics.corners import (
-    MOST,
+    SMOOTH,
     Rim,
     bending_exponent,
     corner_exponents,
@@ -73,7 +73,7 @@ def test_a_quarter_is_half_of_its_mirror_image():
 
 @pytest.mark.parametrize("kinds", [("supported", "supported"), ("clamped", "clamped"), ("supported", "free")])
 def test_right_angles_of_common_plates_are_smooth(kinds):
-    assert bending_exponent(np.pi / 2, *kinds, NU) == MOST
+    assert bending_exponent(np.pi / 2, *kinds, NU) == SMOOTH
 
 
 @pytest.mark.parametrize(

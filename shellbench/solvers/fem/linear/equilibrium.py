@@ -16,7 +16,7 @@ from shellbench.problems.shell.question.conditions import RIGID_MOTIONS
 from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix
 from shellbench.solvers.fem.algebra.cell_matrices import CellMatrices
 from shellbench.solvers.fem.algebra.choices import Method
-from shellbench.solvers.fem.algebra.direct_solve import Answer, Careful, solve_reduced
+from shellbench.solvers.fem.algebra.direct_solve import Careful, Solved, solve_reduced
 from shellbench.solvers.fem.linear.contact import settle
 from shellbench.solvers.fem.mechanics.assembly import InternalForces, root_operators, spring_blocks, stiffness
 from shellbench.solvers.fem.mechanics.clamping import clamped_edges
@@ -45,7 +45,7 @@ class Equilibrium:
     potential_energy
         Energy of strains and springs less the work of the loads at the last state, J.
     residual, correction, noise
-        See `shellbench.solvers.fem.algebra.direct_solve.Answer`.
+        See `shellbench.solvers.fem.algebra.direct_solve.Solved`.
     """
 
     solution: FemSolution
@@ -103,7 +103,7 @@ def solve(
             return matrix @ nodal
         return careful[0](nodal) + (springs @ nodal if springs else 0.0)
 
-    def solved(system: BlockMatrix | CellMatrices, forces: Array, state: slice = slice(None)) -> tuple[Array, Answer]:
+    def solved(system: BlockMatrix | CellMatrices, forces: Array, state: slice = slice(None)) -> tuple[Array, Solved]:
         particular = ties.particular[..., state]
 
         def resisted(nodal: Array) -> Array:

@@ -42,7 +42,7 @@ Complex = NDArray[np.complex128]
 Determinant = Callable[[Complex], Complex]
 Bending = Literal["clamped", "supported", "free", "mirrored"]
 
-MOST = 2.0  # real part up to which exponents are sought: from there on the element converges at its own rate
+SMOOTH = 2.0  # real part up to which exponents are sought: from there on the element converges at its own rate
 GRADED_RATE = 3.0  # that grading restores; more would cost cells inside, and digits at the corner
 STEEPEST = 6.0  # grading: from here on the finest meshes gain nothing, and cells at the corner lose digits
 INFINITE = 1.0  # below it moments or forces are infinite
@@ -50,7 +50,7 @@ WHOLE = 1e-5  # distance of an exponent from a whole number that is rounding of 
 STARTS = 0.05  # between the real parts from which roots are sought: the starts of one root are many
 FARTHEST = 0.2  # step of the secant method: longer ones would leave the strip, and all find the same root
 ITERATIONS = 40  # of the secant method
-CLOSE = 1e-7  # last step toward a root that was found; double ones are approached slowly
+ROOT_FOUND = 1e-7  # last step toward a root that was found; double ones are approached slowly
 ALONG = 0.5  # square of the cosine between a held direction and the normal, or an edge, above which it is held along it
 NEARBY = 1e-7  # of an edge: so far from a corner, or from where supports change, one looks at what holds the edge
 
@@ -72,7 +72,9 @@ class Rim:
 
 
 @lru_cache(maxsize=256)
-def bending_exponent(angle: float, first: Bending, second: Bending, poissons_ratio: float, most: float = MOST) -> float:
+def bending_exponent(
+    angle: float, first: Bending, second: Bending, poissons_ratio: float, most: float = SMOOTH
+) -> float:
     """Return the least real part of s in w = r^(s+1) F(theta) at a corner of this angle, rad; `most` if beyond."""
     nu = poissons_ratio
 
@@ -96,7 +98,7 @@ def bending_exponent(angle: float, first: Bending, second: Bending, poissons_rat
 
 
 @lru_cache(maxsize=256)
-def membrane_exponent(angle: float, first: Rim, second: Rim, poissons_ratio: float, most: float = MOST) -> float:
+def membrane_exponent(angle: float, first: Rim, second: Rim, poissons_ratio: float, most: float = SMOOTH) -> float:
     """Return the least real part of s in u = r^s (U, V) at a corner of this angle, rad; `most` if beyond."""
     nu = poissons_ratio
     kolosov = (3 - nu) / (1 + nu)  # of plane stress
@@ -161,10 +163,10 @@ def least_exponent(determinant: Determinant, most: float) -> float:
             large = np.abs(step) > FARTHEST
             step = np.where(large, FARTHEST * step / np.maximum(np.abs(step), 1.0), step)
             value, at = new, at + step
-            if np.all((np.abs(step) < CLOSE) | (np.abs(at.real - most / 2) > most)):
+            if np.all((np.abs(step) < ROOT_FOUND) | (np.abs(at.real - most / 2) > most)):
                 break
             step = np.where(step == 0.0, np.finfo(float).tiny, step)
-    found = at[np.abs(step) < CLOSE]
+    found = at[np.abs(step) < ROOT_FOUND]
     whole = np.abs(found - np.round(found.real)) < WHOLE
     candidates = found.real[~whole & (found.real > WHOLE) & (found.real < most)]
     return float(candidates.min(initial=most))

@@ -37,7 +37,7 @@ SIDES: tuple[Side, Side] = ("min", "max")
 THIN = 0.05  # of the way from an edge to the middle: meshes that settle without grading have cells about so long
 SHARE = 0.25  # of the cells from an edge to the middle that lie in a layer
 STEEPEST = 4.5  # grading: layers of 1/500 of the way; more would cost digits at the edge
-SAMPLES = 33  # points along an edge at which the layer's thickness is looked at
+EDGE_SAMPLES = 33  # points along an edge at which the layer's thickness is looked at
 
 
 def layer_gradings(case: Case) -> Ends:
@@ -66,7 +66,7 @@ def _steepness(relative: float) -> float:
 def relative_layer(case: Case, edge: Edge, clamped: bool) -> float:
     """Return the length l of the thinnest layer along an edge over the way to the middle, in the coordinate across."""
     domain, axis, along = case.surface.domain, edge.axis, 1 - edge.axis
-    points = domain.wrap(edge.samples(domain, SAMPLES))
+    points = domain.wrap(edge.samples(domain, EDGE_SAMPLES))
     surface = Midsurface.at(case.surface.derivatives(points, order=2))
     tangent = np.linalg.norm(surface.base[:, along], axis=-1)
     across = surface.area / tangent  # m a unit of the coordinate, normal to the edge

@@ -27,7 +27,7 @@ from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CUBIC, KINDS, SAME, Der
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-STILL = 1e-6  # largest change of a state by a turn, relative to its displacements, by which it is symmetric
+SYMMETRIC_STATE = 1e-6  # largest change of a state by a turn, relative to its displacements, by which it is symmetric
 
 
 def nodal_rigid_motions(case: Case, mesh: TensorMesh) -> Array:
@@ -95,4 +95,4 @@ class Revolution:
         on = np.einsum("cd,ijdk->ijck", self.turn, np.roll(fields, 1, axis=0))
         back = np.einsum("dc,ijdk->ijck", self.turn, np.roll(fields, -1, axis=0))
         change = (on - back).reshape(q.shape)
-        return change if np.abs(change).max() > STILL * np.abs(q).max() else None
+        return change if np.abs(change).max() > SYMMETRIC_STATE * np.abs(q).max() else None

@@ -47,7 +47,7 @@ from shellbench.solvers.stepping.control import NotConvergedError
 Array = NDArray[np.float64]
 
 CONVERGED = 1e-11  # work of the residual on the last correction, relative to the energies: its square is what is left
-STILL = 1e-3  # of that work: a step that does not move the shell by more is not made
+UNMOVED = 1e-3  # of that work: a step that does not move the shell by more is not made
 MOST_ITERATIONS = 20  # a step that takes more is cut
 SLOW = 0.04  # ratio of that work from iteration to iteration beyond which an old tangent is replaced: 0.2 of the error
 SUFFICIENT = 1e-4  # share of the linear prediction by which a step along the search direction must lower the potential
@@ -261,7 +261,7 @@ class _Minimum:
             if self.contact is not None:
                 touch, step = self._pushed(self.contact, x, step, kept)
             decrement = float(np.sum((residual + touch.nodal) * step))
-            if self.contact is None and iteration > 1 and share == 1.0 and abs(decrement) <= STILL * CONVERGED * size:
+            if self.contact is None and iteration > 1 and share == 1.0 and abs(decrement) <= UNMOVED * CONVERGED * size:
                 return x, residual, touch.forces, iteration - 1
             # Near the minimum a difference of potentials is rounding: without the floor the search would fail there.
             # The floor's energies include the kinetic one, since a shell in free fall has hardly another.

@@ -51,12 +51,12 @@ BRACKET = 1e-6  # of the load factor: how closely the critical state is brackete
 EASY_WITH_OLD = 2  # times as many iterations count as easy as by new tangents: old ones make more, and cheaper ones
 BEYOND = 0.01  # of the critical load factor: how far beyond it the shell is left to itself
 INVERSE_STEPS = 12  # of inverse iteration for the softest mode, at most
-SETTLED = 1e-6  # relative change of its stiffness that ends them: its square root is the error of the mode
+MODE_SETTLED = 1e-6  # relative change of its stiffness that ends them: its square root is the error of the mode
 PUSH = 0.05  # of the thickness: how far a state is pushed along its softest mode
 SADDLES = 5  # that are left again before a relaxation gives up
 EASIER, HARDER = 0.2, 8.0  # of mu after a step that lowers the energy as it should, and after one that does not
 GAINED = 0.25  # share of the predicted gain of energy below which mu does not fall
-MOST_STEPS = 400  # of a relaxation
+MOST_RELAXING_STEPS = 400  # of a relaxation
 RELAXED = (1e-7, 1e-9, 1e-11)  # predicted gain, relative to the energy, at which Newton's method tries to take over
 
 
@@ -167,7 +167,7 @@ class Buckling:
             stiffness = work / float(np.sum(mode * weighted))
             size = np.abs(mode[:, :: len(KINDS)]).max()
             mode, weighted = mode / size, weighted / size
-            if abs(stiffness - before) <= SETTLED * abs(stiffness):
+            if abs(stiffness - before) <= MODE_SETTLED * abs(stiffness):
                 break
         return mode, stiffness
 
@@ -302,7 +302,7 @@ class Buckling:
         # Kelley and Keyes set mu by the residual's norm, which may well rise where the energy falls.
         # Steps are judged by the energy instead, as in a trust region, whose radius 1 / mu stands for.
         mu, value, tangent = self.softest, problem.potential(state), self.tangent(state)
-        for _ in range(MOST_STEPS):
+        for _ in range(MOST_RELAXING_STEPS):
             factor = self.stiffness(tangent, state.t, mu)
             if factor.negative:
                 mu *= HARDER

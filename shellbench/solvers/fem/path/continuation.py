@@ -49,7 +49,7 @@ Array = NDArray[np.float64]
 VERY_EASY, SPEEDING = 2, 3.0  # iterations after which an arc may be longer by far, and by how much
 EASY_IN_CONTACT = 20  # iterations of an easy load step where points come into contact, a few in each of them
 STEP_SHARE = 1 / 24  # of the path: the longest step by displacement, and the first one by arc length
-MOST_STEPS = 2000  # of a path that is followed by arc length
+MOST_ARCS = 2000  # of a path that is followed by arc length
 CROWDED = 1 / 12  # of `CLOSE` is the distance of the states before and behind a turning point
 NEAR = 4  # times as long may one be where stations lead: their tangents may tell late that they are over it
 
@@ -193,7 +193,7 @@ def arc_length_steps(
     planned: list[float] = []  # arcs on the way to a turning point and over it; the stations wait
     landing = False  # whether they lead exactly there
     leading, astray, behind = deque(stations), np.zeros_like(row), 0.0
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_ARCS):
         row_of_arc = weights * drift * sign / size(drift)
         along = float(np.sum(row_of_arc * state.q))
         while leading and not planned and np.sum(row_of_arc * (leading[0].q + astray)) <= along:
@@ -251,7 +251,7 @@ def arc_length_steps(
         growth = ARC_GROWTH if found.iterations <= EASY else ARC_CUT
         growth = SPEEDING if found.iterations <= VERY_EASY else growth
         arc = min(longest, arc * growth)
-    raise PathEndsError(f"the path did not reach a displacement of {end:.6g} in {MOST_STEPS} steps")
+    raise PathEndsError(f"the path did not reach a displacement of {end:.6g} in {MOST_ARCS} steps")
 
 
 def _crowded(there: float, close: float) -> list[float]:
