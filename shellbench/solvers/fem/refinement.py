@@ -43,19 +43,29 @@ from shellbench.solvers.fem.path.buckling import BRACKET
 
 Array = NDArray[np.float64]
 
-ACCIDENT = 0.25  # of what a field changes by anywhere: no displacement is surer by one change of its own alone
+# Of what a field changes by anywhere: no displacement is surer by one change of its own alone. Less lets values that
+# stand still by accident pass after two meshes; more asks fields to settle that nobody reads.
+ACCIDENT = 0.25
 BASE = 8  # cells a side of level 0
 COARSEST = -4  # level of the least mesh
 FIRST_UNKNOWNS = 12_000  # the first mesh has no more degrees of freedom, unless the coarsest has
 MOST_UNEVEN = 3  # largest share: a factor of 8 between the coordinates
 ENERGY_LEEWAY = 10  # energies and their parts may be so much less certain than displacements, forces and moments
-NEGLIGIBLE = 1e-3  # part of the largest displacement, force or moment below which a value's relative error is idle
-ROUNDING_FACTOR = 4.0  # of the change by the last refinement of a solve, as the error that rounding leaves
+# Part of the largest displacement, force or moment below which a value's relative error is idle: values of symmetry
+# zero never settle relative to themselves.
+NEGLIGIBLE = 1e-3
+# Of the change by the last refinement of a solve, as the error that rounding leaves.
+ROUNDING_FACTOR = 4.0
 EPSILON = 16 * float(np.finfo(float).eps)  # relative error that no sum escapes
 RESULTANT_LEEWAY = 50  # resultants may be so much less certain than displacements: they are derivatives
-WITHIN_CELL = 0.005  # of a cell: what two meshes agree on of an edge that lies anywhere in a cell may be chance
-WITHIN_CUBIC_CELL = 0.05  # the same at finite strain, in cubics
-MOVED = 0.01  # relative: two meshes whose paths end closer to each other have found a limit point of the shell
+# Of a cell: what two meshes agree on of an edge that lies anywhere in a cell may be chance. Came with the suite
+# `contact`.
+WITHIN_CELL = 0.005
+# The same at finite strain, in cubics. Came with `contact_heavy_strip`.
+WITHIN_CUBIC_CELL = 0.05
+# Relative: two meshes whose paths end closer to each other have found a limit point of the shell. Came with
+# `semi_cylinder`, whose coarse meshes end their paths elsewhere.
+MOVED = 0.01
 MOVING = 3  # meshes whose paths may end elsewhere, on to twice the unknowns each
 PROBES = 41  # points a side at which the fields of two meshes are compared
 

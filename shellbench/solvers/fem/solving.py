@@ -17,7 +17,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.measure import measure_all, measure_reached
 from shellbench.problems.shell.quantities.quantities import EnergyQuantity
 from shellbench.problems.shell.records.path_end import cut_short
-from shellbench.problems.shell.variants.edit import why_no_edit
+from shellbench.problems.shell.solution import checked_start
 from shellbench.solvers.fem.linear import equilibrium
 from shellbench.solvers.fem.linear.modes import solve_modes
 from shellbench.solvers.fem.linear.symmetry import Folding
@@ -45,6 +45,8 @@ from shellbench.solvers.fem.refinement import Level, balanced_share, first_level
 from shellbench.solvers.fem.settings import FemSettings, takes_bubbles
 from shellbench.solvers.stepping.control import SMALLEST_STEP
 
+# Tolerances: relative uncertainty at which refinement stops, by what limits the rate. Less costs meshes, up to
+# `MOST_UNKNOWNS`. More states answers that a gate may refuse as not sure enough.
 SMOOTH_TOLERANCE = 6e-7  # of a case whose loads and supports are spread out: the element converges fast
 SINGULAR_TOLERANCE = 2.5e-5  # of a case with forces at points: deflections under a load need many cells
 HIGHER_SINGULAR_TOLERANCE = 5e-6  # the same in degree 4 and 5, which need fewer
@@ -74,22 +76,12 @@ def solve(
     case: Case, chosen: FemSettings, start: Solution | None, progress: ProgressCallback
 ) -> FemSolution | MotionSolution:
     """Solve a case; see `shellbench.solvers.fem.solver.FemSolver`."""
-    begin = None if start is None else _checked(start, case)
+    begin = None if start is None else checked_start(start, case, "fem", FemSolution)
     # the matrices are small: more threads gain nothing, and on a machine in use they wait for each other
     with ThreadpoolController().select(internal_api="openblas").limit(limits=1):
         if case.dynamics is not None:
             return _moved(case, chosen, progress)
         return _refined(case, chosen, begin, progress)
-
-
-def _checked(start: Solution, case: Case) -> FemSolution:
-    if case.dynamics is not None:
-        raise InputError(f"fem can't go on from an earlier solution in {case.name}: a motion begins at rest")
-    if not isinstance(start, FemSolution):
-        raise InputError("the start is no solution of 'fem' at rest")
-    if reason := why_no_edit(start.case, case):
-        raise InputError(f"the start is '{start.case.name}', of which '{case.name}' is no edit: {reason}")
-    return start
 
 
 def _moved(case: Case, chosen: FemSettings, progress: ProgressCallback) -> MotionSolution:

@@ -16,6 +16,7 @@ import torch
 from shellbench.errors import InputError
 from shellbench.problem import ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.solution import checked_start
 from shellbench.solvers.ndf.field import paths
 from shellbench.solvers.ndf.field.build import (
     FieldSpec,
@@ -38,7 +39,7 @@ from shellbench.solvers.ndf.motion import motion
 from shellbench.solvers.ndf.motion.motion_solution import MotionSolution, load_solution
 from shellbench.solvers.ndf.motion.products import product_features, why_no_products
 from shellbench.solvers.ndf.path import contact_at_finite_strain, large_displacement, modes
-from shellbench.solvers.ndf.path.edited import checked_start, start_of_path
+from shellbench.solvers.ndf.path.edited import start_of_path
 from shellbench.solvers.ndf.path.path_challenge import SETTLED
 from shellbench.solvers.ndf.path.rungs import Rung
 from shellbench.solvers.ndf.strains.smooth import LONG_ORDER, LONG_SHARE, placed_features, scales
@@ -55,7 +56,7 @@ def solve(
         raise InputError(f"{NAME} can't go on from an earlier solution in {case.name}: {what}")
     begin = load_solution(start, NAME) if isinstance(start, Path) else start
     if begin is not None:
-        checked_start(begin, case, NAME)
+        checked_start(begin, case, NAME, NdfSolution, PathSolution)
     with torch.no_grad():
         if case.dynamics is not None:
             return _move(case, spec, settings, progress)

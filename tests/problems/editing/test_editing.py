@@ -6,8 +6,8 @@ from shellbench.bench.catalogue import catalog
 from shellbench.bench.plugins.kinds import read_problem
 from shellbench.errors import InputError
 from shellbench.problems.editing.case import EditingCase
+from shellbench.problems.shell import solution
 from shellbench.problems.shell.variants.edit import between
-from shellbench.solvers.fem import solving
 from shellbench.solvers.fem.editing_solver import FemEditSolver
 from shellbench.solvers.fem.path import large_displacement
 from shellbench.solvers.fem.path.problem import FiniteProblem
@@ -82,7 +82,7 @@ def test_a_start_of_another_shell_is_refused(of_another_shell):
 
 
 def test_fault_a_start_of_another_shell_is_accepted(monkeypatch, of_another_shell):
-    monkeypatch.setattr(solving, "why_no_edit", lambda original, edited: None)
+    monkeypatch.setattr(solution, "why_no_edit", lambda original, edited: None)
     with pytest.raises(pytest.fail.Exception):
         test_a_start_of_another_shell_is_refused(of_another_shell)
 

@@ -30,16 +30,26 @@ Array = NDArray[np.float64]
 Solve = Callable[[Array], Array]
 
 REFINEMENTS = 2  # steps of iterative refinement after the first solve, at most
-CAREFUL = 1e-7  # change of the answer by the last of them from which on the residual is formed by way of the strains
-CAREFUL_CELLS = 1e-9  # the same in degree 4 and 5: their K rounds more, of which a residual by K itself shows 1 to 15 %
+# Change of the answer by the last of them from which on the residual is formed by way of the strains. It lies below
+# the tolerance of smooth cases, 6e-7. Above that rounding would stay in answers; far below, strains would be formed in
+# vain.
+CAREFUL = 1e-7
+# The same in degree 4 and 5: their K rounds more, of which a residual by K itself shows 1 to 15 %.
+CAREFUL_CELLS = 1e-9
 CAREFUL_REFINEMENTS = 4  # at most, then, as long as each is smaller than half the one before
-REFINED = 1e-10  # change of the answer by a refinement that ends them
+# Change of the answer by a refinement that ends them: a thousandth of what `CAREFUL` lets pass.
+REFINED = 1e-10
 ALIGNED = 0.5  # cosine between two such changes that are no rounding
 CONJUGATE_STEPS = 20  # at most, where such refinements do not lead to the answer
-CONJUGATE_SHARE = 1e-3  # of all that they have changed: a step that ends a pass
+# Of all that conjugate gradients have changed: a step that ends a pass. The next pass forms the residual anew and mends
+# the rest, so that less would only cost products. Came with meshes on which refinement by K creeps.
+CONJUGATE_SHARE = 1e-3
 CONJUGATE_PASSES = 6  # at most, as long as each changes less than half of the one before: the rest is rounding
-LARGEST_BACKWARD_ERROR = 1e-10  # of a solve: rounding leaves 1e-15, and pivots that were perturbed leave far more
-LARGEST_CORRECTION = 1e-5  # relative change of the answer by the last refinement: what rounding may still hide
+# Of a solve: rounding leaves 1e-15, and pivots that were perturbed leave far more.
+LARGEST_BACKWARD_ERROR = 1e-10
+# Relative change of the answer by the last refinement beyond which rounding hides it, and the mesh fails. More than the
+# tolerance of smooth cases, 6e-7, and less than that of forces at points in cubics, 2.5e-5.
+LARGEST_CORRECTION = 1e-5
 
 
 class RoundingError(SolveFailure):

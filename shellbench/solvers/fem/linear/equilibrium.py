@@ -31,7 +31,9 @@ from shellbench.solvers.fem.mesh.quadrature import Quadrature
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-BALANCE = 1e-6  # work of the loads on a removed rigid motion that still counts as rounding, relative to all loads
+# Work of the loads on a removed rigid motion, relative to all loads, that still counts as rounding: of formulas whose
+# numbers a file states in decimals. Loads that are not in balance miss it by a share of order one.
+BALANCE = 1e-6
 
 
 @dataclass(frozen=True)

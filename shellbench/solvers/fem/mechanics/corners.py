@@ -43,7 +43,8 @@ Determinant = Callable[[Complex], Complex]
 Bending = Literal["clamped", "supported", "free", "mirrored"]
 
 SMOOTH = 2.0  # real part up to which exponents are sought: from there on the element converges at its own rate
-GRADED_RATE = 3.0  # that grading restores; more would cost cells inside, and digits at the corner
+# Of the energy, that grading restores. More would cost cells inside, and digits at the corner.
+GRADED_RATE = 3.0
 STEEPEST = 6.0  # grading: from here on the finest meshes gain nothing, and cells at the corner lose digits
 INFINITE = 1.0  # below it moments or forces are infinite
 WHOLE = 1e-5  # distance of an exponent from a whole number that is rounding of a double root
@@ -52,7 +53,9 @@ FARTHEST = 0.2  # step of the secant method: longer ones would leave the strip, 
 ITERATIONS = 40  # of the secant method
 ROOT_FOUND = 1e-7  # last step toward a root that was found; double ones are approached slowly
 ALONG = 0.5  # square of the cosine between a held direction and the normal, or an edge, above which it is held along it
-NEARBY = 1e-7  # of an edge: so far from a corner, or from where supports change, one looks at what holds the edge
+# Of an edge: so far from a corner, or from where supports change, one looks at what holds the edge. More than the
+# rounding of coordinates, and less than any part of an edge.
+NEARBY = 1e-7
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,11 @@ Array = NDArray[np.float64]
 
 SIDES: tuple[Side, Side] = ("min", "max")
 
-THIN = 0.05  # of the way from an edge to the middle: meshes that settle without grading have cells about so long
-SHARE = 0.25  # of the cells from an edge to the middle that lie in a layer
+# Of the way from an edge to the middle: meshes that settle without grading have cells about so long.
+THIN = 0.05
+# Of the cells from an edge to the middle that lie in a layer. Less leaves it unresolved, more coarsens the middle.
+# Came with layers along held edges and at the ends of slender plates; what other values cost is not recorded.
+SHARE = 0.25
 STEEPEST = 4.5  # grading: layers of 1/500 of the way; more would cost digits at the edge
 EDGE_SAMPLES = 33  # points along an edge at which the layer's thickness is looked at
 

@@ -27,7 +27,9 @@ from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CUBIC, KINDS, SAME, Der
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-SYMMETRIC_STATE = 1e-6  # largest change of a state by a turn, relative to its displacements, by which it is symmetric
+# Largest change of a state by a turn, relative to its displacements, by which it is symmetric. Newton's method leaves
+# less, and waves of a buckled shell change by more.
+SYMMETRIC_STATE = 1e-6
 
 
 def nodal_rigid_motions(case: Case, mesh: TensorMesh) -> Array:

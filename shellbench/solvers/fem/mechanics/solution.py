@@ -14,12 +14,7 @@ from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.posed.rigid import middle_and_size, motions_of
 from shellbench.problems.shell.question.contact import Touch, kept_touch, restored_touch
-from shellbench.problems.shell.solution import (
-    Arrays,
-    ShellSolution,
-    Words,
-    state_number,
-)
+from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, state_number
 from shellbench.solvers.fem.mechanics.assembly import derivatives_on_cells
 from shellbench.solvers.fem.mechanics.kinematics import (
     DERIVATIVES,

@@ -34,18 +34,12 @@ from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS
 from shellbench.solvers.fem.path.finite_state import FiniteState, Hold, TangentFactor, on_free
 from shellbench.solvers.fem.path.newton import carried, equilibrium
 from shellbench.solvers.fem.path.problem import FiniteProblem
-from shellbench.solvers.stepping.control import (
-    CUT,
-    EASY,
-    GROWTH,
-    Illinois,
-    NotConvergedError,
-    PathEndsError,
-    landing,
-)
+from shellbench.solvers.stepping.control import CUT, EASY, GROWTH, Illinois, NotConvergedError, PathEndsError, landing
 
 Array = NDArray[np.float64]
 
+# All of these came with the sleeves (`sleeve_compression`, `sleeve_twist`) and a column; what other values cost was
+# not recorded. Only `BRACKET` is in an answer: the others say how a minimum is found, and a minimum is what is taken.
 NEUTRAL = 1e-3  # least mu, relative to the stiffness of the softest mode at rest
 BRACKET = 1e-6  # of the load factor: how closely the critical state is bracketed
 EASY_WITH_OLD = 2  # times as many iterations count as easy as by new tangents: old ones make more, and cheaper ones

@@ -23,7 +23,9 @@ from shellbench.solvers.fem.mesh.mesh import COMPONENTS
 
 Array = NDArray[np.float64]
 
-DIFFERENCE = 1e-6  # of the shell's size: over which normals of obstacles are compared
+# Of the shell's size: over which normals of obstacles are compared. About the cube root of eps, where truncation and
+# rounding of a central difference are alike.
+DIFFERENCE = 1e-6
 
 
 @dataclass(frozen=True)

@@ -70,10 +70,6 @@ class Station:
     t: float
     value: float
 
-    def marks(self, mark: float) -> bool:
-        """Return True if it is the state at a mark."""
-        return same(self.value, mark)
-
 
 @dataclass(frozen=True)
 class ByDisplacement:
@@ -199,7 +195,7 @@ def arc_length_steps(
         while leading and not planned and np.sum(row_of_arc * (leading[0].q + astray)) <= along:
             leading.popleft()
         station = leading[0] if leading and not planned else None
-        on_mark = station is not None and station.marks(landings.waiting[0])
+        on_mark = station is not None and same(station.value, landings.waiting[0])
         if station is None:
             arc = planned[0] if planned else arc
             change = sign * arc / size(drift)

@@ -41,8 +41,10 @@ from shellbench.solvers.stepping.paths import over_edit
 
 Array = NDArray[np.float64]
 
-SHORTEST = 1e-2  # of the way from one state of a trail to the next: the shortest step in between
-RIGID = 1e-6  # component of a rotation among the loose rigid motions that is rounding
+# Of the way from one state of a trail to the next: the shortest step in between.
+SHORTEST = 1e-2
+# Component of a rotation among the loose rigid motions that is rounding: others are of order one.
+RIGID = 1e-6
 
 
 class PathEndedError(SolveFailure):
@@ -212,17 +214,17 @@ def _path(
     trail: FemSolution | None,
 ) -> Iterator[FiniteState]:
     case = problem.case
+    lengths = steps[0] * case.path.until, steps[1] * case.path.until
     match case.path.control:
         # Each control has its own parameter: t itself, a displacement, or the arc. Only under load control is t given,
         # so that states of a coarser mesh can be corrected one by one.
         case "load":
             if case.buckles:
-                yield from following_steps(problem, case.path_marks, *(step * case.path.until for step in steps))
+                yield from following_steps(problem, case.path_marks, *lengths)
             elif trail is None:
-                first, shortest = (step * case.path.until for step in steps)
-                yield from load_steps(problem, case.states, first, shortest)
+                yield from load_steps(problem, case.states, *lengths)
             elif trail.case != case:
-                yield from _edited(problem, trail, steps)
+                yield from _edited(problem, trail, lengths)
             else:
                 yield from _corrected(problem, trail)
         case "displacement":
@@ -255,7 +257,7 @@ def _corrected(problem: FiniteProblem, trail: FemSolution) -> Iterator[FiniteSta
         yield state
 
 
-def _edited(problem: FiniteProblem, earlier: FemSolution, steps: tuple[float, float]) -> Iterator[FiniteState]:
+def _edited(problem: FiniteProblem, earlier: FemSolution, lengths: tuple[float, float]) -> Iterator[FiniteState]:
     """Yield the states that are asked for, from those of an earlier shell, or from rest where that fails."""
     case, mesh, rest = problem.case, problem.mesh, problem.undeformed()
 
@@ -273,8 +275,7 @@ def _edited(problem: FiniteProblem, earlier: FemSolution, steps: tuple[float, fl
             found, iterations = over_edit(partial(found_at, t), q)
             states.append(replace(found, iterations=iterations))
     except PathEndsError:
-        first, shortest = (length * case.path.until for length in steps)
-        yield from load_steps(problem, case.states, first, shortest)
+        yield from load_steps(problem, case.states, *lengths)
         return
     yield from states
 

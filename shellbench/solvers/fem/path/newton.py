@@ -23,28 +23,28 @@ from numpy.typing import NDArray
 from shellbench.solvers.fem.algebra.factor import NotPositiveDefiniteError
 from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.mesh import ROUNDING, UNSTRAINED
-from shellbench.solvers.fem.path.finite_state import (
-    Constraint,
-    FiniteState,
-    Hold,
-    TangentFactor,
-    TurnedFactor,
-    on_free,
-)
+from shellbench.solvers.fem.path.finite_state import Constraint, FiniteState, Hold, TangentFactor, TurnedFactor, on_free
 from shellbench.solvers.fem.path.problem import FiniteProblem
 from shellbench.solvers.stepping.control import NotConvergedError
 
 Array = NDArray[np.float64]
 
-CONVERGED = 1e-10  # work of the residual on the last step, relative to the energy: the next one's is its square
-BALANCED = 1e-3  # largest residual force before the last step, relative to the largest nodal force
+# Work of the residual on the last step, relative to the energy: with a new tangent the next one's is its square, 1e-20.
+CONVERGED = 1e-10
+# Largest residual force before the last step, relative to the largest nodal force: a large one along a stiff direction
+# does hardly any work.
+BALANCED = 1e-3
 MOST_ITERATIONS = 14  # a step that takes more is cut
 MOST_IN_CONTACT = 40  # the same where points come into contact and part, and gaps close round by round
 FEW = 3  # iterations with an obstacle that is soft
-HOPELESS = 1e8  # growth of that work that no iteration comes back from
-SLOW = 1e-2  # ratio of that work from iteration to iteration beyond which an old tangent is replaced: 0.1 of the error
+# Growth of that work that no iteration comes back from. The first steps of a thin shell raise it by its membrane
+# stresses.
+HOPELESS = 1e8
+# Ratio of that work from iteration to iteration beyond which an old tangent is replaced: 0.1 of the error.
+SLOW = 1e-2
 UNKNOWN = float(np.finfo(float).max)  # work before a first step by an old tangent: the second one tells of it
-STRICT = 1e-4  # of `CONVERGED`, where the last step was made by an old tangent: what is to come is up to `SLOW` of it
+# Of `CONVERGED`, where the last step was made by an old tangent: what is to come is up to `SLOW` of it, 1e-16.
+STRICT = 1e-4
 
 
 class Known(NamedTuple):

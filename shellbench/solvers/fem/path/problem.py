@@ -31,12 +31,7 @@ from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.path.contact_at_finite_strain import Pressed, Pressing
-from shellbench.solvers.fem.path.finite_state import (
-    FiniteState,
-    PressedFactor,
-    TangentFactor,
-    on_free,
-)
+from shellbench.solvers.fem.path.finite_state import FiniteState, PressedFactor, TangentFactor, on_free
 from shellbench.solvers.fem.path.following import FollowingPressure
 from shellbench.solvers.stepping.control import NotConvergedError
 

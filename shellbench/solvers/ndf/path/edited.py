@@ -16,7 +16,7 @@ from torch import Tensor
 from shellbench.errors import InputError
 from shellbench.problem import Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.variants.edit import why_no_edit
+from shellbench.problems.shell.solution import checked_start
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.newton import PathState, equilibrium
@@ -25,26 +25,9 @@ from shellbench.solvers.stepping.control import state_at
 from shellbench.solvers.stepping.paths import over_edit
 
 
-def checked_start(start: Solution, case: Case, solver: str) -> NdfSolution | PathSolution:
-    """Return a start that is of use for a case.
-
-    Raises
-    ------
-    InputError
-        In one sentence, if it is no solution of the solver, or of another shell, or nothing can start from it.
-    """
-    if case.dynamics is not None:
-        raise InputError(f"{solver} can't go on from an earlier solution in {case.name}: a motion begins at rest")
-    if not isinstance(start, NdfSolution | PathSolution):
-        raise InputError(f"the start is no solution of '{solver}'")
-    if reason := why_no_edit(start.case, case):
-        raise InputError(f"the start is '{start.case.name}', of which '{case.name}' is no edit: {reason}")
-    return start
-
-
 def start_of_path(start: Solution, case: Case, solver: str, widths: Sequence[int]) -> tuple[PathSolution, int]:
     """Return a start for a path, and which of the widths that the path tries is its own; InputError if it is none."""
-    found = checked_start(start, case, solver)
+    found = checked_start(start, case, solver, NdfSolution, PathSolution)
     whole = not case.linear and case.path.control == "load" and case.path.after_buckling == "stop"
     if not isinstance(found, PathSolution) or not whole:
         raise InputError(

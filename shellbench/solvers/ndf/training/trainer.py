@@ -26,6 +26,7 @@ from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Solution, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.loads import MomentLoad
+from shellbench.problems.shell.solution import checked_start
 from shellbench.solvers.ndf.field import paths
 from shellbench.solvers.ndf.field.build import (
     FieldSpec,
@@ -53,7 +54,7 @@ from shellbench.solvers.ndf.linear.solve import point_constraints
 from shellbench.solvers.ndf.motion import motion
 from shellbench.solvers.ndf.motion.motion_solution import MotionSolution, load_solution
 from shellbench.solvers.ndf.path import large_displacement, modes
-from shellbench.solvers.ndf.path.edited import checked_start, start_of_path
+from shellbench.solvers.ndf.path.edited import start_of_path
 from shellbench.solvers.ndf.path.rungs import Rung
 from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, exploits, rigid_part
 from shellbench.solvers.ndf.strains.smooth import scales
@@ -165,7 +166,7 @@ def solve(
     strain = strain_of(case, settings.strain)
     begin = load_solution(start, NAME) if isinstance(start, Path) else start
     if begin is not None:
-        checked_start(begin, case, NAME)
+        checked_start(begin, case, NAME, NdfSolution, PathSolution)
     with torch.no_grad():
         if case.dynamics is not None:
             smooth_activation(settings.activation)
