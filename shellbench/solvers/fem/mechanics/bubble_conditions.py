@@ -12,13 +12,12 @@ from shellbench.problems.shell.question.conditions import COMPONENTS, Support
 from shellbench.problems.shell.question.places import Edge, Place
 from shellbench.problems.shell.question.surface import Domain
 from shellbench.solvers.fem.mesh.bubbles import fitted_bubbles, moment_points
-from shellbench.solvers.fem.mesh.mesh import CUBIC, Derivative, TensorMesh
+from shellbench.solvers.fem.mesh.mesh import CUBIC, SAME, Derivative, TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import EdgeRule
 
 Array = NDArray[np.float64]
 
 GAUSS_POINTS = 6  # a cell's side
-STRAIGHT = 1e-10  # change of the unit normal along an edge below which it keeps its direction
 
 Motion = Mapping[Derivative, Array]  # derivative -> (n, 3, states)
 
@@ -41,7 +40,7 @@ def kept_normal(case: Case, mesh: TensorMesh, edge: Edge) -> Array | None:
     x = case.surface.derivatives(np.concatenate([mesh.domain.wrap(edge.points(mesh.domain, line)), between]), order=1)
     normals = np.cross(x[1, 0], x[0, 1])
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    return np.asarray(normals[0]) if np.ptp(normals, axis=0).max() <= STRAIGHT else None
+    return np.asarray(normals[0]) if np.ptp(normals, axis=0).max() <= SAME else None
 
 
 def bubble_conditions(

@@ -12,7 +12,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.features import quickness
 from shellbench.problems.shell.question.loads import PointLoad
 from shellbench.problems.shell.question.places import Edge, Point
-from shellbench.solvers.fem.mesh.mesh import CUBIC, SAME, Degree, TensorMesh
+from shellbench.solvers.fem.mesh.mesh import CUBIC, ROUNDING, SAME, Degree, TensorMesh
 
 Array = NDArray[np.float64]
 Cells = tuple[int, int]
@@ -145,7 +145,7 @@ def _resolving(case: Case, axis: int, cells: int, lines: Array) -> Array:
             near = np.abs(lines - at[nearest]) < NEAR * np.minimum(np.r_[gaps, gaps[-1]], np.r_[gaps[0], gaps])[nearest]
             fixed = [lines[0], lines[-1], *break_coordinates(case, axis), *marked_coordinates(case, axis)]
             kept = ~near | (np.abs(lines[:, None] - fixed).min(axis=1) <= SAME * case.surface.domain.size[axis])
-            taken = np.abs(lines[kept][:, None] - at).min(axis=0) > SAME**1.5 * case.surface.domain.size[axis]
+            taken = np.abs(lines[kept][:, None] - at).min(axis=0) > ROUNDING * case.surface.domain.size[axis]
             lines = np.sort(np.concatenate([lines[kept], at[taken]]))
     return lines
 
