@@ -26,8 +26,8 @@ from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.solvers.ndf.bspline.bspline_settings import SplineSettings
 from shellbench.solvers.ndf.bspline.bspline_solution import SPEC, SplineSolution, solved_part, splines_of
 from shellbench.solvers.ndf.bspline.splines import Splines
+from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.build import build_ansatz, focal_points, joints_of
-from shellbench.solvers.ndf.field.field import Ansatz
 from shellbench.solvers.ndf.field.inputs import edge_layers, foci
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Integers
 from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec, area_rule

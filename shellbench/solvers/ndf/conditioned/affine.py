@@ -19,7 +19,8 @@ from shellbench.problems.shell.quantities.measure import unit
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.problems.shell.question.places import Point
 from shellbench.solvers.ndf.conditioned.reduced import PARTS, stiffnesses
-from shellbench.solvers.ndf.field.field import Ansatz, Features
+from shellbench.solvers.ndf.field.ansatz import Ansatz
+from shellbench.solvers.ndf.field.field import Features
 from shellbench.solvers.ndf.field.geometry import apply_rows, elasticity_tensor, geometry, strain_rows, through_matrix
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec

@@ -31,6 +31,7 @@ from shellbench.problems.conditioned.solving import SECONDS_BEFORE, SECONDS_EACH
 from shellbench.solvers.ndf.conditioned.affine import Equations, asked_row, of_fields_on
 from shellbench.solvers.ndf.conditioned.conditioned_settings import ConditionedSettings
 from shellbench.solvers.ndf.conditioned.reduced import Reduced
+from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.build import (
     FieldSpec,
     build_ansatz,
@@ -39,7 +40,7 @@ from shellbench.solvers.ndf.field.build import (
     graded_points,
     resolution,
 )
-from shellbench.solvers.ndf.field.field import Ansatz, Features, Field
+from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.jets import Array, Placement
 from shellbench.solvers.ndf.field.quadrature import area_rule
 from shellbench.solvers.ndf.field.supports import check_balance

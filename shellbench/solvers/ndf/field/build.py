@@ -18,6 +18,7 @@ from pydantic import Field as PydanticField
 
 from shellbench.problems.shell.case import Case
 from shellbench.protocol.schema import Model, Positive
+from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.choices import (
     LAYER,
     MULTIPLIERS,
@@ -40,7 +41,7 @@ from shellbench.solvers.ndf.field.factors import (
     Turning,
     turns,
 )
-from shellbench.solvers.ndf.field.field import Ansatz, Features, FixedFeatures
+from shellbench.solvers.ndf.field.field import Features, FixedFeatures
 from shellbench.solvers.ndf.field.geometry import LINE, side_lengths
 from shellbench.solvers.ndf.field.hinges import TOGETHER, Hinges, hinges_of
 from shellbench.solvers.ndf.field.inputs import Inputs, edge_layers, foci, mirrored_axes, strongest_curvature

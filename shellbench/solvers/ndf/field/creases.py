@@ -9,11 +9,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import torch
 from torch import Tensor
 
 from shellbench.problems.shell.question.surface import Domain
-from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, compose, constant, coordinates, product
+from shellbench.solvers.ndf.field.jets import (
+    VALUE,
+    Array,
+    Placement,
+    chebyshev,
+    compose,
+    coordinates,
+    product,
+)
 
 ALONG, ACROSS = 8, 3  # Chebyshev polynomials of the coordinate that s_+^3 are multiplied by, and of the other one
 
@@ -58,11 +65,3 @@ class Creases:
                 cut = product(cube, along)
                 columns += [product(cut, across) for across in chebyshev(centred[1 - axis], ACROSS)]
         return columns
-
-
-def chebyshev(x: Tensor, count: int) -> list[Tensor]:
-    """Return the jets of the first Chebyshev polynomials of a jet."""
-    found = [constant(torch.ones_like(x[VALUE]), len(x)), x]
-    while len(found) < count:
-        found.append(2 * product(x, found[-1]) - found[-2])
-    return found[:count]

@@ -18,6 +18,7 @@ from torch import Tensor
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.posed.rigid import rigid_modes
+from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.choices import MULTIPLIERS, Slopes
 from shellbench.solvers.ndf.field.corners import CornerPowers
 from shellbench.solvers.ndf.field.creases import Creases
@@ -38,8 +39,7 @@ from shellbench.solvers.ndf.field.jets import (
 )
 from shellbench.solvers.ndf.field.mirrors import Mirrors, samples
 from shellbench.solvers.ndf.field.network import Network
-from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec, area_rule
-from shellbench.solvers.ndf.field.supports import Factors, Lifting, edge_samples, edge_supports
+from shellbench.solvers.ndf.field.supports import edge_samples, edge_supports
 
 AT_THE_POINT = 1e-30  # r^2 / reach^2 below this is taken as this: r^2 log r^2 is zero there to double precision
 ODD = 1e-9  # slope at an edge, in units of the feature over the side's length, above which a feature is not even
@@ -168,31 +168,6 @@ class FixedFeatures:
         bubble = compose((v * log, log + 1, 1 / v), square)
         others = [first, second, square, product(first, second), product(first, first)]
         return [bubble, *(product(bubble, other) for other in others[: self.multipliers - 1])]
-
-
-@dataclass(frozen=True)
-class Ansatz:
-    """A case with the way its supports are built in: u = lift + M F for any F; if `soft`, springs hold them instead.
-
-    With `mirrors`, for any F that is even about their planes.
-    """
-
-    case: Case
-    factors: Factors
-    lift: Lifting
-    t: float = 1.0
-    soft: bool = False
-    slopes: Slopes = "even"
-    mirrors: Mirrors | None = None
-
-    def rule(self, focal: Array, spec: RuleSpec) -> Rule:
-        """Return the rule over which energies are integrated, graded toward focal points (k, 2).
-
-        With mirrors its points are those of one part, and its weights stand for the images, too.
-        """
-        if self.mirrors is not None:
-            return self.mirrors.rule(focal, spec)
-        return area_rule(self.case.surface.domain, focal, spec)
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,7 @@ from torch import Tensor
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.features import quick_lines
-from shellbench.solvers.ndf.field.creases import chebyshev
-from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, compose, coordinates, product
+from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, chebyshev, compose, coordinates, product
 
 Mask = NDArray[np.bool_]
 

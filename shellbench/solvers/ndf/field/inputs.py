@@ -45,7 +45,7 @@ from shellbench.solvers.ndf.field.jets import (
     sine,
 )
 from shellbench.solvers.ndf.field.mirrors import Mirrors
-from shellbench.solvers.ndf.field.supports import edge_supports, even_sides, point_supports
+from shellbench.solvers.ndf.field.supports import Sides, edge_supports, even_sides, point_supports
 
 EDGE_LAYER = 1.0  # the same along an edge; between .4 and 1 the certified energy of a hyperbolic paraboloid is flat
 WIDEST = 0.12  # l in units of the shell's size at most, and where it is flat
@@ -169,8 +169,6 @@ def even_columns(columns: Callable[[Array], Tensor], domain: Domain, axes: Seque
 
 SAMPLES = 24  # points a side of the grid on which inputs are tested for linear independence
 DEPENDENT = 1e-6  # an input whose remainder is below this share of its size is left out
-
-Sides = tuple[tuple[bool, bool], tuple[bool, bool]]
 
 
 def even_coordinate(domain: Domain, points: Array, axis: int, even: tuple[bool, bool], placement: Placement) -> Tensor:

@@ -225,3 +225,11 @@ def activation(name: str) -> Activation:
     if name not in ACTIVATIONS:
         raise InputError(f"activation '{name}' is not known; allowed are {', '.join(ACTIVATIONS)}")
     return ACTIVATIONS[name]
+
+
+def chebyshev(x: Tensor, count: int) -> list[Tensor]:
+    """Return the jets of the first Chebyshev polynomials of a jet."""
+    found = [constant(torch.ones_like(x[VALUE]), len(x)), x]
+    while len(found) < count:
+        found.append(2 * product(x, found[-1]) - found[-2])
+    return found[:count]

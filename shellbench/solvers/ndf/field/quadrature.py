@@ -12,10 +12,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from shellbench.problems.features import cut_line
+from shellbench.problems.features import Array, cut_line
 from shellbench.problems.shell.question.places import Edge
 from shellbench.problems.shell.question.surface import Domain, Surface
-from shellbench.solvers.ndf.field.jets import Array
 
 CUT = 0.2  # of a panel at a focal point; for r^2 log r^2 the error per point is least between .15 and .25
 SOFTENED = 5  # power p of r = s**p at a corner: the least power of the distance there, mu = .1, becomes smooth

@@ -8,11 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from torch import Tensor
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
@@ -22,7 +20,7 @@ from shellbench.problems.shell.question.features import narrow_division
 from shellbench.problems.shell.question.loads import AreaLoad, EdgeLoad, GravityLoad, Load, PointLoad, PressureLoad
 from shellbench.problems.shell.question.places import SIDES, Edge, Point
 from shellbench.solvers.ndf.field.choices import Slopes
-from shellbench.solvers.ndf.field.jets import Array, Placement
+from shellbench.solvers.ndf.field.jets import Array
 from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec, edge_rule, ends_of, rule_on_parts
 
 EDGE_SAMPLES = 33  # points of an edge at which its normal is looked at
@@ -99,9 +97,11 @@ def point_supports(case: Case, t: float = 1.0) -> tuple[PointSupport, ...]:
     )
 
 
-def even_sides(
-    supports: tuple[EdgeSupport, ...], slopes: Slopes = "even"
-) -> tuple[tuple[bool, bool], tuple[bool, bool]]:
+Sides = tuple[tuple[bool, bool], tuple[bool, bool]]
+"""For each coordinate, something that holds or not at its lower and at its upper bound."""
+
+
+def even_sides(supports: tuple[EdgeSupport, ...], slopes: Slopes = "even") -> Sides:
     """Tell, for each coordinate, at which of its bounds (lower, upper) inputs must be even."""
     even = {(s.edge.axis, s.edge.side) for s in supports if s.free and slopes == "even"}
     first, second = (tuple((axis, side) in even for side in SIDES) for axis in (0, 1))
@@ -225,24 +225,3 @@ def check_balance(case: Case, rule: Rule, spec: RuleSpec, focal: Array, t: float
     if np.linalg.norm(work) > BALANCE * largest:
         motion = RIGID_MOTIONS[int(np.argmax(np.abs(free @ work)))]
         raise InputError(f"case '{case.name}': the loads are not in balance: nothing holds the shell against {motion}")
-
-
-class Factors(Protocol):
-    """What multiplies the network so that supports are held."""
-
-    def matrix(self, points: Array, placement: Placement) -> Tensor:
-        """Return the jet (6, N, 3, 3) of M at points (N, 2)."""
-        ...
-
-
-class Lifting(Protocol):
-    """What moves the supports as prescribed."""
-
-    @property
-    def moves(self) -> bool:
-        """Whether any support is moved at all."""
-        ...
-
-    def jet(self, points: Array, placement: Placement) -> Tensor:
-        """Return the jet (6, N, 3) of the lift at points (N, 2)."""
-        ...

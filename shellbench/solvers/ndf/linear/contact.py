@@ -22,6 +22,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.problems.shell.quantities.quantities import ContactPoint, LargestPenetration
 from shellbench.problems.shell.question.contact import Touch, gaps
+from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.build import (
     FieldSpec,
     Resolution,
@@ -32,7 +33,7 @@ from shellbench.solvers.ndf.field.build import (
     resolution,
 )
 from shellbench.solvers.ndf.field.creases import Crease
-from shellbench.solvers.ndf.field.field import Ansatz, Features, Field
+from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.geometry import side_lengths
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.network import random_features

@@ -24,8 +24,9 @@ from torch import Tensor
 
 from shellbench.problems.shell.question.loads import EdgeLoad, MomentLoad, PointLoad
 from shellbench.problems.shell.question.places import SIDES, Edge, Point
+from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.choices import StrainName
-from shellbench.solvers.ndf.field.field import Ansatz, Field
+from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import PLANES, VALUE, Array, Placement, matrix_product
 from shellbench.solvers.ndf.field.quadrature import Rule, line_rule
 from shellbench.solvers.ndf.field.supports import edge_supports

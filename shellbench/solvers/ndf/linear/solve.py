@@ -27,7 +27,8 @@ import torch
 from torch import Tensor
 
 from shellbench.errors import SolveFailure
-from shellbench.solvers.ndf.field.field import Ansatz, Features
+from shellbench.solvers.ndf.field.ansatz import Ansatz
+from shellbench.solvers.ndf.field.field import Features
 from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Array, Integers, from_derivatives
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, edge_rule
 from shellbench.solvers.ndf.field.supports import edge_supports, point_supports

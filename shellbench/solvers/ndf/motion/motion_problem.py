@@ -22,8 +22,8 @@ import torch
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
+from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz
-from shellbench.solvers.ndf.field.field import Ansatz
 from shellbench.solvers.ndf.field.jets import VALUE, Array
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density, point_supports

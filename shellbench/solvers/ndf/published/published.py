@@ -34,8 +34,9 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.declining import why_not_plain
 from shellbench.problems.shell.quantities.measure import measure
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
+from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.build import FieldSpec, build_features, build_inputs, focal_points, resolution
-from shellbench.solvers.ndf.field.field import Ansatz, Field
+from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.inputs import Inputs
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule

@@ -20,8 +20,8 @@ import torch
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
+from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.build import focal_points
-from shellbench.solvers.ndf.field.field import Ansatz
 from shellbench.solvers.ndf.field.inputs import Inputs
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec, area_rule

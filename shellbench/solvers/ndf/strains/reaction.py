@@ -25,9 +25,10 @@ from shellbench.problems.shell.question.conditions import Support
 from shellbench.problems.shell.question.contact import Touch
 from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.problems.shell.question.places import Edge, Whole
+from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.choices import StrainName
 from shellbench.solvers.ndf.field.factors import edge_weight
-from shellbench.solvers.ndf.field.field import Ansatz, Field
+from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, constant, from_derivatives, product
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule, edge_rule
 from shellbench.solvers.ndf.field.supports import concentrated_forces, edge_supports, force_density, point_supports

@@ -24,7 +24,7 @@ import torch
 from torch import Tensor
 
 from shellbench.errors import SolveFailure
-from shellbench.solvers.ndf.field.field import Ansatz
+from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.strains.strain_measures import GRADIENTS, Undeformed, gradients_through
 

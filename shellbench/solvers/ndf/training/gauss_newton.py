@@ -23,7 +23,8 @@ import torch
 from torch import Tensor
 
 from shellbench.errors import SolveFailure
-from shellbench.solvers.ndf.field.field import Ansatz, Features
+from shellbench.solvers.ndf.field.ansatz import Ansatz
+from shellbench.solvers.ndf.field.field import Features
 from shellbench.solvers.ndf.field.geometry import apply_rows
 from shellbench.solvers.ndf.field.jets import VALUE, activation, compose
 from shellbench.solvers.ndf.field.network import Network

@@ -28,6 +28,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.problems.shell.solution import checked_start
 from shellbench.solvers.ndf.field import paths
+from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.build import (
     FieldSpec,
     build_features,
@@ -40,7 +41,7 @@ from shellbench.solvers.ndf.field.build import (
     rung_count,
 )
 from shellbench.solvers.ndf.field.choices import StrainName
-from shellbench.solvers.ndf.field.field import Ansatz, Features, Field
+from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.jets import VALUE, Placement, smooth_activation
 from shellbench.solvers.ndf.field.network import Network, deep_random_features
 from shellbench.solvers.ndf.field.quadrature import area_rule
