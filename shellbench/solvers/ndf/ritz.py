@@ -19,7 +19,6 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import checked_start
 from shellbench.solvers.ndf.field import paths
 from shellbench.solvers.ndf.field.build import (
-    FieldSpec,
     Resolution,
     build_features,
     build_inputs,
@@ -28,6 +27,7 @@ from shellbench.solvers.ndf.field.build import (
     rung,
     rung_count,
 )
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.network import Network, random_features
 from shellbench.solvers.ndf.field.supports import edge_supports

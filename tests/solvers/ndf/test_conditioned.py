@@ -15,14 +15,8 @@ from shellbench.solvers.ndf.conditioned_published_solver import (
     ConditionedPublishedSettings,
     ConditionedPublishedSolver,
 )
-from shellbench.solvers.ndf.field.build import (
-    FieldSpec,
-    build_ansatz,
-    build_features,
-    build_inputs,
-    graded_points,
-    resolution,
-)
+from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs, graded_points, resolution
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule

@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from shellbench.protocol.load_curve import Curve
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs, graded_points
+from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs, graded_points
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.field.quadrature import RuleSpec

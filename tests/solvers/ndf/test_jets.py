@@ -9,7 +9,8 @@ import torch
 from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
 from shellbench.solvers.ndf.field import jets
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import (
     ACTIVATIONS,
     D1,

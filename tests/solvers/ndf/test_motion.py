@@ -9,7 +9,8 @@ import torch
 from shellbench.bench.catalogue.catalog import named_case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.quantities.measure import measure
-from shellbench.solvers.ndf.field.build import FieldSpec, build_features, build_inputs
+from shellbench.solvers.ndf.field.build import build_features, build_inputs
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.motion import integration, motion

@@ -6,7 +6,8 @@ import torch
 
 from shellbench.errors import InputError
 from shellbench.solvers.ndf import ritz
-from shellbench.solvers.ndf.field.build import FieldSpec, build_inputs
+from shellbench.solvers.ndf.field.build import build_inputs
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.motion import integration, motion
 from shellbench.solvers.ndf.motion.motion_parts import Table

@@ -13,7 +13,8 @@ import torch
 from shellbench.bench.catalogue.catalog import known_values, named_case
 from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.problems.shell.question.surface import Domain
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs, unevenness
+from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs, unevenness
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.corners import EXPONENTS, CornerPowers, held_corners
 from shellbench.solvers.ndf.field.jets import D1, D2, D11, D12, D22, VALUE, Placement
 from shellbench.solvers.ndf.field.network import random_features
@@ -34,7 +35,7 @@ from shellbench.solvers.ndf.linear.refinement import (
     uncertainties,
     unsettled,
 )
-from shellbench.solvers.ndf.linear.solve import JITTER
+from shellbench.solvers.ndf.linear.regularised import JITTER
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.strains.energy import concentrated, normal_equations
 from tests.solvers.ndf.shells import shell, support

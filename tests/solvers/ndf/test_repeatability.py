@@ -17,7 +17,7 @@ from shellbench.problems.shell.quantities.measure import measure
 from shellbench.solvers.ndf.field import field
 from shellbench.solvers.ndf.field.quadrature import Rule
 from shellbench.solvers.ndf.linear import static
-from shellbench.solvers.ndf.linear.solve import JITTER, REFINEMENTS, IndefiniteError, RegularisedInverse
+from shellbench.solvers.ndf.linear.regularised import JITTER, REFINEMENTS, IndefiniteError, RegularisedInverse
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from shellbench.solvers.ndf.training import trainer

@@ -9,7 +9,8 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from shellbench.problems.shell.quantities.measure import measure
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs, graded_points
+from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs, graded_points
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Placement
 from shellbench.solvers.ndf.field.network import random_features

@@ -12,12 +12,13 @@ from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Step
 from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.quantities.measure import measure_all
-from shellbench.solvers.ndf.field.build import FieldSpec, resolution
+from shellbench.solvers.ndf.field.build import resolution
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.network import Network
-from shellbench.solvers.ndf.linear.challenge import joined_features, last_gain
-from shellbench.solvers.ndf.linear.refinement import first_level
-from shellbench.solvers.ndf.linear.solve import point_constraints
+from shellbench.solvers.ndf.linear.challenge import last_gain
+from shellbench.solvers.ndf.linear.constraints import point_constraints
+from shellbench.solvers.ndf.linear.refinement import first_level, joined_features
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from shellbench.solvers.ndf.training import training, training_problem
 from shellbench.solvers.ndf.training.gauss_newton import (

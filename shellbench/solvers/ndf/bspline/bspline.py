@@ -32,10 +32,10 @@ from shellbench.solvers.ndf.field.inputs import edge_layers, foci
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Integers
 from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import check_balance, point_supports
+from shellbench.solvers.ndf.linear.constraints import point_constraints, slope_constraints
 from shellbench.solvers.ndf.linear.declines import why_declined
 from shellbench.solvers.ndf.linear.refinement import Miss, scale, uncertainties, unsettled
 from shellbench.solvers.ndf.linear.signs import rounding_energy
-from shellbench.solvers.ndf.linear.solve import point_constraints, slope_constraints
 from shellbench.solvers.ndf.strains.energy import Table, concentrated, surface_area, tabulate
 from shellbench.solvers.ndf.strains.reaction import edge_moments
 from shellbench.solvers.ndf.strains.strain_measures import GRADIENTS

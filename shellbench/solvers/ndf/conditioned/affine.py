@@ -25,7 +25,6 @@ from shellbench.solvers.ndf.field.geometry import apply_rows, elasticity_tensor,
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec
 from shellbench.solvers.ndf.strains.energy import (
-    BATCH,
     NormalEquations,
     Table,
     add_gram,
@@ -99,8 +98,7 @@ def _split_tables(
 ) -> Iterator[tuple[Array, Table, tuple[Tensor, ...]]]:
     """Yield points, table and rows of the parts of one batch of a rule after the other."""
     area = surface_area(ansatz, rule)
-    for start in range(0, len(rule.points), BATCH):
-        batch = Rule(rule.points[start : start + BATCH], rule.weights[start : start + BATCH])
+    for batch in rule.batches():
         table = tabulate(ansatz, batch, placement, area)
         yield batch.points, table, part_rows(ansatz, batch.points, batch.weights, placement)
 

@@ -32,14 +32,8 @@ from shellbench.solvers.ndf.conditioned.affine import Equations, asked_row, of_f
 from shellbench.solvers.ndf.conditioned.conditioned_settings import ConditionedSettings
 from shellbench.solvers.ndf.conditioned.reduced import Reduced
 from shellbench.solvers.ndf.field.ansatz import Ansatz
-from shellbench.solvers.ndf.field.build import (
-    FieldSpec,
-    build_ansatz,
-    build_features,
-    build_inputs,
-    graded_points,
-    resolution,
-)
+from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs, graded_points, resolution
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.jets import Array, Placement
 from shellbench.solvers.ndf.field.quadrature import area_rule
@@ -49,7 +43,7 @@ from shellbench.solvers.ndf.linear.refinement import ROUNDING, SAFETY, SETTLED, 
 from shellbench.solvers.ndf.linear.ritz_field import field_spec
 from shellbench.solvers.ndf.linear.ritz_settings import RitzSettings
 from shellbench.solvers.ndf.linear.solve import solve_part
-from shellbench.solvers.ndf.strains.energy import exploits, rigid_part
+from shellbench.solvers.ndf.strains.energy import exploits
 
 FORMAT = "ndf-conditioned, format 1"
 CANDIDATES = (9, 7)  # thicknesses and Poisson's ratios of the grid that materials are chosen from
@@ -244,7 +238,7 @@ class _Build:
         )
         layers = both[:n].view(n, 3, -1)
         rigid = torch.stack([
-            rigid_part(Field(self.ansatz, self.features, layer, layer.new_zeros(6)), rule) for layer in layers
+            Field(self.ansatz, self.features, layer, layer.new_zeros(6)).rigid_part(rule) for layer in layers
         ])  # fmt: skip
         built = time.perf_counter() - self.begin
         uncertainty, gap, missed = uncertainties(self.case, first, second)

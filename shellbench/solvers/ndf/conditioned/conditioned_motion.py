@@ -39,7 +39,8 @@ from shellbench.problems.conditioned.solving import SECONDS_BEFORE, SECONDS_EACH
 from shellbench.solvers.ndf.conditioned.conditioned import ASKED_TIMES, kept_features
 from shellbench.solvers.ndf.conditioned.conditioned_settings import ConditionedSettings
 from shellbench.solvers.ndf.conditioned.plane_motion import PLANE, coordinates, features_of, plane_motion
-from shellbench.solvers.ndf.field.build import FieldSpec
+from shellbench.solvers.ndf.field.choices import FieldSpec
+from shellbench.solvers.ndf.field.combinations import Combined
 from shellbench.solvers.ndf.field.field import Features
 from shellbench.solvers.ndf.field.jets import Array
 from shellbench.solvers.ndf.field.network import Network
@@ -48,7 +49,6 @@ from shellbench.solvers.ndf.linear.refinement import SETTLED
 from shellbench.solvers.ndf.motion.motion import degree_of
 from shellbench.solvers.ndf.motion.motion_problem import Motion
 from shellbench.solvers.ndf.strains.energy import exploits
-from shellbench.solvers.ndf.strains.sampled import Combined
 from shellbench.solvers.ndf.strains.smooth import finer, widest
 
 FORMAT = "ndf-conditioned in motion, format 2"

@@ -19,13 +19,14 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.loads import GravityLoad
 from shellbench.solvers.ndf.conditioned.conditioned_settings import ConditionedSettings
 from shellbench.solvers.ndf.field.build import build_features, build_inputs
+from shellbench.solvers.ndf.field.combinations import Combined
 from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Array, Placement
 from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.linear.ritz_field import field_spec
 from shellbench.solvers.ndf.linear.ritz_settings import RitzSettings
 from shellbench.solvers.ndf.motion.motion import Rung, degree_of, prepared
 from shellbench.solvers.ndf.motion.motion_problem import Motion
-from shellbench.solvers.ndf.strains.sampled import Combined, Sampled
+from shellbench.solvers.ndf.strains.sampled import Sampled
 from shellbench.solvers.ndf.strains.smooth import POINTS, scales, widest
 
 PLANE = 2  # components of the motion

@@ -10,27 +10,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator
-from pydantic import Field as PydanticField
 
 from shellbench.problems.shell.case import Case
-from shellbench.protocol.schema import Model, Positive
 from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.choices import (
-    LAYER,
-    MULTIPLIERS,
-    Components,
-    PeriodicInput,
-    Pins,
-    Slopes,
-    StrainName,
-    Supports,
+    FieldSpec,
 )
 from shellbench.solvers.ndf.field.corners import CornerPowers
-from shellbench.solvers.ndf.field.creases import Crease, Creases
+from shellbench.solvers.ndf.field.creases import Creases
 from shellbench.solvers.ndf.field.factors import (
     BoundaryFactors,
     Lift,
@@ -49,73 +38,6 @@ from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.mirrors import SAME, Mirrors, mirrors_of, samples
 from shellbench.solvers.ndf.field.network import Network
 from shellbench.solvers.ndf.field.quadrature import RuleSpec
-
-
-def _from_bool(value: Any) -> Any:
-    """Return what a boolean said in files of earlier versions."""
-    return {True: "both", False: "none"}[value] if isinstance(value, bool) else value
-
-
-SavedPeriodicInput = Annotated[PeriodicInput, BeforeValidator(_from_bool)]
-
-
-class FieldSpec(Model):
-    """The choices that turn a case into a field.
-
-    Attributes
-    ----------
-    activation
-        Of the network.
-    periodic_input
-        How a periodic coordinate enters: as (cos, sin); as its cosine, so that the field is even about the seam; or
-        plainly, so that it answers for a slit shell.
-    components
-        What the output layer gives: Cartesian components, or covariant ones.
-    supports
-        Whether boundary factors or springs hold the supports.
-    pins
-        Of the published boundary functions, where nothing holds the shell.
-    slopes
-        How the slope of components is held that are free at its edge.
-    stretched
-        Whether stretched coordinates are added about points that carry a force.
-    layer
-        Their length l in units of sqrt(h R).
-    edge_stretched
-        Whether they are added toward the edges of a curved shell that carries no force at points.
-    multipliers
-        Functions that multiply r^2 log r^2 about each such point; 0 leaves the singular features out.
-    detail
-        What is there beside these: 0 nothing; from 1 on, coordinates stretched toward the edges of any shell, and few
-        powers of the distance from corners that are held; 2 more powers.
-    creases
-        Coordinate lines along which the third derivative jumps: edges of contact.
-    t
-        Load factor.
-    strain
-        Strain measure.
-    mirrors
-        Whether planes of symmetry are built into the field; in linear theory, at rest.
-    vanishing
-        Whether features vanish at held edges by themselves, as products do: the boundary matrix is then the identity.
-    """
-
-    activation: str = "sine"
-    periodic_input: SavedPeriodicInput = "both"
-    components: Components = "cartesian"
-    supports: Supports = "hard"
-    pins: Pins = "points"
-    slopes: Slopes = "even"
-    stretched: bool = True
-    layer: Positive = LAYER
-    edge_stretched: bool = False
-    multipliers: int = PydanticField(MULTIPLIERS, ge=0, le=6)
-    detail: int = PydanticField(0, ge=0, le=2)
-    creases: tuple[Crease, ...] = ()
-    t: float = 1.0
-    strain: StrainName = "linear"
-    mirrors: bool = False
-    vanishing: bool = False
 
 
 def built_in(case: Case, spec: FieldSpec) -> Mirrors | None:

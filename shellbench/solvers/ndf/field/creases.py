@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from torch import Tensor
 
 from shellbench.problems.shell.question.surface import Domain
+from shellbench.solvers.ndf.field.choices import Crease
 from shellbench.solvers.ndf.field.jets import (
     VALUE,
     Array,
@@ -23,9 +24,6 @@ from shellbench.solvers.ndf.field.jets import (
 )
 
 ALONG, ACROSS = 8, 3  # Chebyshev polynomials of the coordinate that s_+^3 are multiplied by, and of the other one
-
-Crease = tuple[int, float, int]
-"""The axis of a coordinate, its value, and on which side of that the features are: 1 above, -1 below."""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.posed.rigid import rigid_modes
+from shellbench.problems.shell.posed.rigid import free_motions, rigid_modes
 from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.choices import MULTIPLIERS, Slopes
 from shellbench.solvers.ndf.field.corners import CornerPowers
@@ -39,6 +39,7 @@ from shellbench.solvers.ndf.field.jets import (
 )
 from shellbench.solvers.ndf.field.mirrors import Mirrors, samples
 from shellbench.solvers.ndf.field.network import Network
+from shellbench.solvers.ndf.field.quadrature import Rule
 from shellbench.solvers.ndf.field.supports import edge_samples, edge_supports
 
 AT_THE_POINT = 1e-30  # r^2 / reach^2 below this is taken as this: r^2 log r^2 is zero there to double precision
@@ -249,6 +250,21 @@ class Field:
         matrix = self.ansatz.factors.matrix(points, placement)
         return matrix_product(matrix, free)[..., 0] + self.ansatz.lift.jet(points, placement)
 
-    def less_rigid(self, rigid: Tensor) -> Field:
-        """Return the field with this rigid motion taken away instead."""
-        return replace(self, rigid=rigid)
+    def rigid_part(self, rule: Rule) -> Tensor:
+        """Return the rigid motion (6,) left free by the supports that the field has in the mean over the area."""
+        case, placement = self.ansatz.case, self.features.placement
+        free = free_motions(case)
+        if not free.shape[1]:
+            return torch.zeros_like(self.rigid)
+        area = rule.areas(case.surface)
+        modes = rigid_modes(case.surface, rule.points)[0, 0] @ free
+        whole = replace(self, rigid=torch.zeros_like(self.rigid))
+        displacement = whole.displacement(rule.points).cpu().numpy()
+        # Least squares over the area, for the modes that no support holds.
+        gram = np.einsum("p,pik,pil->kl", area, modes, modes)
+        moments = np.einsum("p,pik,pi->k", area, modes, displacement)
+        return placement.tensor(free @ np.linalg.solve(gram, moments))
+
+    def without_rigid_part(self, rule: Rule) -> Field:
+        """Return the field without the rigid motion that it has in the mean over the area."""
+        return replace(self, rigid=self.rigid_part(rule))

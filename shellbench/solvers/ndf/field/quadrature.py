@@ -19,6 +19,7 @@ from shellbench.problems.shell.question.surface import Domain, Surface
 CUT = 0.2  # of a panel at a focal point; for r^2 log r^2 the error per point is least between .15 and .25
 SOFTENED = 5  # power p of r = s**p at a corner: the least power of the distance there, mu = .1, becomes smooth
 FURTHER = 6  # more points along r than elsewhere, as what is smooth in r is of p times the degree in s
+BATCH = 1024  # points whose strain rows, or jets of features, are held in memory at once
 MERGE = 1e-9  # breakpoints closer than this share of a side are one
 
 
@@ -28,6 +29,11 @@ class Rule:
 
     points: Array
     weights: Array
+
+    def batches(self) -> Iterator[Rule]:
+        """Yield the rule in portions of at most `BATCH` points."""
+        for start in range(0, len(self.points), BATCH):
+            yield Rule(self.points[start : start + BATCH], self.weights[start : start + BATCH])
 
     def areas(self, surface: Surface) -> Array:
         """Return the areas (N,), m^2, of a surface that points of a rule on the rectangle stand for."""

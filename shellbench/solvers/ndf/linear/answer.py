@@ -13,9 +13,9 @@ from shellbench.problems.shell.quantities.measure import measure
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.solvers.ndf.field.jets import Array
 from shellbench.solvers.ndf.linear.refinement import ROUNDING, Level, Miss, changes, tail
+from shellbench.solvers.ndf.linear.regularised import JITTER
 from shellbench.solvers.ndf.linear.signs import Signs
 from shellbench.solvers.ndf.linear.solution import NdfSolution
-from shellbench.solvers.ndf.linear.solve import JITTER
 
 STRONGER = 10.0  # times the usual regularisation: of answers that tell what the usual one takes
 STEPS_LEFT = math.log(JITTER / np.finfo(float).eps) / math.log(STRONGER)  # from the usual one down to rounding: 3.7

@@ -24,7 +24,6 @@ from shellbench.problems.shell.quantities.quantities import ContactPoint, Larges
 from shellbench.problems.shell.question.contact import Touch, gaps
 from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.build import (
-    FieldSpec,
     Resolution,
     build_ansatz,
     build_features,
@@ -32,7 +31,7 @@ from shellbench.solvers.ndf.field.build import (
     graded_points,
     resolution,
 )
-from shellbench.solvers.ndf.field.creases import Crease
+from shellbench.solvers.ndf.field.choices import Crease, FieldSpec
 from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.geometry import side_lengths
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
@@ -60,11 +59,12 @@ from shellbench.solvers.ndf.linear.refinement import (
     uncertainties,
     unsettled,
 )
+from shellbench.solvers.ndf.linear.regularised import JITTER
 from shellbench.solvers.ndf.linear.ritz_field import with_settings
 from shellbench.solvers.ndf.linear.ritz_settings import NAME, RitzSettings
 from shellbench.solvers.ndf.linear.signs import Signs, jitter_share, refusal, rounding_energy, unseen_turning
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
-from shellbench.solvers.ndf.linear.solve import JITTER, HeldInverse, OutputLayer, held_part, potential_energy, spread
+from shellbench.solvers.ndf.linear.solve import HeldInverse, OutputLayer, held_part, potential_energy, spread
 from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, normal_equations
 
 STRAIGHT = 0.02  # of a side: spread of an edge of contact along its line

@@ -16,7 +16,7 @@ from scipy.optimize import nnls
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.contact import Touch
-from shellbench.solvers.ndf.field.creases import Crease
+from shellbench.solvers.ndf.field.choices import Crease
 from shellbench.solvers.ndf.field.geometry import side_lengths
 from shellbench.solvers.ndf.field.jets import Array
 

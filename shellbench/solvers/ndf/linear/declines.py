@@ -13,7 +13,8 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.quantities import ReactionQuantity, ResultantQuantity, TorqueQuantity
 from shellbench.problems.shell.question.conditions import Rotation, Value
 from shellbench.problems.shell.question.loads import MomentLoad
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.corners import held_corners
 from shellbench.solvers.ndf.field.factors import turns
 from shellbench.solvers.ndf.field.field import Field

@@ -30,7 +30,7 @@ from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import PLANES, VALUE, Array, Placement, matrix_product
 from shellbench.solvers.ndf.field.quadrature import Rule, line_rule
 from shellbench.solvers.ndf.field.supports import edge_supports
-from shellbench.solvers.ndf.linear.solve import JITTER, RegularisedInverse
+from shellbench.solvers.ndf.linear.regularised import JITTER, RegularisedInverse
 from shellbench.solvers.ndf.strains.energy import add_gram, mirrored, strain_matrix, tables, value_vector
 from shellbench.solvers.ndf.strains.resultants import resultants
 

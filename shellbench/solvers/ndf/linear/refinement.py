@@ -25,8 +25,10 @@ from shellbench.problems.shell.quantities.quantities import (
     PotentialEnergy,
 )
 from shellbench.problems.shell.solution import ShellSolution
-from shellbench.solvers.ndf.field.build import Resolution, is_flat
+from shellbench.solvers.ndf.field.build import Resolution, build_features, build_inputs, is_flat
+from shellbench.solvers.ndf.field.choices import MULTIPLIERS, FieldSpec
 from shellbench.solvers.ndf.field.corners import held_corners
+from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.geometry import side_lengths
 from shellbench.solvers.ndf.field.inputs import Inputs, edge_layers, foci
 from shellbench.solvers.ndf.field.jets import Array, Placement
@@ -347,3 +349,25 @@ def unsettled(uncertainty: Mapping[str, float], scales: Mapping[str, float], set
     if share <= settled:  # not so where it is not a number
         return None
     return f"{worst} may be off by {share:.1e} of its scale: that is what features of other kinds still change, twice"
+
+
+def joined_features(field: Field, spec: FieldSpec, level: Level, seed: int) -> Features:
+    """Return the features of a trained field, built by the choices `spec`, with challengers beside them."""
+    case, trained, multipliers = field.ansatz.case, field.features, spec.multipliers
+    spec = looking_everywhere(spec)
+    inputs, placement = build_inputs(case, spec), trained.placement
+    network = level.network(inputs, seed, spec.activation, placement)
+    drawn = build_features(case, spec, network, placement, inputs)
+    # The constant is among the trained features, and so are the singular ones unless settings left them out.
+    there = 1 + multipliers * len(drawn.fixed.foci)
+    new = replace(drawn.fixed, kept=tuple(k for k in drawn.fixed.kept if k >= there))
+    return replace(trained, beside=replace(drawn, fixed=new))
+
+
+def looking_everywhere(spec: FieldSpec) -> FieldSpec:
+    """Return the choices of challengers: with stretched inputs, singular features and powers about corners."""
+    more = {"stretched": True, "edge_stretched": True, "multipliers": spec.multipliers or MULTIPLIERS, "detail": 1}
+    return spec.model_copy(update=more)
+
+
+TRAINED_SHARE = 0.5  # challengers, in units of the width of the trained layer

@@ -7,8 +7,8 @@ from dataclasses import replace
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
 from shellbench.solvers.ndf.field import paths
-from shellbench.solvers.ndf.field.build import FieldSpec, Resolution
-from shellbench.solvers.ndf.field.choices import StrainName
+from shellbench.solvers.ndf.field.build import Resolution
+from shellbench.solvers.ndf.field.choices import FieldSpec, StrainName
 from shellbench.solvers.ndf.field.jets import activation, smooth_activation
 from shellbench.solvers.ndf.linear.ritz_settings import RitzSettings
 

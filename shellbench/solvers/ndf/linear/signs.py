@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from torch import Tensor
 
-from shellbench.solvers.ndf.field.build import FieldSpec
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import D1, D2, D11, D22, KINKED, Array
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, line_rule, panel_ends

@@ -18,14 +18,8 @@ from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.problems.shell.quantities.quantities import ResultantQuantity
-from shellbench.solvers.ndf.field.build import (
-    FieldSpec,
-    build_ansatz,
-    build_features,
-    build_inputs,
-    graded_points,
-    resolution,
-)
+from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs, graded_points, resolution
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import KINKED, Placement
 from shellbench.solvers.ndf.field.quadrature import area_rule
@@ -44,17 +38,17 @@ from shellbench.solvers.ndf.linear.refinement import (
     uncertainties,
     unsettled,
 )
+from shellbench.solvers.ndf.linear.regularised import JITTER
 from shellbench.solvers.ndf.linear.ritz_field import with_settings
 from shellbench.solvers.ndf.linear.ritz_settings import NAME, RitzSettings
 from shellbench.solvers.ndf.linear.signs import Signs, jitter_share, refusal, rounding_energy, taken_up, unseen_turning
 from shellbench.solvers.ndf.linear.solution import NdfSolution
-from shellbench.solvers.ndf.linear.solve import JITTER, potential_energy, solve_part
+from shellbench.solvers.ndf.linear.solve import potential_energy, solve_part
 from shellbench.solvers.ndf.strains.energy import (
     certify,
     concentrated,
     energy_gap,
     normal_equations,
-    rigid_part,
     surface_area,
 )
 from shellbench.solvers.ndf.strains.soft import Springs, support_error
@@ -242,7 +236,7 @@ def _solve_level(
             case=case,
             solver=NAME,
             spec=spec,
-            field=field.less_rigid(rigid_part(field, rule)),
+            field=field.without_rigid_part(rule),
             rule=chosen.fine,
             membrane=membrane,
             bending=bending,

@@ -11,9 +11,8 @@ import torch
 from scipy.integrate import DOP853
 from torch import Tensor
 
-from shellbench.solvers.ndf.field.jets import Array
+from shellbench.solvers.ndf.field.jets import COMPONENTS, Array
 from shellbench.solvers.ndf.motion.motion_problem import Motion
-from shellbench.solvers.ndf.strains.sampled import COMPONENTS
 
 RTOL, ATOL = 1e-6, 1e-8  # of y and y', in m sqrt(kg) and m/s sqrt(kg): errors then stay far below those of the field
 MOST_STEPS = 6_000

@@ -41,10 +41,11 @@ from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.measure import measure
 from shellbench.problems.shell.records.history import moving_uncertainty
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz
+from shellbench.solvers.ndf.field.build import build_ansatz
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Features
 from shellbench.solvers.ndf.field.geometry import side_lengths
-from shellbench.solvers.ndf.field.jets import Array
+from shellbench.solvers.ndf.field.jets import COMPONENTS, Array
 from shellbench.solvers.ndf.field.quadrature import area_rule
 from shellbench.solvers.ndf.motion.integration import Stepping, StuckError, Track, integrate, widened
 from shellbench.solvers.ndf.motion.motion_parts import Energies
@@ -52,7 +53,6 @@ from shellbench.solvers.ndf.motion.motion_problem import Motion
 from shellbench.solvers.ndf.motion.motion_solution import Course, MotionSolution
 from shellbench.solvers.ndf.motion.products import Products
 from shellbench.solvers.ndf.strains.energy import exploits
-from shellbench.solvers.ndf.strains.sampled import COMPONENTS
 from shellbench.solvers.ndf.strains.smooth import NOWHERE, ORDER, POINTS, finer, rule_of, smooth, widest
 
 DEGREES = (10, 13, 17, 22)  # along the longest side, of each rung: each costs some four times the one before

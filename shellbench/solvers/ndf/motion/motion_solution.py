@@ -22,7 +22,9 @@ from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import time_reached
 from shellbench.solvers.ndf.field.ansatz import Ansatz
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_inputs
+from shellbench.solvers.ndf.field.build import build_ansatz, build_inputs
+from shellbench.solvers.ndf.field.choices import FieldSpec
+from shellbench.solvers.ndf.field.combinations import Combined
 from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.jets import VALUE, Array
 from shellbench.solvers.ndf.field.network import Network
@@ -44,7 +46,6 @@ from shellbench.solvers.ndf.motion.motion_parts import Energies
 from shellbench.solvers.ndf.motion.motion_problem import Motion
 from shellbench.solvers.ndf.motion.products import KEPT as PRODUCTS
 from shellbench.solvers.ndf.motion.products import Products
-from shellbench.solvers.ndf.strains.sampled import Combined
 
 KEPT = ("times", "output", "rates", "seconds")  # tensors of a motion, beside those of its features
 

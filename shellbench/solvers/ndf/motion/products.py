@@ -31,15 +31,15 @@ import torch
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz
+from shellbench.solvers.ndf.field.build import build_ansatz
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.factors import edge_factor
 from shellbench.solvers.ndf.field.geometry import side_lengths
 from shellbench.solvers.ndf.field.inputs import Inputs
-from shellbench.solvers.ndf.field.jets import D1, D2, D11, D22, VALUE, Array, Placement, product
+from shellbench.solvers.ndf.field.jets import COMPONENTS, D1, D2, D11, D22, VALUE, Array, Placement, product
 from shellbench.solvers.ndf.field.network import Network
 from shellbench.solvers.ndf.field.quadrature import line_rule
 from shellbench.solvers.ndf.field.supports import edge_supports
-from shellbench.solvers.ndf.strains.sampled import COMPONENTS
 from shellbench.solvers.ndf.strains.smooth import PERIOD, degrees, orthonormal
 
 ALONG = ((VALUE, D1, D11), (VALUE, D2, D22))  # planes of the derivatives along each side

@@ -17,7 +17,8 @@ from torch import Tensor
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.contact import Touch, gaps
-from shellbench.solvers.ndf.field.build import FieldSpec, Resolution
+from shellbench.solvers.ndf.field.build import Resolution
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import VALUE, Array
 from shellbench.solvers.ndf.linear.contact import Touching, drawn
 from shellbench.solvers.ndf.linear.contact_forces import (

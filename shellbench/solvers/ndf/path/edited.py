@@ -17,10 +17,10 @@ from shellbench.errors import InputError
 from shellbench.problem import Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import checked_start
+from shellbench.solvers.ndf.field.combinations import Combined
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.newton import PathState, equilibrium
-from shellbench.solvers.ndf.strains.sampled import Combined
 from shellbench.solvers.stepping.control import state_at
 from shellbench.solvers.stepping.paths import over_edit
 

@@ -24,17 +24,18 @@ from shellbench.problems.shell.quantities.measure import unit
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.problems.shell.question.places import Point
 from shellbench.solvers.ndf.field.ansatz import Ansatz
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz
+from shellbench.solvers.ndf.field.build import build_ansatz
+from shellbench.solvers.ndf.field.choices import FieldSpec
+from shellbench.solvers.ndf.field.combinations import Combined, FeatureSet, independent
 from shellbench.solvers.ndf.field.factors import turns
 from shellbench.solvers.ndf.field.jets import VALUE, Array
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density, point_supports
-from shellbench.solvers.ndf.linear.solve import SAME_ROW, slope_constraints
+from shellbench.solvers.ndf.linear.constraints import SAME_ROW, slope_constraints
 from shellbench.solvers.ndf.path.basis import Basis, Deformed
 from shellbench.solvers.ndf.strains.energy import mirrored
-from shellbench.solvers.ndf.strains.following import FollowingPressure
-from shellbench.solvers.ndf.strains.reaction import EdgeMoment, edge_moments
-from shellbench.solvers.ndf.strains.sampled import Combined, FeatureSet, Sampled, elastic_form, independent
+from shellbench.solvers.ndf.strains.reaction import EdgeMoment, FollowingPressure, edge_moments
+from shellbench.solvers.ndf.strains.sampled import Sampled, elastic_form
 from shellbench.solvers.ndf.strains.strain_measures import UNSTRAINED, stresses
 from shellbench.solvers.stepping.control import NotConvergedError
 

@@ -19,7 +19,8 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.problems.shell.records.path_end import cut_short
 from shellbench.problems.shell.variants.edit import between
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz
+from shellbench.solvers.ndf.field.build import build_ansatz
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.factors import turns
 from shellbench.solvers.ndf.field.quadrature import area_rule
 from shellbench.solvers.ndf.field.supports import check_balance

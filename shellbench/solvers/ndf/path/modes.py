@@ -29,24 +29,18 @@ from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.modes import why_too_few
 from shellbench.problems.shell.question.loads import MomentLoad
-from shellbench.solvers.ndf.field.build import (
-    FieldSpec,
-    build_ansatz,
-    build_features,
-    build_inputs,
-    graded_points,
-    resolution,
-)
+from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs, graded_points, resolution
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.network import deep_random_features
 from shellbench.solvers.ndf.field.quadrature import area_rule
 from shellbench.solvers.ndf.field.supports import check_balance
+from shellbench.solvers.ndf.linear.constraints import SAME_ROW
 from shellbench.solvers.ndf.linear.refinement import SAFETY, SLOWEST, Level, first_level, next_level, unsettled
 from shellbench.solvers.ndf.linear.ritz_field import with_settings
 from shellbench.solvers.ndf.linear.ritz_settings import NAME, RitzSettings
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
-from shellbench.solvers.ndf.linear.solve import SAME_ROW
 from shellbench.solvers.ndf.path.basis import Basis
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.strains.sampled import elastic_form

@@ -28,29 +28,31 @@ from shellbench.problems.shell.quantities.quantities import (
     QuantityModel,
 )
 from shellbench.solvers.ndf.field.build import Resolution, graded_points
+from shellbench.solvers.ndf.field.combinations import Combined
 from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.jets import Array
 from shellbench.solvers.ndf.field.quadrature import area_rule
 from shellbench.solvers.ndf.field.supports import point_supports
-from shellbench.solvers.ndf.linear.challenge import SHARE, joined_features, looking_everywhere
+from shellbench.solvers.ndf.linear.constraints import SAME_ROW
 from shellbench.solvers.ndf.linear.refinement import (
+    TRAINED_SHARE,
     Miss,
     changes,
     finer_rule,
     first_level,
+    joined_features,
     layered,
+    looking_everywhere,
     probed,
     scale,
     uncertainties,
     unsettled,
 )
+from shellbench.solvers.ndf.linear.regularised import JITTER, RegularisedInverse
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
-from shellbench.solvers.ndf.linear.solve import JITTER, SAME_ROW, RegularisedInverse
 from shellbench.solvers.ndf.path.basis import Deformed
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.newton import PathState
-from shellbench.solvers.ndf.strains.energy import rigid_part
-from shellbench.solvers.ndf.strains.sampled import Combined
 
 SETTLED = 2e-2  # of a scale: energies err twice as much as displacements, and these are asked for 1e-2 at most
 GROWTH = 1.5**0.5  # of points a side: a path's features and its challengers are half as many more
@@ -101,11 +103,11 @@ class Challenge:
         case, spec = solution.case, solution.spec
         level = first_level(case, usual, given_width=True, given_rule=True)
         width = solution.field.features.network.width
-        number = max(1, round(SHARE * width / len(level.kinds)))
+        number = max(1, round(TRAINED_SHARE * width / len(level.kinds)))
         # Both fields are integrated with as many points a feature as the path's own: else the rule tells a difference.
         rule = layered(case, finer_rule(usual.rule, GROWTH))
         level = replace(level, resolution=replace(level.resolution, neurons=0), challengers=number)
-        features = joined_features(solution, level, seed)
+        features = joined_features(solution.field, solution.spec, level, seed)
         assert isinstance(problem.features, Combined)
         old = problem.features.combine
         count, new = old.shape[1], features.count - len(old)
@@ -175,7 +177,7 @@ class Challenge:
         rule = area_rule(solution.case.surface.domain, self.problem.focal, self.problem.rule_spec)
         return replace(
             solution,
-            field=field.less_rigid(rigid_part(field, rule)),
+            field=field.without_rigid_part(rule),
             rule=self.problem.rule_spec,
             membrane=energies[0],
             bending=energies[1],

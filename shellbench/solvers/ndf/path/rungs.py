@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from shellbench.solvers.ndf.field.build import Resolution, build_ansatz
+from shellbench.solvers.ndf.field.combinations import Combined
 from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.jets import Array
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
@@ -13,8 +14,6 @@ from shellbench.solvers.ndf.linear.solution import NdfSolution
 from shellbench.solvers.ndf.path.basis import Deformed
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.newton import PathState
-from shellbench.solvers.ndf.strains.energy import rigid_part
-from shellbench.solvers.ndf.strains.sampled import Combined
 
 
 @dataclass(frozen=True)
@@ -48,7 +47,7 @@ def state_solution(problem: PathProblem, rung: Rung, solver: str, state: PathSta
         case=case,
         solver=solver,
         spec=spec,
-        field=field.less_rigid(rigid_part(field, rule)),
+        field=field.without_rigid_part(rule),
         rule=rung.fine,
         membrane=float("nan"),
         bending=float("nan"),

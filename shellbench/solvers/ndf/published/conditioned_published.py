@@ -29,7 +29,8 @@ from shellbench.problems.shell.question.places import Point
 from shellbench.solvers.ndf.conditioned.affine import part_rows
 from shellbench.solvers.ndf.conditioned.reduced import stiffnesses
 from shellbench.solvers.ndf.field.ansatz import Ansatz
-from shellbench.solvers.ndf.field.build import FieldSpec, build_inputs, focal_points, resolution
+from shellbench.solvers.ndf.field.build import build_inputs, focal_points, resolution
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.inputs import Inputs
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, constant
 from shellbench.solvers.ndf.field.quadrature import Rule

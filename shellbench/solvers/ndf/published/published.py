@@ -35,7 +35,8 @@ from shellbench.problems.shell.declining import why_not_plain
 from shellbench.problems.shell.quantities.measure import measure
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.solvers.ndf.field.ansatz import Ansatz
-from shellbench.solvers.ndf.field.build import FieldSpec, build_features, build_inputs, focal_points, resolution
+from shellbench.solvers.ndf.field.build import build_features, build_inputs, focal_points, resolution
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.inputs import Inputs
 from shellbench.solvers.ndf.field.jets import Placement
@@ -66,7 +67,7 @@ from shellbench.solvers.ndf.published.published_training import (
     train,
     why_collapsed,
 )
-from shellbench.solvers.ndf.strains.energy import certify, concentrated, rigid_part
+from shellbench.solvers.ndf.strains.energy import certify, concentrated
 
 WINDOW = 100  # last losses whose mean is held against the fine quadrature
 RIGID_RULE = RuleSpec((4, 4), 4)  # for the mean rigid motion
@@ -242,9 +243,7 @@ class _Training:
         placement = self.sampler.placement._replace(dtype=dtype)
         features = build_features(self.case, self.spec, network.to(dtype), placement, self.inputs)
         field = Field(self.ansatz, features, output.to(dtype), output.new_zeros(6, dtype=dtype))
-        return field.less_rigid(
-            rigid_part(field, area_rule(self.case.surface.domain, focal_points(self.case), RIGID_RULE))
-        )
+        return field.without_rigid_part(area_rule(self.case.surface.domain, focal_points(self.case), RIGID_RULE))
 
     def watch(self, siren: Siren) -> dict[str, float]:
         """Return the headline quantity, if it is a displacement."""

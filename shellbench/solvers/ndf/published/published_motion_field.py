@@ -28,8 +28,8 @@ from torch import Tensor
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.conditions import Support
 from shellbench.problems.shell.question.places import Edge, Place, Point, Whole
-from shellbench.solvers.ndf.field.build import FieldSpec, build_inputs
-from shellbench.solvers.ndf.field.choices import PeriodicInput
+from shellbench.solvers.ndf.field.build import build_inputs
+from shellbench.solvers.ndf.field.choices import FieldSpec, PeriodicInput
 from shellbench.solvers.ndf.field.inputs import Inputs
 from shellbench.solvers.ndf.field.jets import (
     D1,

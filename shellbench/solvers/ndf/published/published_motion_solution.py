@@ -18,8 +18,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.contact import Touch
 from shellbench.problems.shell.solution import time_reached
 from shellbench.protocol.schema import Positive
-from shellbench.solvers.ndf.field.build import SavedPeriodicInput
-from shellbench.solvers.ndf.field.choices import StrainName
+from shellbench.solvers.ndf.field.choices import SavedPeriodicInput, StrainName
 from shellbench.solvers.ndf.field.jets import Array
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import force_density

@@ -48,8 +48,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.loads import PointLoad
 from shellbench.problems.shell.question.places import Edge, Point
 from shellbench.solvers.ndf.field.ansatz import Ansatz
-from shellbench.solvers.ndf.field.build import FieldSpec
-from shellbench.solvers.ndf.field.choices import Pins
+from shellbench.solvers.ndf.field.choices import FieldSpec, Pins
 from shellbench.solvers.ndf.field.factors import BoundaryFactors, Lift
 from shellbench.solvers.ndf.field.geometry import contravariant_basis_jet
 from shellbench.solvers.ndf.field.inputs import Inputs

@@ -12,12 +12,12 @@ from torch import Tensor
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
 from shellbench.solvers.ndf.field.ansatz import Ansatz
+from shellbench.solvers.ndf.field.combinations import Combined, FeatureSet, independent
 from shellbench.solvers.ndf.field.geometry import side_lengths
 from shellbench.solvers.ndf.field.inputs import Inputs
 from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Array, Placement
 from shellbench.solvers.ndf.field.network import Network
 from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec, area_rule
-from shellbench.solvers.ndf.strains.sampled import Combined, FeatureSet, independent
 from shellbench.solvers.ndf.strains.strain_measures import Undeformed
 
 REACH = 2.5  # standard deviations of the weights within which waves of the highest degree are drawn

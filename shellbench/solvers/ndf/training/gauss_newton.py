@@ -28,8 +28,8 @@ from shellbench.solvers.ndf.field.field import Features
 from shellbench.solvers.ndf.field.geometry import apply_rows
 from shellbench.solvers.ndf.field.jets import VALUE, activation, compose
 from shellbench.solvers.ndf.field.network import Network
-from shellbench.solvers.ndf.field.quadrature import Rule
-from shellbench.solvers.ndf.linear.solve import IndefiniteError, RegularisedInverse
+from shellbench.solvers.ndf.field.quadrature import BATCH, Rule
+from shellbench.solvers.ndf.linear.regularised import IndefiniteError, RegularisedInverse
 from shellbench.solvers.ndf.strains.energy import (
     Concentrated,
     NormalEquations,
@@ -45,8 +45,6 @@ from shellbench.solvers.ndf.training.layers import Layer, flatten_layers, throug
 
 if TYPE_CHECKING:
     from shellbench.solvers.ndf.training.sketch import Sketch
-
-PART = 1024  # points whose feature strains are held in memory at once
 
 
 @dataclass(frozen=True)
@@ -69,9 +67,9 @@ class Sample:
         return self.inputs.shape[1]
 
     def parts(self) -> Iterator[Sample]:
-        """Yield the sample in portions of `PART` points; the lift's work is whole in each."""
-        for start in range(0, len(self), PART):
-            part, table = slice(start, start + PART), self.table
+        """Yield the sample in portions of `BATCH` points; the lift's work is whole in each."""
+        for start in range(0, len(self), BATCH):
+            part, table = slice(start, start + BATCH), self.table
             yield Sample(
                 Table(table.rows[part], table.offset[part], table.force[part], table.work, table.anchors[:, part]),
                 self.inputs[:, part],

@@ -30,7 +30,6 @@ from shellbench.problems.shell.solution import checked_start
 from shellbench.solvers.ndf.field import paths
 from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.build import (
-    FieldSpec,
     build_features,
     build_inputs,
     first_rung,
@@ -40,7 +39,7 @@ from shellbench.solvers.ndf.field.build import (
     rung,
     rung_count,
 )
-from shellbench.solvers.ndf.field.choices import StrainName
+from shellbench.solvers.ndf.field.choices import FieldSpec, StrainName
 from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.jets import VALUE, Placement, smooth_activation
 from shellbench.solvers.ndf.field.network import Network, deep_random_features
@@ -48,16 +47,16 @@ from shellbench.solvers.ndf.field.quadrature import area_rule
 from shellbench.solvers.ndf.field.supports import check_balance, point_supports
 from shellbench.solvers.ndf.linear.answer import displacement_values
 from shellbench.solvers.ndf.linear.challenge import stated
+from shellbench.solvers.ndf.linear.constraints import point_constraints
 from shellbench.solvers.ndf.linear.ritz_field import strain_of
 from shellbench.solvers.ndf.linear.ritz_settings import RitzSettings
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
-from shellbench.solvers.ndf.linear.solve import point_constraints
 from shellbench.solvers.ndf.motion import motion
 from shellbench.solvers.ndf.motion.motion_solution import MotionSolution, load_solution
 from shellbench.solvers.ndf.path import large_displacement, modes
 from shellbench.solvers.ndf.path.edited import start_of_path
 from shellbench.solvers.ndf.path.rungs import Rung
-from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, exploits, rigid_part
+from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, exploits
 from shellbench.solvers.ndf.strains.smooth import scales
 from shellbench.solvers.ndf.training.trainer_settings import NAME, TrainerSettings
 from shellbench.solvers.ndf.training.training import (
@@ -366,7 +365,7 @@ class _Run:
         train_rule = area_rule(domain, problem.focal, points.spec)
         solution = replace(
             solution,
-            field=solution.field.less_rigid(rigid_part(solution.field, train_rule)),
+            field=solution.field.without_rigid_part(train_rule),
             rule=spec,
             membrane=membrane,
             bending=bending,

@@ -12,7 +12,8 @@ from torch import Tensor
 
 from shellbench.problems.shell.case import Case
 from shellbench.solvers.ndf.field.ansatz import Ansatz
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs, focal_points
+from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs, focal_points
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Features
 from shellbench.solvers.ndf.field.jets import Array, Placement
 from shellbench.solvers.ndf.field.network import Network, random_features
