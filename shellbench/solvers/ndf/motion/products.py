@@ -31,9 +31,8 @@ import torch
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf.field.build import build_ansatz
 from shellbench.solvers.ndf.field.choices import FieldSpec
-from shellbench.solvers.ndf.field.factors import edge_factor
+from shellbench.solvers.ndf.field.factors import Lift, edge_factor
 from shellbench.solvers.ndf.field.geometry import side_lengths
 from shellbench.solvers.ndf.field.inputs import Inputs
 from shellbench.solvers.ndf.field.jets import COMPONENTS, D1, D2, D11, D22, VALUE, Array, Placement, product
@@ -56,7 +55,7 @@ def why_no_products(case: Case, spec: FieldSpec, inputs: Inputs) -> str | None:
     points = case.surface.domain.grid(LOOKED_AT, LOOKED_AT).reshape(-1, 2)
     if spec.components != "cartesian" or spec.supports != "hard":
         return "its components or supports are others"
-    if build_ansatz(case, spec).lift.moves:
+    if Lift(case).moves:
         return "its edges are moved"
     everywhere = set(case.held_everywhere)
     for edge in edge_supports(case):

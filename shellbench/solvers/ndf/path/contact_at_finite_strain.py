@@ -34,8 +34,8 @@ from shellbench.solvers.ndf.linear.ritz_settings import NAME, RitzSettings
 from shellbench.solvers.ndf.linear.signs import Signs
 from shellbench.solvers.ndf.linear.solution import PathSolution
 from shellbench.solvers.ndf.path.continuation import load_steps
-from shellbench.solvers.ndf.path.equilibrium import MOST_ITERATIONS, PathProblem
-from shellbench.solvers.ndf.path.newton import PathState
+from shellbench.solvers.ndf.path.equilibrium import PathProblem
+from shellbench.solvers.ndf.path.newton import MOST_ITERATIONS, PathState, settled
 from shellbench.solvers.ndf.path.rungs import Rung, disagreement, state_solution
 from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError
 
@@ -144,7 +144,7 @@ def in_contact(points: ContactRows, start: PathState, t: float) -> tuple[PathSta
         weights = weights + change
         deformed = problem.deform(weights, t, deformed.angles)
         first = first or decrement
-        if problem.settled(deformed, decrement, first):
+        if settled(problem, deformed, decrement, first):
             largest = float(np.abs(points.displacement(weights, t)).max())
             smooth = smoothest(compliance, offset, forces, unit, points.line, largest, PASSES)[:, None] * normal
             residual = deformed.residual + (placement.tensor(smooth)[:, None] @ points.values).sum(dim=(0, 1))

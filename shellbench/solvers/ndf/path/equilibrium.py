@@ -1,11 +1,10 @@
-"""Equilibrium of a field at finite strain: the output weights by Newton's method, in a basis of independent fields.
+"""Equilibrium of a field at finite strain: energy, forces and tangent of the output weights, in independent fields.
 
 Random features are nearly dependent, so the output weights of a state mean little one by one. The unknowns y are the
 weights of independent combinations of features whose stiffness at rest is the identity: at a loaded state the smallest
 eigenvalue of the tangent then says how far the state is from being no minimum.
 
-Newton's method takes the stresses of the geometric stiffness from the linear prediction of its last step, and all else
-from the displacement itself: thin shells then take large steps (Magisano, Leonetti & Garcea 2017, CMAME 313).
+Newton's method itself is in `newton`.
 """
 
 from __future__ import annotations
@@ -37,11 +36,6 @@ from shellbench.solvers.ndf.strains.energy import mirrored
 from shellbench.solvers.ndf.strains.reaction import EdgeMoment, FollowingPressure, edge_moments
 from shellbench.solvers.ndf.strains.sampled import Sampled, elastic_form
 from shellbench.solvers.ndf.strains.strain_measures import UNSTRAINED, stresses
-from shellbench.solvers.stepping.control import NotConvergedError
-
-CONVERGED = 1e-10  # work of the residual on the last step, relative to the energy: the next one's is its square
-MOST_ITERATIONS = 14  # a step that takes more is cut
-HOPELESS = 1e8  # growth of that work that no iteration comes back from
 
 
 @dataclass(frozen=True)
@@ -67,15 +61,14 @@ class PathProblem:
     def independent(self) -> PathProblem:
         """Return the problem with independent combinations of its features, the same for all components."""
         # The sum over components has all that any of them needs, and stays positive semidefinite.
-        rest = self.deform(self.weights.new_zeros(3 * self.features.count), 0.0)
+        rest = self.deform(self.rest_weights, 0.0)
         anchors = self.anchor.view(-1, self.features.count)
         alike = self.sampled_at(0.0).summed(self._form(rest)) + anchors.T @ anchors
         return replace(self, features=Combined(self.features, independent(alike), alike))
 
     @cached_property
     def _stiffness(self) -> Tensor:
-        weights = self.weights.new_zeros(3 * self.features.count)
-        return self.tangent(self.deform(weights, 0.0), 0.0)
+        return self.tangent(self.deform(self.rest_weights, 0.0), 0.0)
 
     @cached_property
     def ansatz_at(self) -> Callable[[float], Ansatz]:
@@ -108,6 +101,11 @@ class PathProblem:
         rule = area_rule(self.ansatz.case.surface.domain, self.focal, self.rule_spec)
         return self.features.placement.tensor(rule.weights)
 
+    @property
+    def rest_weights(self) -> Tensor:
+        """(3 M,) zeros: the output weights at rest."""
+        return self.features.placement.zeros(3 * self.features.count)
+
     @cached_property
     def elasticity(self) -> Tensor:
         """(N, 2, 3, 3) of each point's share of the area."""
@@ -127,21 +125,6 @@ class PathProblem:
     def unstrained(self) -> float:
         """Energy that is rounding, J."""
         return UNSTRAINED * self.ansatz.case.material.membrane_stiffness * self.area
-
-    def settled(self, deformed: Deformed, decrement: float, first: float) -> bool:
-        """Return whether an iteration has ended here, by the work of its last step and of its first one, J.
-
-        Raises
-        ------
-        NotConvergedError
-            If none comes back from there.
-        """
-        # Below the energy of a strain of 1e-10 all is rounding, as in a shell that nothing loads.
-        scale = max(deformed.magnitude, self.unstrained)
-        # Written so that what is not a number fails.
-        if not scale < float("inf") or decrement > HOPELESS * first:
-            raise NotConvergedError
-        return decrement <= CONVERGED * scale
 
     @cached_property
     def moments(self) -> tuple[EdgeMoment, ...]:
@@ -257,7 +240,7 @@ class PathProblem:
         The other problem has the same supports and quadrature.
         """
         # The stiffness of the basis is the identity: the projection is Z Z^T f, with f the forces that hold the field.
-        variation = self.deform(self.weights.new_zeros(3 * self.features.count), 0.0).strained.variation
+        variation = self.deform(self.rest_weights, 0.0).strained.variation
         gradients = other.sampled.gradients(weights.view(3, -1)).reshape(-1, 15, 1)
         conjugate = stresses(self.elasticity, (variation @ gradients)[..., 0])
         force = self.sampled.pulled_back((conjugate[:, None] @ variation)[:, 0])

@@ -183,7 +183,7 @@ class _OneLevel:
         self.problem = PathProblem(exact, build_ansatz(case, exact), self.features, chosen.rule, self.focal, False)
         rule = area_rule(case.surface.domain, self.focal, chosen.rule)
         check_balance(case, rule, chosen.rule, self.focal)
-        weights = self.problem.weights.new_zeros(3 * self.features.count)
+        weights = self.problem.rest_weights
         self.rest = self.problem.deform(weights, 0.0)
         self.stiffness = self.problem.tangent(self.rest, 0.0)
         self.mass = self.problem.sampled.products(case.material.areal_density * self.problem.share)

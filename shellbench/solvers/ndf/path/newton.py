@@ -1,16 +1,64 @@
-"""Newton's method on the output weights of a field: at a load factor, or with one more equation on a path."""
+"""Newton's method on the output weights of a field: at a load factor, or with one more equation on a path.
+
+It takes the stresses of the geometric stiffness from the linear prediction of its last step, and all else from the
+displacement itself: thin shells then take large steps (Magisano, Leonetti & Garcea 2017, CMAME 313).
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import torch
 from torch import Tensor
 
-from shellbench.solvers.ndf.path.basis import Deformed
-from shellbench.solvers.ndf.path.equilibrium import MOST_ITERATIONS, PathProblem
+from shellbench.solvers.ndf.path.basis import Basis, Deformed
 from shellbench.solvers.stepping.control import NotConvergedError
+
+CONVERGED = 1e-10  # work of the residual on the last step, relative to the energy: the next one's is its square
+MOST_ITERATIONS = 14  # a step that takes more is cut
+HOPELESS = 1e8  # growth of that work that no iteration comes back from
+
+
+class Equations(Protocol):
+    """What Newton's method asks of a problem; see `shellbench.solvers.ndf.path.equilibrium.PathProblem`."""
+
+    @property
+    def basis(self) -> Basis:
+        """The unknowns."""
+
+    @property
+    def constraints(self) -> Tensor:
+        """(k, 3 M): rows that are held."""
+
+    @property
+    def rest_weights(self) -> Tensor:
+        """(3 M,) zeros: the output weights at rest."""
+
+    @property
+    def unstrained(self) -> float:
+        """Energy that is rounding, J."""
+
+    def targets(self, t: float) -> Tensor:
+        """Return what the constraints prescribe (k,) at a load factor."""
+
+    def deform(self, weights: Tensor, t: float, near: tuple[Tensor, ...] | None = None) -> Deformed:
+        """Deform the shell by output weights (3 M,); angles are followed from `near`."""
+
+    def tangent(
+        self, deformed: Deformed, t: float, weights: Tensor | None = None, geometric: Tensor | None = None
+    ) -> Tensor:
+        """Return the second variation (3 M, 3 M) of the energy; `geometric` (N, 6) replace its stresses."""
+
+    def load_stiffness(self, weights: Tensor, t: float) -> Tensor | None:
+        """Return the derivative (3 M, 3 M) of loads that follow the shell, if there are any."""
+
+    def predicted(self, deformed: Deformed, change: Tensor, t: float = 0.0) -> Tensor:
+        """Return the stresses (N, 6) that the first variation predicts after a change (3 M,) of weights."""
+
+    def force_rate(self, weights: Tensor) -> Tensor:
+        """Return the derivative (3 M,) of proportional loads in t."""
 
 
 @dataclass(frozen=True)
@@ -37,10 +85,9 @@ class PathState:
     critical: bool = False
 
     @classmethod
-    def rest(cls, problem: PathProblem) -> PathState:
+    def rest(cls, problem: Equations) -> PathState:
         """Return the state that nothing loads."""
-        weights = problem.weights.new_zeros(3 * problem.features.count)
-        return cls(0.0, weights, problem.deform(weights, 0.0))
+        return cls(0.0, problem.rest_weights, problem.deform(problem.rest_weights, 0.0))
 
     @property
     def stable(self) -> bool:
@@ -59,7 +106,7 @@ class Constraint:
     value: float
 
 
-def equilibrium(problem: PathProblem, start: PathState, t: float, neutral: float = 0.0) -> PathState:
+def equilibrium(problem: Equations, start: PathState, t: float, neutral: float = 0.0) -> PathState:
     """Return the state at a load factor, from another one; it is stable if its tangent is positive definite.
 
     Modes whose eigenvalue is less than `neutral` of the stiffness at rest are left as they are.
@@ -75,7 +122,7 @@ def equilibrium(problem: PathProblem, start: PathState, t: float, neutral: float
     return _newton(problem, start, t, change, None, neutral)
 
 
-def on_path(problem: PathProblem, start: PathState, constraint: Constraint, guess: tuple[Tensor, float]) -> PathState:
+def on_path(problem: Equations, start: PathState, constraint: Constraint, guess: tuple[Tensor, float]) -> PathState:
     """Return the state that satisfies a constraint, from another one and a guess (dw, dt) of the step to it.
 
     Raises
@@ -86,7 +133,23 @@ def on_path(problem: PathProblem, start: PathState, constraint: Constraint, gues
     return _newton(problem, start, start.t + guess[1], guess[0], constraint)
 
 
-def drift(problem: PathProblem, state: PathState) -> Tensor:
+def settled(problem: Equations, deformed: Deformed, decrement: float, first: float) -> bool:
+    """Tell whether an iteration has ended here, by the work of its last step and of its first one, J.
+
+    Raises
+    ------
+    NotConvergedError
+        If none comes back from there.
+    """
+    # Below the energy of a strain of 1e-10 all is rounding, as in a shell that nothing loads.
+    scale = max(deformed.magnitude, problem.unstrained)
+    # Written so that what is not a number fails.
+    if not scale < float("inf") or decrement > HOPELESS * first:
+        raise NotConvergedError
+    return decrement <= CONVERGED * scale
+
+
+def drift(problem: Equations, state: PathState) -> Tensor:
     """Return dw/dt (3 M,) along the path at a state.
 
     Raises
@@ -109,7 +172,7 @@ class Tangent:
 
     def __init__(
         self,
-        problem: PathProblem,
+        problem: Equations,
         deformed: Deformed,
         t: float,
         weights: Tensor,
@@ -172,7 +235,7 @@ class Tangent:
 
 
 def _newton(
-    problem: PathProblem,
+    problem: Equations,
     start: PathState,
     t: float,
     step: Tensor,
@@ -211,6 +274,6 @@ def _newton(
         weights = weights + step
         deformed = problem.deform(weights, t, deformed.angles)
         first = first or decrement
-        if problem.settled(deformed, decrement, first):
+        if settled(problem, deformed, decrement, first):
             return PathState(t, weights, deformed, iteration, tangent)
     raise NotConvergedError
