@@ -18,13 +18,12 @@ from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.corners import EXPONENTS, CornerPowers, held_corners
 from shellbench.solvers.ndf.field.jets import D1, D2, D11, D12, D22, VALUE, Placement
 from shellbench.solvers.ndf.field.network import random_features
-from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule, line_rule, panel_ends
+from shellbench.solvers.ndf.field.quadrature import ROUNDING, RuleSpec, area_rule, line_rule, panel_ends
 from shellbench.solvers.ndf.linear import answer, static
 from shellbench.solvers.ndf.linear.answer import Answer, Solved
 from shellbench.solvers.ndf.linear.refinement import (
     CORNER_CUTS,
     LEAST_TAIL,
-    ROUNDING,
     SAFETY,
     SETTLED,
     SLOWEST,

@@ -32,7 +32,7 @@ from shellbench.solvers.ndf.field.inputs import edge_layers, foci
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Integers
 from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import check_balance, point_supports
-from shellbench.solvers.ndf.linear.constraints import point_constraints, slope_constraints
+from shellbench.solvers.ndf.linear.constraints import SAME_ROW, point_constraints, slope_constraints
 from shellbench.solvers.ndf.linear.declines import why_declined
 from shellbench.solvers.ndf.linear.refinement import Miss, scale, uncertainties, unsettled
 from shellbench.solvers.ndf.linear.signs import rounding_energy
@@ -47,7 +47,6 @@ POINTS = 2  # Gauss points of a cell along a side beyond the degree: boundary fa
 FINER = 2  # more of them, for the certificate
 BATCH = 2048  # points whose strain rows are held at once, in whole cells
 SLOPE_POINTS = 2  # of a cell at an edge whose slope is held: as many as splines there, nearly twice
-SAME_ROW = 1e-6  # of the largest singular value, below which conditions say the same
 FEWEST = 3  # levels that tell how fast changes shrink
 UNTOLD = 1.0  # of the last change that an answer may still miss, where fewer do
 
@@ -328,7 +327,7 @@ def _stated(answers: list[Answer], degree: int, steps: tuple[Step, ...]) -> Spli
     left = UNTOLD
     if len(answers) >= FEWEST:
         former = answers[-3].missed(answers[-2])
-        left = min(UNTOLD, still_missed(since.energy, former.energy, 4.0 ** (1 - degree)))
+        left = min(UNTOLD, still_missed(since.energy, former.energy, 4 ** (1 - degree)))
     scales = {q.name: scale(solution, q, last.values[q.name], last.stored) for q in solution.case.quantities}
     uncertainty = uncertainties(since.times(left), last.gap, last.values, scales)
     return replace(solution, history=steps, uncertainty=uncertainty, unsettled=unsettled(uncertainty, scales))

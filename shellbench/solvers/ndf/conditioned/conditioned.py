@@ -36,10 +36,10 @@ from shellbench.solvers.ndf.field.build import build_ansatz, build_features, bui
 from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.jets import Array, Placement
-from shellbench.solvers.ndf.field.quadrature import area_rule
+from shellbench.solvers.ndf.field.quadrature import ROUNDING, area_rule
 from shellbench.solvers.ndf.field.supports import check_balance
 from shellbench.solvers.ndf.field.weights import described, network_of, network_tensors, write_described
-from shellbench.solvers.ndf.linear.refinement import ROUNDING, SAFETY, SETTLED, first_level
+from shellbench.solvers.ndf.linear.refinement import SAFETY, SETTLED, first_level
 from shellbench.solvers.ndf.linear.ritz_field import field_spec
 from shellbench.solvers.ndf.linear.ritz_settings import RitzSettings
 from shellbench.solvers.ndf.linear.solve import solve_part

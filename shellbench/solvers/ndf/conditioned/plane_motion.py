@@ -24,13 +24,13 @@ from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Array, Placement
 from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.linear.ritz_field import field_spec
 from shellbench.solvers.ndf.linear.ritz_settings import RitzSettings
+from shellbench.solvers.ndf.motion.integration import ATOL, RTOL
 from shellbench.solvers.ndf.motion.motion import Rung, degree_of, prepared
 from shellbench.solvers.ndf.motion.motion_problem import Motion
 from shellbench.solvers.ndf.strains.sampled import Sampled
 from shellbench.solvers.ndf.strains.smooth import POINTS, scales, widest
 
 PLANE = 2  # components of the motion
-RTOL, ATOL = 1e-6, 1e-8  # of the steps of time, as in `motion`
 
 
 def refusal(case: ConditionedCase) -> str | None:

@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 
 from shellbench.problems.conditioned.case import Material
 from shellbench.problems.conditioned.quantities import Parameter
+from shellbench.solvers.ndf.field.combinations import DEPENDENT
 
 Array = NDArray[np.float64]
 PARTS = 4  # trace and rest of the membrane's energy, then of the bending's
-DEPENDENT = 1e-12  # eigenvalue of the Gram matrix of unit energies below which a combination is rounding
 
 
 def stiffnesses(material: Material) -> Array:
@@ -42,7 +42,7 @@ def stiffness_rates(material: Material, by: Parameter) -> Array:
     if by == "youngs_modulus":
         return stiffnesses(material)
     if by == "thickness":
-        return np.asarray(stiffnesses(material) * np.array([1.0, 1.0, 3.0, 3.0]))
+        return np.asarray(stiffnesses(material) * np.array([1, 1, 3, 3]))
     # nu / (1 - nu^2) has the derivative (1 + nu^2) / (1 - nu^2)^2; (1 - nu) / (1 - nu^2) = 1 / (1 + nu).
     membrane = young * h * np.array([(1 + nu**2) / (1 - nu**2) ** 2, -1 / (1 + nu) ** 2])
     return np.concatenate([membrane, membrane * h**2 / 12])

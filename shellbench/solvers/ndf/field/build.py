@@ -35,9 +35,9 @@ from shellbench.solvers.ndf.field.geometry import LINE, side_lengths
 from shellbench.solvers.ndf.field.hinges import TOGETHER, Hinges, hinges_of
 from shellbench.solvers.ndf.field.inputs import Inputs, edge_layers, foci, mirrored_axes, strongest_curvature
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
-from shellbench.solvers.ndf.field.mirrors import SAME, Mirrors, mirrors_of, samples
+from shellbench.solvers.ndf.field.mirrors import Mirrors, mirrors_of, samples
 from shellbench.solvers.ndf.field.network import Network
-from shellbench.solvers.ndf.field.quadrature import RuleSpec
+from shellbench.solvers.ndf.field.quadrature import ROUNDING, RuleSpec
 
 
 def built_in(case: Case, spec: FieldSpec) -> Mirrors | None:
@@ -56,7 +56,7 @@ def built_in(case: Case, spec: FieldSpec) -> Mirrors | None:
     points, kept = samples(found.domain), []
     for mirror in found.each:
         image = matrix(found.domain.wrap(mirror.image(points))) * mirror.signs[:, None] * mirror.signs
-        if np.abs(image - matrix(points)).max() <= SAME:
+        if np.abs(image - matrix(points)).max() <= ROUNDING:
             kept.append(mirror)
     return replace(found, each=tuple(kept)) if kept else None
 
@@ -119,6 +119,9 @@ def graded_points(case: Case, spec: FieldSpec) -> Array:
     return np.where(domain.periodic, np.nan, np.array([domain.lower, domain.upper]))
 
 
+SCALE, FLAT_SCALE, STRETCHED_SCALE = 3.0, 3.5, 2.0  # standard deviations of weights: curved, flat; stretched inputs
+
+
 @dataclass(frozen=True)
 class Resolution:
     """Width and scales of random features, and the rules that they are integrated with.
@@ -153,15 +156,15 @@ def resolution(case: Case) -> Resolution:
     if foci(case):
         neurons = 700 if any(case.surface.domain.periodic) else 300 if flat else 400
         rule, fine = (_around_points(case, panels, cuts) for panels, cuts in ((6, 1), (10, 2)))
-        return Resolution(neurons, 3.0, 2.0, rule, fine)
+        return Resolution(neurons, SCALE, STRETCHED_SCALE, rule, fine)
     if flat:
         neurons = 240 if any(case.surface.domain.periodic) else 120  # a whole turn is twice as long as a side
         panels = 8 if any(case.surface.domain.periodic) else 5
-        return Resolution(neurons, 3.5, 2.0, _rule(case, panels, 6), _rule(case, panels + 1, 7))
-    return Resolution(240, 3.0, 2.0, _rule(case, 8, 6, 2.0), _rule(case, 11, 7, 2.0, 1))
+        return Resolution(neurons, FLAT_SCALE, STRETCHED_SCALE, _rule(case, panels, 6), _rule(case, panels + 1, 7))
+    return Resolution(240, SCALE, STRETCHED_SCALE, _rule(case, 8, 6, 2.0), _rule(case, 11, 7, 2.0, 1))
 
 
-WIDTHS = (0.5, 1.0, 2.0, 3.5, 3.5)  # of each rung, in units of the usual width
+WIDTHS = (0.5, 1.0, 2.0, 3.5)  # of each rung, in units of the usual width; the last also for very long strips
 LENGTHENED = (1.0, 1.0, 2.5, 5.0, math.inf)  # at most, of the scale along the longer side of a flat shell
 LENGTHWAYS, CROSSWAYS = 0.6, -0.25  # powers of the sides' ratio by which scales follow it
 
@@ -172,7 +175,7 @@ def rung_count(case: Case) -> int:
     Where forces act at points the first ones are wide already, and there is one less. The last one is for strips that
     are so long that the scales of the others do not follow their sides.
     """
-    usual = len(WIDTHS) - 1
+    usual = len(LENGTHENED) - 1
     if foci(case):
         return usual - 1
     return usual + (is_flat(case) and _slenderness(case) ** LENGTHWAYS > LENGTHENED[usual - 1])
@@ -197,7 +200,7 @@ def rung(case: Case, number: int) -> Resolution:
     neurons = usual.neurons * 3 // 4 if foci(case) else usual.neurons
     less = int(number == 0 or (number == 1 and not foci(case)))
     rule = replace(usual.rule, order=usual.rule.order - less)  # fewer features need fewer points
-    finer = replace(usual, neurons=round(WIDTHS[number] * neurons), rule=rule)
+    finer = replace(usual, neurons=round(WIDTHS[min(number, len(WIDTHS) - 1)] * neurons), rule=rule)
     longer = int(np.argmax(side_lengths(case)))
     factor = min(_slenderness(case) ** LENGTHWAYS, LENGTHENED[number])
     if factor == 1.0 or not is_flat(case):

@@ -20,7 +20,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.posed.rigid import free_motions, rigid_modes
 from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.choices import MULTIPLIERS, Slopes
-from shellbench.solvers.ndf.field.corners import CornerPowers
+from shellbench.solvers.ndf.field.corners import AT_A_POINT, CornerPowers
 from shellbench.solvers.ndf.field.creases import Creases
 from shellbench.solvers.ndf.field.hinges import Hinges
 from shellbench.solvers.ndf.field.inputs import Focus, Inputs, even_columns, independent_columns
@@ -39,11 +39,8 @@ from shellbench.solvers.ndf.field.jets import (
 )
 from shellbench.solvers.ndf.field.mirrors import Mirrors, samples
 from shellbench.solvers.ndf.field.network import Network
-from shellbench.solvers.ndf.field.quadrature import Rule
+from shellbench.solvers.ndf.field.quadrature import ROUNDING, Rule
 from shellbench.solvers.ndf.field.supports import edge_samples, edge_supports
-
-AT_THE_POINT = 1e-30  # r^2 / reach^2 below this is taken as this: r^2 log r^2 is zero there to double precision
-ODD = 1e-9  # slope at an edge, in units of the feature over the side's length, above which a feature is not even
 
 
 @dataclass(frozen=True)
@@ -99,7 +96,7 @@ class FixedFeatures:
             if support.free and slopes == "even":
                 jets = everything.jets(edge_samples(case, support.edge)[1:-1], Placement())
                 slope = jets[D1 + support.edge.axis].abs().amax(0) * case.surface.domain.size[support.edge.axis]
-                even &= slope <= ODD * jets[VALUE].abs().amax(0).clamp_min(1.0)
+                even &= slope <= ROUNDING * jets[VALUE].abs().amax(0).clamp_min(1.0)
         if mirrored:
             even &= even_columns(lambda p: everything.jets(p, Placement())[VALUE], case.surface.domain, mirrored)
         kept = tuple(torch.nonzero(even)[:, 0].tolist())
@@ -109,7 +106,7 @@ class FixedFeatures:
         """Return the features with their images' means in their place, of which those remain that are independent."""
         points, made = samples(mirrors.domain), replace(self, mirrors=mirrors)
         before, after = (each.jets(points, Placement())[VALUE] for each in (self, made))
-        usable = (after.norm(dim=0) > ODD * before.norm(dim=0)).tolist()
+        usable = (after.norm(dim=0) > ROUNDING * before.norm(dim=0)).tolist()
         others = independent_columns(after, [k in kept and usable[k] for k in range(len(usable))])
         return replace(made, kept=(0, *others))  # of which no constant is one
 
@@ -164,7 +161,7 @@ class FixedFeatures:
         chord = (x - constant(placement.tensor(focus.position).expand(x.shape[1:]), len(x))) / focus.reach
         first, second = (chord @ placement.tensor(focus.tangents).T).unbind(-1)
         square = dot(chord, chord)
-        v = square[VALUE].clamp_min(AT_THE_POINT)
+        v = square[VALUE].clamp_min(AT_A_POINT)
         log = torch.log(v)
         bubble = compose((v * log, log + 1, 1 / v), square)
         others = [first, second, square, product(first, second), product(first, first)]

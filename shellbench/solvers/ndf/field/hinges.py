@@ -23,6 +23,7 @@ from torch import Tensor
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.features import quick_lines
+from shellbench.solvers.ndf.field.geometry import LINE
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, chebyshev, compose, coordinates, product
 
 Mask = NDArray[np.bool_]
@@ -34,7 +35,6 @@ TOLD = 1e-6  # of the largest compliance that the polynomial of a panel may be o
 HALVINGS = 12  # of panels that no polynomial tells: they are left as they are
 MIDDLE, ENDS = 0.5, (0.0, 1.0)  # of a line: where its compliance is taken, and where it may be another
 SOFTER = 2.0  # times the compliance of most of the coordinate line: less is no hinge
-LINE = 65  # points of a coordinate line on which that is looked at
 
 
 @dataclass(frozen=True)

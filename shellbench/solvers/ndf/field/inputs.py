@@ -45,11 +45,11 @@ from shellbench.solvers.ndf.field.jets import (
     sine,
 )
 from shellbench.solvers.ndf.field.mirrors import Mirrors
+from shellbench.solvers.ndf.field.quadrature import ROUNDING
 from shellbench.solvers.ndf.field.supports import Sides, edge_supports, even_sides, point_supports
 
 EDGE_LAYER = 1.0  # the same along an edge; between .4 and 1 the certified energy of a hyperbolic paraboloid is flat
 WIDEST = 0.12  # l in units of the shell's size at most, and where it is flat
-CURVED = 1e-9  # a principal curvature times the size below this is flat: rounding of the shape operator
 
 WIDEST_STRETCH = 5.0  # of stiffness that varies quickly: waves are as fine there, however narrow it is
 
@@ -115,7 +115,7 @@ def strongest_curvature(case: Case, points: Array | None = None) -> float:
     b = np.stack([np.stack([b11, b12], axis=-1), np.stack([b12, b22], axis=-1)], axis=-2)
     principal = np.linalg.eigvals(np.linalg.solve(a @ np.swapaxes(a, -1, -2), b))
     strongest = float(np.abs(principal).max())
-    return strongest if strongest * surface_size(case) > CURVED else 0.0
+    return strongest if strongest * surface_size(case) > ROUNDING else 0.0
 
 
 def edge_layers(case: Case, flat: bool = False) -> tuple[float, float] | None:
@@ -141,7 +141,6 @@ def edge_layers(case: Case, flat: bool = False) -> tuple[float, float] | None:
 
 
 EVENNESS_SAMPLES = 24  # points a side of the grid on which functions are compared with their mirror images
-ODD = 1e-9  # of a function's own size: far above rounding, far below what is odd by design
 
 
 def even_columns(columns: Callable[[Array], Tensor], domain: Domain, axes: Sequence[int]) -> Tensor:
@@ -163,7 +162,7 @@ def even_columns(columns: Callable[[Array], Tensor], domain: Domain, axes: Seque
     for axis in axes:
         mirrored = np.array(points)
         mirrored[:, axis] = domain.lower[axis] + domain.upper[axis] - points[:, axis]  # the bounds are one line
-        even &= (here - columns(mirrored)).abs().amax(0) <= ODD * here.abs().amax(0)
+        even &= (here - columns(mirrored)).abs().amax(0) <= ROUNDING * here.abs().amax(0)
     return even
 
 
@@ -304,7 +303,7 @@ class Inputs:
         for k in self.squared:
             column, stretched = columns[k]
             z = column[VALUE]
-            columns[k] = compose((2 * z * z - 1, 4 * z, torch.full_like(z, 4.0)), column), stretched
+            columns[k] = compose((2 * z * z - 1, 4 * z, torch.full_like(z, 4)), column), stretched
         return columns
 
     def _unmirrored(self, points: Array, placement: Placement) -> list[tuple[Tensor, bool]]:

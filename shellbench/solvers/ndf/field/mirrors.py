@@ -27,10 +27,9 @@ from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.problems.shell.question.places import Edge
 from shellbench.problems.shell.question.surface import Domain
 from shellbench.solvers.ndf.field.jets import PLANES, VALUE, Array, Placement, compose, constant, coordinates, sine
-from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec, area_rule
+from shellbench.solvers.ndf.field.quadrature import ROUNDING, Rule, RuleSpec, area_rule
 
 SAMPLES = 11  # points a side at which functions are compared with their images
-SAME = 1e-9  # of the size of what is compared: far above rounding
 
 
 @dataclass(frozen=True)
@@ -115,7 +114,7 @@ class Mirrors:
         """
         points = samples(self.domain)
         here = values(points)
-        size = SAME * here.abs().amax(0)
+        size = ROUNDING * here.abs().amax(0)
         rows = []
         for mirror in self.each:
             there = values(self.domain.wrap(mirror.image(points)))

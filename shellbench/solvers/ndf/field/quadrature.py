@@ -16,11 +16,16 @@ from shellbench.problems.features import Array, cut_line
 from shellbench.problems.shell.question.places import Edge
 from shellbench.problems.shell.question.surface import Domain, Surface
 
+NOWHERE = np.zeros((0, 2))  # no point toward which a rule is graded
 CUT = 0.2  # of a panel at a focal point; for r^2 log r^2 the error per point is least between .15 and .25
 SOFTENED = 5  # power p of r = s**p at a corner: the least power of the distance there, mu = .1, becomes smooth
 FURTHER = 6  # more points along r than elsewhere, as what is smooth in r is of p times the degree in s
 BATCH = 1024  # points whose strain rows, or jets of features, are held in memory at once
-MERGE = 1e-9  # breakpoints closer than this share of a side are one
+ROUNDING = 1e-9
+"""Relative size below which a difference is rounding, here and in all of `ndf`.
+
+Sums of thousands of terms in double precision leave 1e-13 at most, and what differs by design differs by 1e-6 or more.
+"""
 
 
 @dataclass(frozen=True)
@@ -83,7 +88,7 @@ def panel_ends(lower: float, upper: float, focal: Sequence[float], spec: RuleSpe
     Both bounds are ends of a panel even where the coordinate is periodic: a seam must not lie inside a panel.
     """
     ends = _panel_ends(lower, upper, focal, spec, axis, periodic)
-    slack = MERGE * (upper - lower)
+    slack = ROUNDING * (upper - lower)
     joints = [at for at in spec.joints[axis] if np.abs(ends - at).min() > slack]
     return np.sort(np.concatenate([ends, joints])) if joints else ends
 
@@ -92,15 +97,15 @@ def _panel_ends(lower: float, upper: float, focal: Sequence[float], spec: RuleSp
     size = upper - lower
     if spec.layers[axis] and not periodic:
         return _layered_ends(lower, upper, spec.layers[axis], spec.panels[axis])
-    inner = sorted(f for f in focal if lower + MERGE * size < f < upper - MERGE * size)
+    inner = sorted(f for f in focal if lower + ROUNDING * size < f < upper - ROUNDING * size)
     kept: list[float] = []
     for value in inner:
-        if not kept or value - kept[-1] > MERGE * size:
+        if not kept or value - kept[-1] > ROUNDING * size:
             kept.append(value)
     marked = {*kept}
     for bound, other in ((lower, upper), (upper, lower)):
         near = [bound, other] if periodic else [bound]
-        if any(abs(f - b) <= MERGE * size for f in focal for b in near):
+        if any(abs(f - b) <= ROUNDING * size for f in focal for b in near):
             marked.add(bound)
     ends = [np.array([lower])]
     for left, right in pairwise([lower, *kept, upper]):
@@ -199,7 +204,7 @@ def _beside(ends: Array, at: float, periodic: bool) -> list[Side]:
     distance = np.abs(ends - at)
     if periodic:
         distance = np.minimum(distance, size - distance)
-    found = np.nonzero(distance <= MERGE * size)[0]  # nothing where the value is not a number
+    found = np.nonzero(distance <= ROUNDING * size)[0]  # nothing where the value is not a number
     panels = len(ends) - 1
     return [(int(k), False) for k in found if k < panels] + [(int(k) - 1, True) for k in found if k]
 
@@ -257,6 +262,6 @@ def edge_rule(domain: Domain, edge: Edge, focal: Array, spec: RuleSpec, more: Ar
     if more is not None:
         ends = cut_line(ends, more, periodic=False)
     start, stop = edge.bounds(domain)
-    inside = ends[(ends > start + MERGE * domain.size[axis]) & (ends < stop - MERGE * domain.size[axis])]
+    inside = ends[(ends > start + ROUNDING * domain.size[axis]) & (ends < stop - ROUNDING * domain.size[axis])]
     running, weights = line_rule(np.array([start, *inside, stop]), spec.order)
     return Rule(edge.points(domain, running), weights)

@@ -21,10 +21,9 @@ from shellbench.problems.shell.question.loads import AreaLoad, EdgeLoad, Gravity
 from shellbench.problems.shell.question.places import SIDES, Edge, Point
 from shellbench.solvers.ndf.field.choices import Slopes
 from shellbench.solvers.ndf.field.jets import Array
-from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec, edge_rule, ends_of, rule_on_parts
+from shellbench.solvers.ndf.field.quadrature import ROUNDING, Rule, RuleSpec, edge_rule, ends_of, rule_on_parts
 
 EDGE_SAMPLES = 33  # points of an edge at which its normal is looked at
-TANGENTIAL = 1e-9  # a component of a unit vector below this is zero
 
 
 @dataclass(frozen=True)
@@ -79,8 +78,8 @@ def edge_supports(case: Case) -> tuple[EdgeSupport, ...]:
                 edge,
                 components,
                 slope.get(edge),
-                tilted=edge in slope and bool(normals[:, list(components)].max(initial=0.0) > TANGENTIAL),
-                free=edge in slope and bool(normals[:, free].max(initial=0.0) > TANGENTIAL),
+                tilted=edge in slope and bool(normals[:, list(components)].max(initial=0.0) > ROUNDING),
+                free=edge in slope and bool(normals[:, free].max(initial=0.0) > ROUNDING),
             )
         )
     return tuple(supports)

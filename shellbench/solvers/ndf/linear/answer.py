@@ -12,7 +12,8 @@ from shellbench.problem import Step
 from shellbench.problems.shell.quantities.measure import measure
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.solvers.ndf.field.jets import Array
-from shellbench.solvers.ndf.linear.refinement import ROUNDING, Level, Miss, changes, tail
+from shellbench.solvers.ndf.field.quadrature import ROUNDING
+from shellbench.solvers.ndf.linear.refinement import Level, Miss, changes, tail
 from shellbench.solvers.ndf.linear.regularised import JITTER
 from shellbench.solvers.ndf.linear.signs import Signs
 from shellbench.solvers.ndf.linear.solution import NdfSolution

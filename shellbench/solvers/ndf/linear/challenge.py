@@ -18,7 +18,7 @@ from shellbench.problem import Step
 from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.solvers.ndf.field.build import graded_points, resolution
 from shellbench.solvers.ndf.field.field import Field
-from shellbench.solvers.ndf.field.quadrature import area_rule
+from shellbench.solvers.ndf.field.quadrature import NOWHERE, area_rule
 from shellbench.solvers.ndf.field.supports import point_supports
 from shellbench.solvers.ndf.linear.refinement import (
     TRAINED_SHARE,
@@ -92,7 +92,7 @@ def stated(solution: NdfSolution, seed: int, steps: Sequence[Step]) -> NdfSoluti
 
 def _rounding(solution: NdfSolution) -> float:
     case = solution.case
-    rule = area_rule(case.surface.domain, np.zeros((0, 2)), solution.rule)
+    rule = area_rule(case.surface.domain, NOWHERE, solution.rule)
     return rounding_energy(case.material.membrane_stiffness, surface_area(solution.field.ansatz, rule))
 
 

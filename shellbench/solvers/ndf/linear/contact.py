@@ -36,7 +36,7 @@ from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.geometry import side_lengths
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.network import random_features
-from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
+from shellbench.solvers.ndf.field.quadrature import ROUNDING, RuleSpec, area_rule
 from shellbench.solvers.ndf.linear.contact_forces import (
     ALONG,
     GUARD,
@@ -48,6 +48,7 @@ from shellbench.solvers.ndf.linear.contact_forces import (
     typical_compliance,
 )
 from shellbench.solvers.ndf.linear.refinement import (
+    SETTLED,
     Miss,
     changes,
     finer_rule,
@@ -74,7 +75,6 @@ FARTHEST_TURNED = 0.1  # the same at finite strain: fits that reach farther disa
 SETTLED_EDGE = 1e-3  # of a side: change of an edge of contact with which it is found
 ROUNDS = 5  # of looking for edges of contact
 PLANES = 8  # steps in which the planes that touch an obstacle are found
-STILL = 1e-9  # of the largest displacement: change after which these planes stay
 FINER = 1.4  # times the neurons, and times the points and panels by its root: the answer after the first
 ALONG_SLENDER = (1.5, 0.3)  # of the scale along and across a slender shell, which bends along its length
 SETTLED_POINT = 1e-2  # of where contact begins
@@ -117,7 +117,7 @@ def solve(
     settings: RitzSettings,
     progress: ProgressCallback,
     answer: Answer | None = None,
-    settled: float = 1e-3,
+    settled: float = SETTLED,
 ) -> NdfSolution | PathSolution:
     """Answer twice, on two resolutions with other features; the second is the answer, and their change what it misses.
 
@@ -263,7 +263,7 @@ def _settled(
         largest = float(np.abs(moved(free.weights + response @ placement.tensor(forces))).max())
         smooth = smoothest(compliance, offset, forces, unit, line, largest)
         last, u = u, moved(free.weights + response @ placement.tensor(smooth))
-        if np.abs(u - last).max() <= STILL * np.abs(u).max():
+        if np.abs(u - last).max() <= ROUNDING * np.abs(u).max():
             break
     layer = held.layer(rows.T @ placement.tensor(smooth))
     return layer, replace(touch, forces=smooth[:, None] * normal)
@@ -318,7 +318,7 @@ def _root_of_gap(along: Array, gap: Array, farthest: float = FARTHEST) -> float 
         return None
     x, g = x[fitted], g[fitted]
     roots = np.polynomial.Polynomial.fit(x, np.cbrt(g), DEGREE).roots()
-    roots = roots[np.abs(roots.imag) <= 1e-9 * np.ptp(x)].real
+    roots = roots[np.abs(roots.imag) <= ROUNDING * np.ptp(x)].real
     roots = roots[(roots - x[-1]) * (x[-1] - x[0]) >= 0]
     return float(roots[np.argmin(np.abs(roots - x[-1]))]) if len(roots) else None
 

@@ -19,6 +19,7 @@ from shellbench.problems.shell.question.contact import Touch
 from shellbench.solvers.ndf.field.choices import Crease
 from shellbench.solvers.ndf.field.geometry import side_lengths
 from shellbench.solvers.ndf.field.jets import Array
+from shellbench.solvers.ndf.field.quadrature import ROUNDING
 
 Flags = NDArray[np.bool_]
 
@@ -132,5 +133,5 @@ def on_creases(case: Case, touch: Touch, creases: tuple[Crease, ...]) -> Flags:
     """Return which points (n,) are on an edge of contact."""
     line = np.zeros(len(touch.points), dtype=bool)
     for axis, at, _ in creases:
-        line |= np.abs(touch.points[:, axis] - at) <= 1e-9 * case.surface.domain.size[axis]
+        line |= np.abs(touch.points[:, axis] - at) <= ROUNDING * case.surface.domain.size[axis]
     return line

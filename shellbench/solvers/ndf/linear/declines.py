@@ -21,12 +21,12 @@ from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Placement, from_derivatives
 from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.field.paths import is_path, why_not_followed
-from shellbench.solvers.ndf.field.supports import TANGENTIAL, EdgeSupport, edge_samples, edge_supports
+from shellbench.solvers.ndf.field.quadrature import ROUNDING
+from shellbench.solvers.ndf.field.supports import EdgeSupport, edge_samples, edge_supports
 from shellbench.solvers.ndf.strains.reaction import Virtual
 from shellbench.solvers.ndf.strains.soft import why_not_soft
 
 PROBE_WIDTH = 4  # features of the random field that probes the factors
-VIOLATED = 1e-9  # of the probe's own size: far above rounding, far below any real violation
 
 
 def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
@@ -43,10 +43,10 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
     probe = _probe(case, spec or FieldSpec())
     for support in edge_supports(case):
         value, slope = violations(probe, support)
-        if not value < VIOLATED:
+        if not value < ROUNDING:
             return f"its boundary factors can't move '{support.edge.name}' as prescribed where it meets other supports"
         by_rows = support.free and spec is not None and spec.slopes == "rows"
-        if not by_rows and not slope < VIOLATED:
+        if not by_rows and not slope < ROUNDING:
             return f"its boundary factors can't hold the slope on '{support.edge.name}' of this surface"
         if support.free and not by_rows and _slides(case, support):
             return f"it holds the slope on '{support.edge.name}', which slides, by features that take no shear there"
@@ -111,7 +111,7 @@ def _slides(case: Case, support: EdgeSupport) -> bool:
     x = from_derivatives(case.surface.derivatives(edge_samples(case, support.edge), 2), Placement())
     _, conormal = _across(x, support.edge.axis)
     free = [c for c in range(3) if c not in support.held]
-    return bool((conormal[:, free].norm(dim=-1) > TANGENTIAL * conormal.norm(dim=-1)).any())
+    return bool((conormal[:, free].norm(dim=-1) > ROUNDING * conormal.norm(dim=-1)).any())
 
 
 def _across(x: Tensor, axis: int) -> tuple[Tensor, Tensor]:

@@ -28,7 +28,7 @@ from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.choices import StrainName
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import PLANES, VALUE, Array, Placement, matrix_product
-from shellbench.solvers.ndf.field.quadrature import Rule, line_rule
+from shellbench.solvers.ndf.field.quadrature import ROUNDING, Rule, line_rule
 from shellbench.solvers.ndf.field.supports import edge_supports
 from shellbench.solvers.ndf.linear.regularised import JITTER, RegularisedInverse
 from shellbench.solvers.ndf.strains.energy import add_gram, mirrored, strain_matrix, tables, value_vector
@@ -40,7 +40,6 @@ DEGREES = (8, 10)  # of Q along each side
 MORE = 2  # degrees of P
 ORDER = 16  # Gauss points along a side of the patch, beside one a degree
 AGREED = 1e-4  # difference of two degrees, by the largest component at a point, at which no smaller patch is tried
-SLACK = 1e-9  # of a side: places that are nearer are the same
 
 
 @dataclass(frozen=True)
@@ -194,7 +193,7 @@ class Recovery:
             begin = round(((point[axis] - domain.lower[axis]) / domain.size[axis] - share / 2) / step) * step
             if not domain.periodic[axis]:
                 begin = min(max(begin, 0.0), most)
-            inside = (begin > SLACK, begin < most - SLACK)
+            inside = (begin > ROUNDING, begin < most - ROUNDING)
             inner |= {(axis, s) for s, at in zip(SIDES, inside, strict=True) if at or domain.periodic[axis]}
             ends.append([domain.lower[axis] + domain.size[axis] * at for at in (begin, begin + share)])
         (a, b), (c, d) = ends

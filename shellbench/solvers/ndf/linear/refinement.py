@@ -25,7 +25,7 @@ from shellbench.problems.shell.quantities.quantities import (
     PotentialEnergy,
 )
 from shellbench.problems.shell.solution import ShellSolution
-from shellbench.solvers.ndf.field.build import Resolution, build_features, build_inputs, is_flat
+from shellbench.solvers.ndf.field.build import WIDTHS, Resolution, build_features, build_inputs, is_flat
 from shellbench.solvers.ndf.field.choices import MULTIPLIERS, FieldSpec
 from shellbench.solvers.ndf.field.corners import held_corners
 from shellbench.solvers.ndf.field.field import Features, Field
@@ -33,17 +33,16 @@ from shellbench.solvers.ndf.field.geometry import side_lengths
 from shellbench.solvers.ndf.field.inputs import Inputs, edge_layers, foci
 from shellbench.solvers.ndf.field.jets import Array, Placement
 from shellbench.solvers.ndf.field.network import Network, random_features
-from shellbench.solvers.ndf.field.quadrature import RuleSpec
+from shellbench.solvers.ndf.field.quadrature import ROUNDING, RuleSpec
 
 SAFETY = 2.0  # of stated uncertainties, chosen before any error was seen
 SETTLED = 1e-3  # of a quantity's scale: what gates of fields ask for
 NEGLIGIBLE = 1e-3  # part of the largest displacement below which a value's relative error is idle
-WIDTHS = (1.0, 2.0, 3.5)  # of each level, in units of the usual width
+LEVEL_WIDTHS = WIDTHS[1:]  # of each level, in units of the usual width
 CHALLENGERS = 0.25  # in units of the neurons they challenge
 SLENDER = 3.0  # ratio of the sides of a flat shell from which on its ends have layers of their own
 CORNER_CUTS = 2  # of cells at corners; the certificate has one more
 EDGE_SCALE = 2.0  # of inputs stretched toward edges
-ROUNDING = 1e-9  # of a quantity's scale: answers repeat to this and better
 SLOWEST = 0.8  # ratio of energy gained in one level to the level before beyond which no tail is summed
 PROBES = 25  # points a side at which fields are compared, and the largest displacement is looked for
 REPEATED = 1.5  # times the panels a side: with 6 Gauss points in each, a hundredth of what the rule misjudges
@@ -147,13 +146,13 @@ def first_level(case: Case, usual: Resolution, given_width: bool = False, given_
 def next_level(first: Level, before: Level, winner: str, most: int) -> Level | None:
     """Return the level after one whose challengers of a kind have gained most; None if nothing wider is allowed."""
     number = before.number + 1
-    if number >= len(WIDTHS):
+    if number >= len(LEVEL_WIDTHS):
         return None
-    neurons = min(round(WIDTHS[number] * first.resolution.neurons), most)
+    neurons = min(round(LEVEL_WIDTHS[number] * first.resolution.neurons), most)
     if neurons <= before.resolution.neurons:
         return None
     plain, stretched = GROWTH[winner]
-    old, growth = before.resolution, WIDTHS[number] ** 0.4
+    old, growth = before.resolution, LEVEL_WIDTHS[number] ** 0.4
     resolution = replace(
         old,
         neurons=neurons,

@@ -20,10 +20,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from shellbench.solvers.ndf.field.quadrature import ROUNDING
+
 REFINEMENTS = 3  # they leave 1e-4 of a combination ten times as stiff as the level, where none would leave 9 %
-
-
-INDEFINITE = 1e-9  # negative eigenvalue, by the largest, that no rounding explains: it leaves 1e-13
 
 
 class IndefiniteError(ArithmeticError):
@@ -76,7 +75,7 @@ class RegularisedInverse:
             return cls(level, scale, factor, triangular=True)
         # The level is in `scaled` already: an eigenvalue below it was negative in A, and is called zero.
         values, vectors = torch.linalg.eigh(scaled)
-        if not float(values[0]) >= -INDEFINITE * float(values[-1]):
+        if not float(values[0]) >= -ROUNDING * float(values[-1]):
             raise IndefiniteError
         return cls(level, scale, vectors / values.clamp_min(level).sqrt(), triangular=False)
 

@@ -22,7 +22,7 @@ from shellbench.solvers.ndf.field.build import build_ansatz, build_features, bui
 from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import KINKED, Placement
-from shellbench.solvers.ndf.field.quadrature import area_rule
+from shellbench.solvers.ndf.field.quadrature import NOWHERE, area_rule
 from shellbench.solvers.ndf.field.supports import check_balance, point_supports
 from shellbench.solvers.ndf.linear.answer import STRONGER, Answer, Kept, Solved, displacement_values
 from shellbench.solvers.ndf.linear.patches import Balances
@@ -156,7 +156,7 @@ def _stated(last: Answer, solved: Solved, steps: tuple[Step, ...], missed: Miss)
     # Stress resultants are derivatives, and the last to settle: they ask for wider fields. But a field whose
     # displacements have settled is an answer, and each resultant states how sure it is.
     solution = last.solution
-    area = surface_area(solution.field.ansatz, area_rule(solution.case.surface.domain, np.zeros((0, 2)), solution.rule))
+    area = surface_area(solution.field.ansatz, area_rule(solution.case.surface.domain, NOWHERE, solution.rule))
     rounding = rounding_energy(solution.case.material.membrane_stiffness, area)
     scales = {q.name: scale(solution, q, last.values[q.name], rounding) for q in solution.case.quantities}
     missed = missed.or_larger(_unrecovered(solution))

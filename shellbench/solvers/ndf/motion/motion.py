@@ -46,19 +46,19 @@ from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Features
 from shellbench.solvers.ndf.field.geometry import side_lengths
 from shellbench.solvers.ndf.field.jets import COMPONENTS, Array
-from shellbench.solvers.ndf.field.quadrature import area_rule
+from shellbench.solvers.ndf.field.quadrature import NOWHERE, area_rule
 from shellbench.solvers.ndf.motion.integration import Stepping, StuckError, Track, integrate, widened
 from shellbench.solvers.ndf.motion.motion_parts import Energies
 from shellbench.solvers.ndf.motion.motion_problem import Motion
 from shellbench.solvers.ndf.motion.motion_solution import Course, MotionSolution
 from shellbench.solvers.ndf.motion.products import Products
 from shellbench.solvers.ndf.strains.energy import exploits
-from shellbench.solvers.ndf.strains.smooth import NOWHERE, ORDER, POINTS, finer, rule_of, smooth, widest
+from shellbench.solvers.ndf.strains.smooth import ORDER, POINTS, finer, rule_of, smooth, widest
 
 DEGREES = (10, 13, 17, 22)  # along the longest side, of each rung: each costs some four times the one before
 SETTLED = 2e-4  # change of the motion between rungs, over the longest side, below which the finer one is kept
 MORE_POINTS = 1.5  # a degree, once a field has exploited its quadrature
-MOST_POINTS = 4.5
+MOST_POINTS = POINTS * MORE_POINTS**2  # twice more, then it gives up
 PARTS = 1000  # in which progress is told
 PROBE = 21  # points a side at which motions are compared
 MORE = 8  # Gauss points a side: few are not enough for waves of a low degree

@@ -27,13 +27,12 @@ from shellbench.solvers.ndf.field.build import build_ansatz
 from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.combinations import Combined
 from shellbench.solvers.ndf.field.jets import COMPONENTS, VALUE, Array
-from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
+from shellbench.solvers.ndf.field.quadrature import NOWHERE, RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density, point_supports
 from shellbench.solvers.ndf.motion.motion_parts import Energies, Lifted, Reflected, Table
 from shellbench.solvers.ndf.motion.products import Grid, Products
 from shellbench.solvers.ndf.path.basis import Basis
 from shellbench.solvers.ndf.strains.sampled import Sampled
-from shellbench.solvers.ndf.strains.smooth import NOWHERE
 from shellbench.solvers.ndf.strains.strain_measures import GRADIENTS, stresses
 
 STENCIL = 7  # values in time from which rates of prescribed motions follow

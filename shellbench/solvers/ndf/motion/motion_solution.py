@@ -28,7 +28,7 @@ from shellbench.solvers.ndf.field.combinations import Combined
 from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.jets import VALUE, Array
 from shellbench.solvers.ndf.field.network import Network
-from shellbench.solvers.ndf.field.quadrature import RuleSpec
+from shellbench.solvers.ndf.field.quadrature import NOWHERE, RuleSpec
 from shellbench.solvers.ndf.field.supports import point_supports
 from shellbench.solvers.ndf.field.weights import (
     Header,
@@ -192,7 +192,7 @@ class MotionSolution(FieldSolution):
             return -self.case.material.areal_density * self._rate(points, t, 2) - springs
 
         with torch.no_grad():
-            return state.pushed(number, centre, np.zeros((0, 2)), lag)
+            return state.pushed(number, centre, NOWHERE, lag)
 
     def _point_forces(self, t: float) -> Array:
         """Return the forces (k,) of the point supports, N."""

@@ -27,6 +27,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from shellbench.solvers.ndf.field.quadrature import ROUNDING
 from shellbench.solvers.ndf.path.basis import Deformed
 from shellbench.solvers.ndf.path.continuation import FIRST_STEP
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
@@ -51,11 +52,12 @@ about its own share. Waves that may travel around a shell have a zero one, of wh
 either sign."""
 IMMATERIAL = 1e-4  # of the energy: what its own small slopes along neutral modes could at most promise a field
 FIRST_RADIUS = 0.1  # of the norm of the energy there is
-TRUSTED, DOUBTED = 0.75, 0.25  # shares of the foretold gain beyond which the radius grows, or shrinks
+DOUBTED = 0.25
+TRUSTED = 1 - DOUBTED  # shares of the foretold gain beyond which the radius grows, or shrinks
 WIDER, NARROWER = 2.0, 0.25
-NARROWEST = 1e-9  # of the norm of the energy: what is left to gain is rounding
 MOST_STEPS = 400
-SECULAR = 100  # bisections of the shift
+SECULAR = 100  # bisections of the shift, at most
+BISECTED = 1e-12  # relative width of the interval at which bisection ends: some thousand units of rounding
 
 
 def relaxed(problem: PathProblem, start: PathState, t: float) -> PathState:
@@ -111,7 +113,7 @@ def relaxed(problem: PathProblem, start: PathState, t: float) -> PathState:
             radius *= WIDER
         if gain > 0:
             weights, deformed, model = weights + change, tried, None
-        elif radius < NARROWEST * size:
+        elif radius < ROUNDING * size:
             break
     raise NotConvergedError
 
@@ -134,7 +136,7 @@ def trust_region_step(values: Tensor, gradient: Tensor, radius: float) -> Tensor
     low = max(0.0, -lowest)
     high = low + float(gradient.norm()) / radius  # there the step is no longer than the radius
     floor = max(abs(lowest), float(values[-1]) * torch.finfo(values.dtype).eps)
-    near = low + 1e-12 * floor
+    near = low + BISECTED * floor
     hard = -gradient / (values + near)
     if float(hard.norm()) < radius:  # the gradient hardly leaves the saddle: the lowest direction fills the ball
         sign = -1.0 if float(gradient[0]) > 0 else 1.0
@@ -148,7 +150,7 @@ def trust_region_step(values: Tensor, gradient: Tensor, radius: float) -> Tensor
             low = middle
         else:
             high = middle
-        if high - low <= 1e-12 * high:
+        if high - low <= BISECTED * high:
             break
     # From the upper end, so that the step is never longer than the radius.
     return -gradient / (values + high)
@@ -159,7 +161,7 @@ def _size(deformed: Deformed) -> float:
     return math.sqrt(2 * deformed.magnitude)
 
 
-LOCATED = 1e-4  # of the critical load factor: how well it is found
+LOCATED = NEUTRAL  # of the critical load factor: how well it is found, for an eigenvalue moves it by its own share
 LEFT = 1e-2  # of the critical load factor: so far beyond it the shell is let go, before other modes can buckle too
 OVERSHOT = 5e-2  # of the load factor where the smallest eigenvalue should vanish: no step goes farther beyond it
 SHORT = 1 / 64  # of the path: a step this short that does not converge is one to another branch

@@ -48,7 +48,7 @@ from shellbench.solvers.ndf.strains.sampled import elastic_form
 Integers = NDArray[np.int64]
 
 SETTLED = 1e-4  # relative uncertainty of a mode's value from which on an answer has not settled
-WANTED = 1e-5  # the same below which one level is enough: corners may give more than their challengers show
+WANTED = SETTLED / 10  # the same below which one level is enough: corners may give more than their challengers show
 SHAPES = 25  # points a side at which a shape's largest displacement is looked for
 FAR = 1e-6  # reciprocal of a load factor, relative to the largest, below which errors of the stresses make it
 FINER = "finer"  # kind of features of the next level: what a mode lacks are waves that are shorter

@@ -55,7 +55,7 @@ from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.newton import PathState
 
 SETTLED = 2e-2  # of a scale: energies err twice as much as displacements, and these are asked for 1e-2 at most
-GROWTH = 1.5**0.5  # of points a side: a path's features and its challengers are half as many more
+GROWTH = (1 + TRAINED_SHARE) ** 0.5  # of panels a side: as many points a feature as without challengers
 PART = 0.25  # of what is gained, by which even a small part of the energy errs: on 48 drawn shells at most .24
 SAME = 1e-9  # relative distance of a state from its mark
 PRESCRIBED = 1e-12  # of a quantity's scale, where nothing is solved for and all is rounding

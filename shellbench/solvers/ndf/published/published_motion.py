@@ -50,7 +50,7 @@ from shellbench.problems.shell.quantities.quantities import (
 )
 from shellbench.solvers.ndf.field.choices import StrainName
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
-from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
+from shellbench.solvers.ndf.field.quadrature import NOWHERE, RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import force_density
 from shellbench.solvers.ndf.published.checkpoint import Checkpoint
 from shellbench.solvers.ndf.published.published_contact import collision
@@ -336,7 +336,7 @@ class MotionTraining:
 
     def _fine(self, placement: Placement) -> Iterator[SpaceTime]:
         ansatz, strain = self.sampler.ansatz, self.sampler.strain
-        rule = area_rule(ansatz.case.surface.domain, np.zeros((0, 2)), FINE)
+        rule = area_rule(ansatz.case.surface.domain, NOWHERE, FINE)
         x, w = np.polynomial.legendre.leggauss(FINE_TIMES)
         times: Array = ansatz.until * (x + 1) / 2
         for first in range(0, FINE_TIMES, BATCH_TIMES):

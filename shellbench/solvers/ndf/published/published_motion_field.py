@@ -44,11 +44,11 @@ from shellbench.solvers.ndf.field.jets import (
     from_derivatives,
     product,
 )
+from shellbench.solvers.ndf.field.quadrature import ROUNDING
 from shellbench.solvers.ndf.published.published_network import InputScale, Siren, soft_bump
 
 STEP = 1e-3  # of the final time, between the times by which a motion's velocity is found
 STENCILS = {0: (-25, 48, -36, 16, -3), -2: (1, -8, 0, 8, -1), -4: (3, -16, 36, -48, 25)}  # over 12: fourth order
-OVERLAP = 1e-9  # share of a motion that may reach another support
 ALONG = 9  # points of an edge at which that is looked at
 
 
@@ -97,7 +97,7 @@ class SoftSupports:
             for other, far in others:
                 shared = set(support.held) & set(other.held)
                 reach = self._bump(far, self._along(place), Placement())[0].max()
-                if shared and float(reach) > OVERLAP:
+                if shared and float(reach) > ROUNDING:
                     return f"the published motion of support '{other.name}' reaches support '{support.name}' too"
         return None
 

@@ -19,8 +19,8 @@ from shellbench.problems.shell.question.contact import Touch
 from shellbench.problems.shell.solution import time_reached
 from shellbench.protocol.schema import Positive
 from shellbench.solvers.ndf.field.choices import SavedPeriodicInput, StrainName
-from shellbench.solvers.ndf.field.jets import Array
-from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
+from shellbench.solvers.ndf.field.jets import COMPONENTS, Array
+from shellbench.solvers.ndf.field.quadrature import NOWHERE, RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import force_density
 from shellbench.solvers.ndf.field.weights import (
     CaseHeader,
@@ -38,7 +38,6 @@ from shellbench.solvers.ndf.published.published_motion_field import MotionField
 from shellbench.solvers.ndf.published.published_network import Siren
 
 HEADER = "shellbench-motion"
-COMPONENTS = 3
 
 
 class MotionHeader(CaseHeader):
@@ -228,5 +227,5 @@ class TrainedMotion(FieldSolution):
 
     def _rule(self) -> tuple[Array, Array]:
         """Return points (N, 2) and weights (N,), m^2, that integrate over the midsurface."""
-        rule = area_rule(self.case.surface.domain, np.zeros((0, 2)), FINE)
+        rule = area_rule(self.case.surface.domain, NOWHERE, FINE)
         return rule.points, rule.areas(self.case.surface)

@@ -103,7 +103,7 @@ class Plan:
 
     def kept_of_average(self, iteration: int) -> float:
         """Return what an iteration keeps of the running average: less at first, so that the start is forgotten."""
-        return min(self.averaging, iteration / (iteration + 9.0))
+        return min(self.averaging, iteration / (iteration + 9))
 
     def certifies(self, before: int, iteration: int) -> bool:
         """Whether an energy is due at an iteration that is recorded, the one before being `before`."""

@@ -17,7 +17,7 @@ from shellbench.solvers.ndf.field.geometry import side_lengths
 from shellbench.solvers.ndf.field.inputs import Inputs
 from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Array, Placement
 from shellbench.solvers.ndf.field.network import Network
-from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec, area_rule
+from shellbench.solvers.ndf.field.quadrature import NOWHERE, Rule, RuleSpec, area_rule
 from shellbench.solvers.ndf.strains.strain_measures import Undeformed
 
 REACH = 2.5  # standard deviations of the weights within which waves of the highest degree are drawn
@@ -25,13 +25,12 @@ SURPLUS = 1.5  # random features, in products of degrees: with both, nine in ten
 POINTS = 2.0  # Gauss points a degree, at first: strain energy is of the fourth degree in the field
 ORDER = 6  # Gauss points a panel
 LONG_ORDER = 22  # the same for placed features: a few long panels crowd points at edges, where such fields vary most
-LONG_SHARE = 0.75  # of the usual points: exact for third powers of the field; strain energy has fourth ones
+LONG_SHARE = 3 / 4  # of the usual points: exact for third powers of the field; strain energy has fourth ones
 PERIOD = 1.5  # of placed waves, in sides: longer ones depend more on each other, shorter ones fit edges worse
 OVER = 1.5  # their highest frequency, over that of a polynomial of the degree in the middle of a side
 FINER = 1.25  # panels of the certificate
 SPRING = 1e-6  # relative error of the springs' whole stiffness that is nothing to the motion
 MOST_PANELS = 64  # of a side, for springs
-NOWHERE = np.zeros((0, 2))
 
 
 def degrees(case: Case, degree: int) -> tuple[float, float]:
@@ -116,7 +115,7 @@ def smooth(ansatz: Ansatz, features: FeatureSet, rule: Rule, degree: int) -> Com
     operator = combine.new_zeros((combine.shape[1],) * 2)
     for axis, plane in enumerate((D1, D2)):
         t = placement.tensor((rule.points[:, axis] - domain.lower[axis]) / domain.size[axis])
-        weight = torch.full_like(t, 0.25) if domain.periodic[axis] else t * (1 - t)
+        weight = torch.full_like(t, 1 / 4) if domain.periodic[axis] else t * (1 - t)
         stretch = domain.size[axis] ** 2 * max(lengths) / lengths[axis]
         operator += _gram(jets[plane] @ combine, stretch * weight * weights)
     values, vectors = torch.linalg.eigh(operator)

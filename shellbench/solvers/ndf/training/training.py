@@ -34,14 +34,15 @@ from shellbench.solvers.ndf.training.training_problem import COARSE_ORDER, Quadr
 CERTIFICATE = 3.0  # points of the final rule, as a multiple of the training points
 SINGULAR_SCALES = (2.0, 2.0), (2.0, 3.0), (1.0, 4.0)  # about point forces: each start has one of them
 WIDEST = 500  # last hidden layer, about point forces on curved shells
-MIXED_SCALES = (1.0, 4.0), (2.0, 2.0)  # on curved shells: the features of one start have both
+MIXED_SCALES = SINGULAR_SCALES[2], SINGULAR_SCALES[0]  # on curved shells: the features of one start have both
 MIRRORED_SCALES = (1.0, 3.0), (0.7, 4.0)  # the same where a field has to vary over one of several parts only
 MANY_WEIGHTS, STEEPEST = 3200, 900  # hidden weights beyond which a step moves only the steepest ones, and how many
 COARSE_ROWS = 2.0  # strain rows of the Gauss-Newton matrix a column; 3 gains nothing more
 AGREEMENT = 0.2  # admissible difference of the gains on the two point sets, as a share of the smaller
 REFINE, MOST_REFINED = 1.4, 3.0  # more training points where they are exploited, and how many more at most
 HARDEN, EASE, EASE_MORE = 4.0, 3.0, 10.0  # factors of the damping after a refusal, a fair step and a good one
-FAIR, GOOD = 0.3, 0.7  # of the predicted decrease
+FAIR = 0.3
+GOOD = 1 - FAIR  # of the predicted decrease
 DRAWS = 3  # of directions among which no step was certified, one after the other, before training ends
 
 
@@ -268,4 +269,4 @@ def default_plan_widths(
         return (100, 200), SINGULAR_SCALES
     if singular:
         return (round(WIDEST / math.sqrt(parts)),), MIXED_SCALES if parts == 1 else MIRRORED_SCALES
-    return (40, 80, 160, 320), ((2.0, 0.0), (3.0, 0.0), (4.0, 0.0), (5.0, 0.0))
+    return (40, 80, 160, 320), tuple((float(scale), 0.0) for scale in range(2, 6))
