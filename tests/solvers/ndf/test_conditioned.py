@@ -15,7 +15,13 @@ from shellbench.solvers.ndf.conditioned_published_solver import (
     ConditionedPublishedSettings,
     ConditionedPublishedSolver,
 )
-from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs, graded_points, resolution
+from shellbench.solvers.ndf.field.build import (
+    build_ansatz,
+    build_features,
+    build_inputs,
+    graded_points,
+    usual_resolution,
+)
 from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.network import random_features
@@ -35,7 +41,7 @@ def field():
 
 def parts_of(shell):
     inputs = build_inputs(shell, SPEC)
-    network = random_features(torch.as_tensor(resolution(shell).scales(inputs)), 9, 1)
+    network = random_features(torch.as_tensor(usual_resolution(shell).scales(inputs)), 9, 1)
     return build_ansatz(shell, SPEC), build_features(shell, SPEC, network, Placement(), inputs)
 
 

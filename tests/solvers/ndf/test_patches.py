@@ -58,7 +58,7 @@ def test_at_a_wall_resultants_are_its_reactions(name, wanted, tolerance):
 
 @torch.no_grad()
 def test_a_point_asked_alone_has_the_value_it_has_beside_others(monkeypatch):
-    monkeypatch.setattr(patches, "DEGREES", (4, 6))  # quicker, and less alike
+    monkeypatch.setattr(patches, "PATCH_DEGREES", (4, 6))  # quicker, and less alike
     case, turning = shell(**BENT), LENGTH * (1 / 2 - 1 / 12**0.5)  # where the moment changes sign
     field, points = layered(case), np.array([[0.0, 0.1], [turning, 0.1]])
     together = Recovery(field, "linear", at_rest=True)

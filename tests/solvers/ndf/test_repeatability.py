@@ -21,7 +21,7 @@ from shellbench.solvers.ndf.linear.regularised import JITTER, REFINEMENTS, Indef
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from shellbench.solvers.ndf.training import trainer
-from shellbench.solvers.ndf.training.gauss_newton import JITTER as GAUSS_NEWTON
+from shellbench.solvers.ndf.training.gauss_newton import GRAM_JITTER
 
 ROUNDING = 1e-15  # relative: what another order of the same operations changes
 REPEATS = 1e-7  # of the values, as the obstacle course asks
@@ -86,7 +86,7 @@ def test_where_cholesky_fails_the_level_stays() -> None:
         RegularisedInverse.from_matrix(matrix * float("nan"), level)
 
 
-@pytest.mark.parametrize("level", [JITTER, GAUSS_NEWTON])
+@pytest.mark.parametrize("level", [JITTER, GRAM_JITTER])
 @pytest.mark.parametrize("seed", range(3))
 def test_the_least_energy_does_not_depend_on_rounding(seed: int, level: float) -> None:
     """Perturb the features by rounding: the energy that their best combination reaches stays."""

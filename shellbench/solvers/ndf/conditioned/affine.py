@@ -18,7 +18,7 @@ from shellbench.problems.shell.posed.rigid import free_motions
 from shellbench.problems.shell.quantities.measure import unit
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.problems.shell.question.places import Point
-from shellbench.solvers.ndf.conditioned.reduced import PARTS, stiffnesses
+from shellbench.solvers.ndf.conditioned.reduced import ENERGY_PARTS, stiffnesses
 from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.field import Features
 from shellbench.solvers.ndf.field.geometry import apply_rows, elasticity_tensor, geometry, strain_rows, through_matrix
@@ -51,7 +51,7 @@ class Equations:
     def from_rule(cls, ansatz: Ansatz, features: Features, rule: Rule, spec: RuleSpec, focal: Array) -> Equations:
         """Integrate on a rule; `focal` (k, 2) are points toward which it is graded."""
         unknowns, like = 3 * features.count, features.network.weights[0]
-        parts, load = like.new_zeros((PARTS, unknowns, unknowns)), like.new_zeros(unknowns)
+        parts, load = like.new_zeros((ENERGY_PARTS, unknowns, unknowns)), like.new_zeros(unknowns)
         anchor = like.new_zeros((free_motions(ansatz.case).shape[1], unknowns))
         for points, table, split in _split_tables(ansatz, rule, features.placement):
             jets = features.jets(points)
@@ -112,7 +112,7 @@ def of_fields_on(
     """
     n = len(layers)
     stacked = layers.view(n * 3, -1)
-    parts, load = layers.new_zeros((PARTS, n, n)), layers.new_zeros(n)
+    parts, load = layers.new_zeros((ENERGY_PARTS, n, n)), layers.new_zeros(n)
     for points, table, split in _split_tables(ansatz, rule, features.placement):
         jets = (features.jets(points) @ stacked.T).view(6, len(points), n, 3)
         for part, rows in zip(parts, split, strict=True):

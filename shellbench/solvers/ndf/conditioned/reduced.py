@@ -25,7 +25,7 @@ from shellbench.problems.conditioned.quantities import Parameter
 from shellbench.solvers.ndf.field.combinations import DEPENDENT
 
 Array = NDArray[np.float64]
-PARTS = 4  # trace and rest of the membrane's energy, then of the bending's
+ENERGY_PARTS = 4  # trace and rest of the membrane's energy, then of the bending's
 
 
 def stiffnesses(material: Material) -> Array:

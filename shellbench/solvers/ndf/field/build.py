@@ -150,7 +150,7 @@ def is_flat(case: Case) -> bool:
     return not strongest_curvature(case)
 
 
-def resolution(case: Case) -> Resolution:
+def usual_resolution(case: Case) -> Resolution:
     """Return the resolution that a case asks for."""
     flat = is_flat(case)
     if foci(case):
@@ -164,13 +164,14 @@ def resolution(case: Case) -> Resolution:
     return Resolution(240, SCALE, STRETCHED_SCALE, _rule(case, 8, 6, 2.0), _rule(case, 11, 7, 2.0, 1))
 
 
-WIDTHS = (0.5, 1.0, 2.0, 3.5)  # of each rung, in units of the usual width; the last also for very long strips
+# Widths of the levels of a path, in units of the usual width. The last one is also that of very long strips.
+WIDTHS = (0.5, 1.0, 2.0, 3.5)
 LENGTHENED = (1.0, 1.0, 2.5, 5.0, math.inf)  # at most, of the scale along the longer side of a flat shell
 LENGTHWAYS, CROSSWAYS = 0.6, -0.25  # powers of the sides' ratio by which scales follow it
 
 
-def rung_count(case: Case) -> int:
-    """Return the number of rungs.
+def path_level_count(case: Case) -> int:
+    """Return the number of levels of a path.
 
     Where forces act at points the first ones are wide already, and there is one less. The last one is for strips that
     are so long that the scales of the others do not follow their sides.
@@ -181,8 +182,8 @@ def rung_count(case: Case) -> int:
     return usual + (is_flat(case) and _slenderness(case) ** LENGTHWAYS > LENGTHENED[usual - 1])
 
 
-def first_rung(case: Case) -> int:
-    """Return the first rung that is of use: half of the usual width holds no waves of a buckled shell."""
+def first_path_level(case: Case) -> int:
+    """Return the first level of a path that is of use: half of the usual width holds no waves of a buckled shell."""
     return int(case.path.after_buckling == "follow")
 
 
@@ -191,12 +192,12 @@ def _slenderness(case: Case) -> float:
     return max(lengths) / min(lengths)
 
 
-def rung(case: Case, number: int) -> Resolution:
+def path_resolution(case: Case, number: int) -> Resolution:
     """Return one of ever finer resolutions for large displacements.
 
-    Linear theory tells little of how a thin strip coils, so the finer rungs resolve its length better than its width.
+    Linear theory tells little of how a thin strip coils, so finer levels resolve its length better than its width.
     """
-    usual = resolution(case)
+    usual = usual_resolution(case)
     neurons = usual.neurons * 3 // 4 if foci(case) else usual.neurons
     less = int(number == 0 or (number == 1 and not foci(case)))
     rule = replace(usual.rule, order=usual.rule.order - less)  # fewer features need fewer points

@@ -30,7 +30,7 @@ Mask = NDArray[np.bool_]
 
 ALONG, ACROSS = 6, 3  # Chebyshev polynomials of the coordinate that integrals are multiplied by, and of the other one
 TOGETHER = 2  # cells that tell a stiffness in a panel: its Gauss points are exact to twice their degree
-NODES = 8  # of the polynomial in a panel
+PANEL_NODES = 8  # of the polynomial in a panel
 TOLD = 1e-6  # of the largest compliance that the polynomial of a panel may be off by
 HALVINGS = 12  # of panels that no polynomial tells: they are left as they are
 MIDDLE, ENDS = 0.5, (0.0, 1.0)  # of a line: where its compliance is taken, and where it may be another
@@ -82,7 +82,7 @@ class Hinge:
         )
         breaks = np.unique([self.start, *ends[(ends > self.start) & (ends < self.stop)], self.stop])
         along = self.compliance(3)
-        between = np.linspace(0, 1, 2 * NODES + 1)
+        between = np.linspace(0, 1, 2 * PANEL_NODES + 1)
         for _ in range(HALVINGS):
             found = _piecewise(along, breaks)
             points = breaks[:-1, None] + between * np.diff(breaks)[:, None]
@@ -126,10 +126,10 @@ class Hinge:
 
 def _piecewise(formula: Callable[[Array], Array], breaks: Array) -> PPoly:
     """Return polynomials through Chebyshev's points of panels."""
-    nodes = (1 - np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)) / 2
+    nodes = (1 - np.cos(np.pi * (np.arange(PANEL_NODES) + 0.5) / PANEL_NODES)) / 2
     sizes = np.diff(breaks)
     values = formula(breaks[:-1, None] + nodes * sizes[:, None])
-    powers = np.arange(NODES - 1, -1, -1)
+    powers = np.arange(PANEL_NODES - 1, -1, -1)
     local = np.linalg.solve(nodes[:, None] ** powers, values.T)
     return PPoly(local / sizes ** powers[:, None], breaks)
 

@@ -49,7 +49,7 @@ from shellbench.solvers.ndf.field.quadrature import ROUNDING
 from shellbench.solvers.ndf.field.supports import Sides, edge_supports, even_sides, point_supports
 
 EDGE_LAYER = 1.0  # the same along an edge; between .4 and 1 the certified energy of a hyperbolic paraboloid is flat
-WIDEST = 0.12  # l in units of the shell's size at most, and where it is flat
+WIDEST_LAYER = 0.12  # l in units of the shell's size at most, and where it is flat
 
 WIDEST_STRETCH = 5.0  # of stiffness that varies quickly: waves are as fine there, however narrow it is
 
@@ -99,8 +99,8 @@ def _focus(case: Case, xi: tuple[float, float], layer: float) -> Focus:
 def layer_length(case: Case, curvature: float, layer: float, size: float) -> float:
     """Return `layer` sqrt(h R), metres, or a share of the size where that is less or the shell is flat."""
     if not curvature:
-        return WIDEST * size
-    return min(layer * math.sqrt(case.material.thickness / curvature), WIDEST * size)
+        return WIDEST_LAYER * size
+    return min(layer * math.sqrt(case.material.thickness / curvature), WIDEST_LAYER * size)
 
 
 def strongest_curvature(case: Case, points: Array | None = None) -> float:
@@ -156,7 +156,7 @@ def even_columns(columns: Callable[[Array], Tensor], domain: Domain, axes: Seque
     Tensor
         (n,) of bool.
     """
-    points = domain.grid(EVENNESS_SAMPLES, SAMPLES).reshape(-1, 2)
+    points = domain.grid(EVENNESS_SAMPLES, INPUT_SAMPLES).reshape(-1, 2)
     here = columns(points)
     even = torch.ones(here.shape[1], dtype=torch.bool, device=here.device)
     for axis in axes:
@@ -166,8 +166,8 @@ def even_columns(columns: Callable[[Array], Tensor], domain: Domain, axes: Seque
     return even
 
 
-SAMPLES = 24  # points a side of the grid on which inputs are tested for linear independence
-DEPENDENT = 1e-6  # an input whose remainder is below this share of its size is left out
+INPUT_SAMPLES = 24  # points a side of the grid on which inputs are tested for linear independence
+DEPENDENT_INPUT = 1e-6  # an input whose remainder is below this share of its size is left out
 
 
 def even_coordinate(domain: Domain, points: Array, axis: int, even: tuple[bool, bool], placement: Placement) -> Tensor:
@@ -246,7 +246,7 @@ class Inputs:
             squared, averaged = (torch.nonzero((parity == p).any(0))[:, 0].tolist() for p in (-1, 0))
             candidates = replace(candidates, mirrors=mirrors, squared=tuple(squared), averaged=tuple(averaged))
         values = candidates.values
-        columns = values(domain.grid(SAMPLES, SAMPLES).reshape(-1, 2))
+        columns = values(domain.grid(INPUT_SAMPLES, INPUT_SAMPLES).reshape(-1, 2))
         usable, axes = [True] * columns.shape[1], mirrored_axes(domain, periodic)
         if axes:
             usable = even_columns(values, domain, axes).tolist()
@@ -388,7 +388,7 @@ def independent_columns(columns: Tensor, usable: list[bool]) -> tuple[int, ...]:
         rest = column.clone()
         for direction in basis * 2:  # twice: Gram-Schmidt loses orthogonality in one pass
             rest = rest - (rest @ direction) * direction
-        if rest.norm() > DEPENDENT * column.norm():
+        if rest.norm() > DEPENDENT_INPUT * column.norm():
             basis.append(rest / rest.norm())
             kept.append(index)
     return tuple(kept)

@@ -29,7 +29,7 @@ from shellbench.problems.shell.question.surface import Domain
 from shellbench.solvers.ndf.field.jets import PLANES, VALUE, Array, Placement, compose, constant, coordinates, sine
 from shellbench.solvers.ndf.field.quadrature import ROUNDING, Rule, RuleSpec, area_rule
 
-SAMPLES = 11  # points a side at which functions are compared with their images
+MIRROR_SAMPLES = 11  # points a side at which functions are compared with their images
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ class Mirrors:
 
 def samples(domain: Domain) -> Array:
     """Return points (N, 2) within the rectangle that no reflection maps onto each other's lines."""
-    inside = (np.arange(SAMPLES) + 0.3) / SAMPLES
+    inside = (np.arange(MIRROR_SAMPLES) + 0.3) / MIRROR_SAMPLES
     grid = np.stack(np.meshgrid(inside, inside, indexing="ij"), axis=-1).reshape(-1, 2)
     return np.asarray(np.asarray(domain.lower) + grid * np.asarray(domain.size))
 

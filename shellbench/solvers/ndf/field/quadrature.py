@@ -17,7 +17,7 @@ from shellbench.problems.shell.question.places import Edge
 from shellbench.problems.shell.question.surface import Domain, Surface
 
 NOWHERE = np.zeros((0, 2))  # no point toward which a rule is graded
-CUT = 0.2  # of a panel at a focal point; for r^2 log r^2 the error per point is least between .15 and .25
+PANEL_CUT = 0.2  # of a panel at a focal point; for r^2 log r^2 the error per point is least between .15 and .25
 SOFTENED = 5  # power p of r = s**p at a corner: the least power of the distance there, mu = .1, becomes smooth
 FURTHER = 6  # more points along r than elsewhere, as what is smooth in r is of p times the degree in s
 BATCH = 1024  # points whose strain rows, or jets of features, are held in memory at once
@@ -59,13 +59,13 @@ class RuleSpec:
     grading
         Panels narrow toward focal points like s -> s**grading; 1 leaves them uniform.
     cuts
-        How often the panels at a focal point are cut once more, at `CUT` of their length, for its logarithm.
+        How often the panels at a focal point are cut once more, at `PANEL_CUT` of their length, for its logarithm.
     layers
         Lengths in the coordinates of layers at both ends of a side that has no focal point inside: half of its panels
         are spread evenly over asinh(distance / length), the other half over the distance. Zero for a side without.
     corner_cuts
-        How often the cells at corners are cut into four, at `CUT` of their sides, for powers of the distance. In the
-        cells that remain at corners, points narrow toward these, too.
+        How often the cells at corners are cut into four, at `PANEL_CUT` of their sides, for powers of the distance.
+        In the cells that remain at corners, points narrow toward these, too.
     point_cuts
         How often the four cells at a focal point are cut like those at corners. `cuts` then holds along edges alone.
     joints
@@ -118,7 +118,7 @@ def _panel_ends(lower: float, upper: float, focal: Sequence[float], spec: RuleSp
             s = s**spec.grading
         elif right in marked:
             s = 1 - (1 - s) ** spec.grading
-        shares = CUT ** np.arange(1, spec.cuts + 1)
+        shares = PANEL_CUT ** np.arange(1, spec.cuts + 1)
         inserted = [s[0] * shares] if left in marked else []
         if right in marked:
             inserted.append(1 - (1 - (s[-2] if number > 1 else 0.0)) * shares)
@@ -218,12 +218,12 @@ def _corner_rule(first: tuple[float, float], second: tuple[float, float], order:
     # The cell is cut into four, and of these the one at the corner again, and so on.
     parts = []
     for k in range(cuts):
-        far, near = (CUT ** (k + 1), CUT**k), (0.0, CUT ** (k + 1))
+        far, near = (PANEL_CUT ** (k + 1), PANEL_CUT**k), (0.0, PANEL_CUT ** (k + 1))
         for one, two in ((far, near), (near, far), (far, far)):
             (x1, w1), (x2, w2) = (line_rule(np.array(interval), order) for interval in (one, two))
             parts.append(_tensor(x1, w1, x2, w2))
     local, weights = _last_corner_rule(order)
-    parts.append((CUT**cuts * local, CUT ** (2 * cuts) * weights))
+    parts.append((PANEL_CUT**cuts * local, PANEL_CUT ** (2 * cuts) * weights))
     points = np.array([first[0], second[0]]) + np.concatenate([p for p, _ in parts]) * [first[1], second[1]]
     return Rule(points, np.concatenate([w for _, w in parts]) * abs(first[1] * second[1]))
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from shellbench.problem import Step
 from shellbench.problems.shell.quantities.measure import measure_all
-from shellbench.solvers.ndf.field.build import graded_points, resolution
+from shellbench.solvers.ndf.field.build import graded_points, usual_resolution
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.quadrature import NOWHERE, area_rule
 from shellbench.solvers.ndf.field.supports import point_supports
@@ -47,7 +47,7 @@ from shellbench.solvers.ndf.strains.energy import (
 
 # Where planes of symmetry are built in, a field is wide for its part of the shell, and gains ever less: as many
 # challengers as features tell half of an error that falls with the width, or faster. They look closer at point forces.
-MIRRORED_SHARE, MIRRORED_SCALES = 1.0, (1.0, 4.0)
+MIRRORED_SHARE, MIRRORED_CHALLENGER_SCALES = 1.0, (1.0, 4.0)
 
 
 @dataclass(frozen=True)
@@ -115,11 +115,11 @@ def challenge(solution: NdfSolution, values: dict[str, float], seed: int) -> Cha
     # 3. One solve; on the finer rule, the energies of both fields; each with the multiple that is best there.
     case, trained = solution.case, solution.field.features
     spec = looking_everywhere(solution.spec)
-    level, focal = first_level(case, resolution(case)), graded_points(case, spec)
+    level, focal = first_level(case, usual_resolution(case)), graded_points(case, spec)
     ansatz, placement = solution.field.ansatz, trained.placement
     usual, share = level.resolution, TRAINED_SHARE
     if ansatz.mirrors:
-        share, (plain, stretched) = MIRRORED_SHARE, MIRRORED_SCALES
+        share, (plain, stretched) = MIRRORED_SHARE, MIRRORED_CHALLENGER_SCALES
         usual = replace(usual, scale=plain, stretched_scale=stretched)
     number = max(1, round(share * trained.network.width / len(level.kinds)))
     parts = ansatz.mirrors.parts if ansatz.mirrors else 1

@@ -36,9 +36,9 @@ from shellbench.solvers.ndf.strains.resultants import resultants
 
 SIDES_OF_PATCHES = (3 / 8, 3 / 16, 3 / 32)  # in sides of the shell
 STEPS = 3  # patches begin at every third of their side, so that points lie near their middle
-DEGREES = (8, 10)  # of Q along each side
-MORE = 2  # degrees of P
-ORDER = 16  # Gauss points along a side of the patch, beside one a degree
+PATCH_DEGREES = (8, 10)  # of Q along each side
+BUBBLE_DEGREES = 2  # degrees of P
+PATCH_ORDER = 16  # Gauss points along a side of the patch, beside one a degree
 AGREED = 1e-4  # difference of two degrees, by the largest component at a point, at which no smaller patch is tried
 
 
@@ -96,7 +96,7 @@ class OnPatch:
 def _bases(patch: Patch, degree: int, points: Array, placement: Placement) -> tuple[Tensor, Tensor]:
     """Return the jets (6, N, .) of what Q and bubble P are made of."""
     plain = replace(patch, inner=frozenset())
-    return plain.jets(points, degree, placement), patch.jets(points, degree + MORE, placement)
+    return plain.jets(points, degree, placement), patch.jets(points, degree + BUBBLE_DEGREES, placement)
 
 
 @dataclass(frozen=True)
@@ -116,14 +116,14 @@ class Balance:
     def on(cls, ansatz: Ansatz, patch: Patch, degree: int, placement: Placement) -> Balance:
         """Find the maps for polynomials of a degree."""
         # 1. Q by least squares of M Q to M F at Gauss points.
-        rule = patch.rule(degree + ORDER)
+        rule = patch.rule(degree + PATCH_ORDER)
         held = ansatz.factors.matrix(rule.points, placement)[VALUE]
         weights = (placement.tensor(rule.weights) * (held * held).sum(dim=(1, 2))).sqrt()[:, None]
         plain = replace(patch, inner=frozenset()).jets(rule.points, degree, placement)[VALUE]
         basis, triangle = torch.linalg.qr(weights * plain)
         fit = torch.linalg.solve_triangular(triangle, (weights * basis).T, upper=True)
         # 2. P by Ritz's method: K P = f - C Q.
-        unknowns, fitted = 3 * (degree + MORE + 1) ** 2, 3 * len(fit)
+        unknowns, fitted = 3 * (degree + BUBBLE_DEGREES + 1) ** 2, 3 * len(fit)
         stiffness, right = weights.new_zeros((unknowns, unknowns)), weights.new_zeros((unknowns, 1 + fitted))
         for points, table in tables(ansatz, rule, placement):
             of_q, of_p = _bases(patch, degree, points, placement)
@@ -172,7 +172,7 @@ class Recovery:
                 if not (self.at_rest and self._plain(patch)):
                     continue
                 if patch not in self.known:
-                    self.known[patch] = tuple(self._balanced(patch, degree) for degree in DEGREES)
+                    self.known[patch] = tuple(self._balanced(patch, degree) for degree in PATCH_DEGREES)
                 both = np.stack([resultants(case, self.measure, u.jet, name, points[those]) for u in self.known[patch]])
                 change = np.abs(both[1] - both[0]).max(axis=-1)
                 better = change < differ[those]

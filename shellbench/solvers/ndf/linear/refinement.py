@@ -62,7 +62,11 @@ class Kind:
 # Rules that are graded toward points are coarse elsewhere, and fit the usual scales: finer ones exploit them.
 AROUND_POINTS = (Kind("anew", 1.0, 0.0, 1.0), Kind("finer", 1.4, 0.0, 0.7), Kind("layers", 0.7, 0.0, 1.2))
 KINDS = (Kind("anew", 1.0, 1.0, 1.0), Kind("finer", 2.0, 1.0, 1.5), Kind("layers", 1.0, 2.0, 2.0))
-GROWTH = {"anew": (1.3, 1.0), "finer": (2.0, 1.0), "layers": (1.3, 1.5)}  # of scales from level to level, by winner
+SCALE_GROWTH = {
+    "anew": (1.3, 1.0),
+    "finer": (2.0, 1.0),
+    "layers": (1.3, 1.5),
+}  # of scales from level to level, by winner
 
 
 @dataclass(frozen=True)
@@ -151,7 +155,7 @@ def next_level(first: Level, before: Level, winner: str, most: int) -> Level | N
     neurons = min(round(LEVEL_WIDTHS[number] * first.resolution.neurons), most)
     if neurons <= before.resolution.neurons:
         return None
-    plain, stretched = GROWTH[winner]
+    plain, stretched = SCALE_GROWTH[winner]
     old, growth = before.resolution, LEVEL_WIDTHS[number] ** 0.4
     resolution = replace(
         old,

@@ -18,7 +18,7 @@ from shellbench.solvers.ndf.field.choices import (
     Supports,
 )
 
-NAME = "ndf-ritz"  # of the solver, in records and files
+NDF_RITZ = "ndf-ritz"  # of the solver, in records and files
 
 
 class RitzSettings(SeededSettings):

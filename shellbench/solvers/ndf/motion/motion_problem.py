@@ -37,7 +37,7 @@ from shellbench.solvers.ndf.strains.strain_measures import GRADIENTS, stresses
 
 STENCIL = 7  # values in time from which rates of prescribed motions follow
 NUDGE = 1e-6  # root mean square displacement of small motions, in sides of the shell: strains stay linear, and exact
-ITERATIONS = 30  # of power iteration, which finds the highest frequency to a few per cent
+POWER_ITERATIONS = 30  # of power iteration, which finds the highest frequency to a few per cent
 SPACING = 1e-3  # of the whole time, between them: errors of truncation and rounding are then both near 1e-9
 
 
@@ -328,7 +328,7 @@ class Motion:
         rest = self.share.new_zeros(self.basis.size)
         direction = torch.sin(torch.arange(1.0, 1 + len(rest)).to(rest))  # any that is orthogonal to no mode
         size, value = NUDGE * self.area**0.5 * self.case.material.areal_density**0.5, 0.0
-        for _ in range(ITERATIONS):
+        for _ in range(POWER_ITERATIONS):
             direction = direction / direction.norm()
             there, back = (
                 self.resistance(self.basis.spread(rest + side * size * direction), 0.0)[0] for side in (1, -1)

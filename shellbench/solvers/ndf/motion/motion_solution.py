@@ -44,10 +44,9 @@ from shellbench.solvers.ndf.field.weights import (
 from shellbench.solvers.ndf.linear.solution import FieldSolution, NdfSolution, PathSolution, features_of, read_states
 from shellbench.solvers.ndf.motion.motion_parts import Energies
 from shellbench.solvers.ndf.motion.motion_problem import Motion
-from shellbench.solvers.ndf.motion.products import KEPT as PRODUCTS
-from shellbench.solvers.ndf.motion.products import Products
+from shellbench.solvers.ndf.motion.products import PRODUCT_TENSORS, Products
 
-KEPT = ("times", "output", "rates", "seconds")  # tensors of a motion, beside those of its features
+MOTION_TENSORS = ("times", "output", "rates", "seconds")  # tensors of a motion, beside those of its features
 
 
 @dataclass(frozen=True)
@@ -259,7 +258,7 @@ class MotionSolution(FieldSolution):
         features, course = self.features, self.course
         combine = features.tensors() if isinstance(features, Products) else {"combine": features.combine}
         moving = (torch.as_tensor(course.times), course.weights, course.rates, course.seconds)
-        return {**network_tensors(self._network), **combine, **dict(zip(KEPT, moving, strict=True))}
+        return {**network_tensors(self._network), **combine, **dict(zip(MOTION_TENSORS, moving, strict=True))}
 
     def save(self, path: Path) -> Path:
         """Write the solution as safetensors, all else as JSON in its header; return the file with its suffix."""
@@ -288,10 +287,10 @@ def read_motion(path: Path, header: Header, tensors: Mapping[str, Tensor]) -> Mo
     """
     with telling_damage(path):
         case = header.read_case()
-        if any(name not in tensors for name in KEPT):
+        if any(name not in tensors for name in MOTION_TENSORS):
             raise ValueError("its motion is not whole")
         features = _features_of(case, header, tensors)
-        times, *course = (tensors[name] for name in KEPT)
+        times, *course = (tensors[name] for name in MOTION_TENSORS)
         if times.ndim != 1 or not len(times):
             raise ValueError("its tensors do not fit each other")
         if any(values.shape != (len(times), 3, features.count) for values in course):
@@ -317,7 +316,7 @@ def _features_of(case: Case, header: Header, tensors: Mapping[str, Tensor]) -> C
         if combine.ndim != 2 or len(combine) != features.count:
             raise ValueError("its tensors do not fit each other")
         return Combined(features, combine)
-    if any(name not in tensors for name in PRODUCTS):
+    if any(name not in tensors for name in PRODUCT_TENSORS):
         raise ValueError("its motion is not whole")
     inputs = build_inputs(case, header.spec)
     return Products.from_tensors(inputs, network_of(tensors, header.activation, inputs.count), tensors)

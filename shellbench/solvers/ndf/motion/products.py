@@ -41,10 +41,12 @@ from shellbench.solvers.ndf.field.quadrature import line_rule
 from shellbench.solvers.ndf.field.supports import edge_supports
 from shellbench.solvers.ndf.strains.smooth import PERIOD, degrees, orthonormal
 
-ALONG = ((VALUE, D1, D11), (VALUE, D2, D22))  # planes of the derivatives along each side
-OVER = 1.2  # highest frequency over the degree: with 1.5 steps of time are shorter by .6, and waves longer that are met
+PLANES_ALONG = ((VALUE, D1, D11), (VALUE, D2, D22))  # planes of the derivatives along each side
+HIGHEST_WAVE = (
+    1.2  # highest frequency over the degree: with 1.5 steps of time are shorter by .6, and waves longer that are met
+)
 LINE_POINTS = 4  # Gauss points a degree on a line: products of two waves are integrated to rounding
-KEPT = ("combine_1", "combine_2", "pairs", "degrees")  # tensors of a file, beside the network's
+PRODUCT_TENSORS = ("combine_1", "combine_2", "pairs", "degrees")  # tensors of a file, beside the network's
 LOOKED_AT = 5  # points a side at which a case is looked at
 
 
@@ -127,7 +129,7 @@ class Products:
     def tensors(self) -> dict[str, Tensor]:
         """Return the tensors that make the products, beside the network's, by the names they have in a file."""
         pairs = self.pairs.to(self.degrees)
-        return dict(zip(KEPT, (*self.combine, pairs, self.degrees), strict=True))
+        return dict(zip(PRODUCT_TENSORS, (*self.combine, pairs, self.degrees), strict=True))
 
     @classmethod
     def from_tensors(cls, inputs: Inputs, network: Network, tensors: Mapping[str, Tensor]) -> Products:
@@ -138,7 +140,7 @@ class Products:
         ValueError
             If its tensors do not fit each other.
         """
-        first, second, pairs, degrees = (tensors[name] for name in KEPT)
+        first, second, pairs, degrees = (tensors[name] for name in PRODUCT_TENSORS)
         if first.ndim != 2 or second.ndim != 2 or len(first) + len(second) != network.width:
             raise ValueError("its tensors do not fit each other")
         numbers = pairs.long()
@@ -227,7 +229,7 @@ def product_features(case: Case, inputs: Inputs, degree: int, placement: Placeme
 
 def _waves(degree: float, placement: Placement) -> tuple[Tensor, Tensor]:
     """Return weights and phases of one coordinate's waves: the constant, and a sine and a cosine of each frequency."""
-    count = int(max(1.0, OVER * PERIOD * degree / math.pi))
+    count = int(max(1.0, HIGHEST_WAVE * PERIOD * degree / math.pi))
     frequency = placement.tensor(np.arange(1.0, 1 + count)) * (math.pi / PERIOD)
     phases = frequency.new_tensor([0.0, math.pi / 2]).repeat_interleave(count)
     return torch.cat([frequency.new_zeros(1), frequency, frequency]), torch.cat([phases[-1:], phases])
@@ -244,7 +246,7 @@ def _waves_along(inputs: Inputs, network: Network, first: int, axis: int, at: Ar
     if held:
         factor = edge_factor(case.surface.domain, held, inputs.even, points, placement)
         own = product(factor[..., None], own)
-    return own[list(ALONG[axis])]
+    return own[list(PLANES_ALONG[axis])]
 
 
 def _orthonormal(

@@ -55,7 +55,7 @@ FIRST_RADIUS = 0.1  # of the norm of the energy there is
 DOUBTED = 0.25
 TRUSTED = 1 - DOUBTED  # shares of the foretold gain beyond which the radius grows, or shrinks
 WIDER, NARROWER = 2.0, 0.25
-MOST_STEPS = 400
+MOST_TRIALS = 400
 SECULAR = 100  # bisections of the shift, at most
 BISECTED = 1e-12  # relative width of the interval at which bisection ends: some thousand units of rounding
 
@@ -81,7 +81,7 @@ def relaxed(problem: PathProblem, start: PathState, t: float) -> PathState:
     size = _size(deformed)
     radius = FIRST_RADIUS * size
     model: tuple[Tensor, Tensor, Tensor] | None = None
-    for iteration in range(1, MOST_STEPS + 1):
+    for iteration in range(1, MOST_TRIALS + 1):
         if model is None:
             tangent = basis.combine.T @ problem.tangent(deformed, t, weights) @ basis.combine
             if not bool(torch.isfinite(tangent).all()):

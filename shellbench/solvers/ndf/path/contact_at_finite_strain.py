@@ -30,13 +30,13 @@ from shellbench.solvers.ndf.linear.contact_forces import (
     smoothest,
     typical_compliance,
 )
-from shellbench.solvers.ndf.linear.ritz_settings import NAME, RitzSettings
+from shellbench.solvers.ndf.linear.ritz_settings import NDF_RITZ, RitzSettings
 from shellbench.solvers.ndf.linear.signs import Signs
 from shellbench.solvers.ndf.linear.solution import PathSolution
 from shellbench.solvers.ndf.path.continuation import load_steps
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
+from shellbench.solvers.ndf.path.levels import PathLevel, disagreement, state_solution
 from shellbench.solvers.ndf.path.newton import MOST_ITERATIONS, PathState, settled
-from shellbench.solvers.ndf.path.rungs import Rung, disagreement, state_solution
 from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError
 
 DIFFERENCE = 1e-6  # of the shell's size: over which normals of obstacles are compared
@@ -153,16 +153,18 @@ def in_contact(points: ContactRows, start: PathState, t: float) -> tuple[PathSta
     raise NotConvergedError
 
 
-def answer(case: Case, spec: FieldSpec, settings: RitzSettings, level: Resolution, seed: int, finer: float) -> Touching:
-    """Return the path of a case on a resolution, from rest; see `shellbench.solvers.ndf.linear.contact.Answer`.
+def answer(
+    case: Case, spec: FieldSpec, settings: RitzSettings, resolution: Resolution, seed: int, finer: float
+) -> Touching:
+    """Return the path of a case on a resolution, from rest; see `shellbench.solvers.ndf.linear.contact.ContactSolve`.
 
     Raises
     ------
     SolveFailure
         If the path ends early.
     """
-    ansatz, features, (rule, fine), focal = drawn(case, spec, settings, level, seed)
-    rung = Rung(features, rule, fine, focal, level)
+    ansatz, features, (rule, fine), focal = drawn(case, spec, settings, resolution, seed)
+    level = PathLevel(features, rule, fine, focal, resolution)
     problem = PathProblem(spec, ansatz, features, rule, focal).independent()
     touch = contact_points(case, spec.creases, finer, ends=True)
     points = ContactRows(problem, touch, on_creases(case, touch, spec.creases))
@@ -181,7 +183,7 @@ def answer(case: Case, spec: FieldSpec, settings: RitzSettings, level: Resolutio
     for state in (state for state in states if state.t in case.states):
         certified = judge.deform(state.weights, state.t)
         gap = max(gap, disagreement(state.deformed, certified, problem.unstrained))
-        solution = state_solution(problem, rung, NAME, state)
+        solution = state_solution(problem, level, NDF_RITZ, state)
         membrane, bending = certified.membrane, certified.bending
         kept.append(replace(solution, membrane=membrane, bending=bending, touching=touches[state.t]))
     path = PathSolution(
@@ -190,7 +192,7 @@ def answer(case: Case, spec: FieldSpec, settings: RitzSettings, level: Resolutio
         diagnostics={
             "energy_gap": gap,
             "certified_energy": certified.potential,
-            "neurons": level.neurons,
+            "neurons": resolution.neurons,
             "newton_iterations": sum(state.iterations for state in states),
             "contact_points": len(touch.points),
             "pressed_points": int(np.count_nonzero(np.any(touches[states[-1].t].forces != 0, axis=1))),

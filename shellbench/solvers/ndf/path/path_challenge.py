@@ -54,8 +54,8 @@ from shellbench.solvers.ndf.path.basis import Deformed
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.newton import PathState
 
-SETTLED = 2e-2  # of a scale: energies err twice as much as displacements, and these are asked for 1e-2 at most
-GROWTH = (1 + TRAINED_SHARE) ** 0.5  # of panels a side: as many points a feature as without challengers
+SETTLED_STATE = 2e-2  # of a scale: energies err twice as much as displacements, and these are asked for 1e-2 at most
+RULE_GROWTH = (1 + TRAINED_SHARE) ** 0.5  # of panels a side: as many points a feature as without challengers
 PART = 0.25  # of what is gained, by which even a small part of the energy errs: on 48 drawn shells at most .24
 SAME = 1e-9  # relative distance of a state from its mark
 PRESCRIBED = 1e-12  # of a quantity's scale, where nothing is solved for and all is rounding
@@ -105,7 +105,7 @@ class Challenge:
         width = solution.field.features.network.width
         number = max(1, round(TRAINED_SHARE * width / len(level.kinds)))
         # Both fields are integrated with as many points a feature as the path's own: else the rule tells a difference.
-        rule = layered(case, finer_rule(usual.rule, GROWTH))
+        rule = layered(case, finer_rule(usual.rule, RULE_GROWTH))
         level = replace(level, resolution=replace(level.resolution, neurons=0), challengers=number)
         features = joined_features(solution.field, solution.spec, level, seed)
         assert isinstance(problem.features, Combined)
@@ -271,7 +271,7 @@ def challenged(
     return replace(
         solution,
         uncertainty=uncertainty,
-        unsettled=solution.unsettled or unsettled(uncertainty, scales, SETTLED),
+        unsettled=solution.unsettled or unsettled(uncertainty, scales, SETTLED_STATE),
         diagnostics={
             **solution.diagnostics,
             "challenge_gain": max(gains),

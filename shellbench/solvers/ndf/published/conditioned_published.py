@@ -29,7 +29,7 @@ from shellbench.problems.shell.question.places import Point
 from shellbench.solvers.ndf.conditioned.affine import part_rows
 from shellbench.solvers.ndf.conditioned.reduced import stiffnesses
 from shellbench.solvers.ndf.field.ansatz import Ansatz
-from shellbench.solvers.ndf.field.build import build_inputs, focal_points, resolution
+from shellbench.solvers.ndf.field.build import build_inputs, focal_points, usual_resolution
 from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.inputs import Inputs
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, constant
@@ -43,8 +43,8 @@ from shellbench.solvers.ndf.strains.energy import concentrated, tabulate
 
 FORMAT = "ndf-material, format 1"
 INPUTS = len(Material._fields)
-BLOCK = 10  # iterations that are tabulated at once
-STEP = 1e-3  # of difference quotients of the network, in double precision
+ITERATIONS_AT_ONCE = 10  # iterations that are tabulated at once
+QUOTIENT_STEP = 1e-3  # of difference quotients of the network, in double precision
 SEPARATE = 1  # stream of random numbers for materials, beside that of points
 
 
@@ -126,9 +126,9 @@ class Sampler:
         q, cells = self.question, self.settings.cells
         shell, dtype = q.ansatz.case, q.placement.dtype
         count, exact = math.prod(cells), q.placement._replace(dtype=torch.float64)
-        forces = concentrated(q.ansatz, resolution(shell).rule, focal_points(shell), exact)
-        for first in range(start, stop, BLOCK):
-            numbers = range(first, min(first + BLOCK, stop))
+        forces = concentrated(q.ansatz, usual_resolution(shell).rule, focal_points(shell), exact)
+        for first in range(start, stop, ITERATIONS_AT_ONCE):
+            numbers = range(first, min(first + ITERATIONS_AT_ONCE, stop))
             points = np.concatenate([stratified_samples(shell, cells, self.settings.seed, k) for k in numbers])
             weights = np.full(len(points), math.prod(shell.surface.domain.size) / count)
             parts = [rows.to(dtype) for rows in part_rows(q.ansatz, points, weights, exact)]
@@ -191,8 +191,8 @@ class TrainedField(ConditionedAnswer):
     def sensitivity(self, number: int, by: Parameter) -> float:
         """Return the derivative of its logarithm, by a difference quotient."""
         material = self.case.materials[number]
-        ahead, behind = (self.asked(stepped(material, by, way * STEP)) for way in (1, -1))
-        return (ahead - behind) / (2 * STEP) / self.asked(material)
+        ahead, behind = (self.asked(stepped(material, by, way * QUOTIENT_STEP)) for way in (1, -1))
+        return (ahead - behind) / (2 * QUOTIENT_STEP) / self.asked(material)
 
     def save(self, path: Path) -> Path:
         """Write weights and biases as safetensors, all else as JSON in the header."""

@@ -231,7 +231,7 @@ def why_not_sampled(case: Case) -> str | None:
 
 
 WINDOW = 100  # last losses whose mean is held against the fine quadrature
-FINE = RuleSpec((8, 8), 4)  # in space, of that quadrature
+CERTIFYING_RULE = RuleSpec((8, 8), 4)  # in space, of that quadrature
 FINE_TIMES = 48  # Gauss points in time
 BATCH_TIMES = 4  # of them that are evaluated at once
 
@@ -336,7 +336,7 @@ class MotionTraining:
 
     def _fine(self, placement: Placement) -> Iterator[SpaceTime]:
         ansatz, strain = self.sampler.ansatz, self.sampler.strain
-        rule = area_rule(ansatz.case.surface.domain, NOWHERE, FINE)
+        rule = area_rule(ansatz.case.surface.domain, NOWHERE, CERTIFYING_RULE)
         x, w = np.polynomial.legendre.leggauss(FINE_TIMES)
         times: Array = ansatz.until * (x + 1) / 2
         for first in range(0, FINE_TIMES, BATCH_TIMES):

@@ -47,9 +47,9 @@ from shellbench.solvers.ndf.field.jets import (
 from shellbench.solvers.ndf.field.quadrature import ROUNDING
 from shellbench.solvers.ndf.published.published_network import InputScale, Siren, soft_bump
 
-STEP = 1e-3  # of the final time, between the times by which a motion's velocity is found
+RATE_STEP = 1e-3  # of the final time, between the times by which a motion's velocity is found
 STENCILS = {0: (-25, 48, -36, 16, -3), -2: (1, -8, 0, 8, -1), -4: (3, -16, 36, -48, 25)}  # over 12: fourth order
-ALONG = 9  # points of an edge at which that is looked at
+EDGE_POINTS = 9  # points of an edge at which that is looked at
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,11 @@ class SoftSupports:
     def _bump(self, place: Place, points: Array, placement: Placement) -> Tensor:
         """Return the jet (6, N) of exp(-d^2 / sigma)."""
         assert isinstance(place, Edge | Point)
-        middle = self._along(place)[ALONG // 2 : ALONG // 2 + 1] if isinstance(place, Edge) else np.array([place.xi])
+        middle = (
+            self._along(place)[EDGE_POINTS // 2 : EDGE_POINTS // 2 + 1]
+            if isinstance(place, Edge)
+            else np.array([place.xi])
+        )
         x = self.case.surface.derivatives(middle, 1)
         lengths = tuple(float(np.linalg.norm(x[key])) for key in ((1, 0), (0, 1)))  # metres per unit of xi
         return soft_bump(self.case, place, (lengths[0], lengths[1]), points, placement)
@@ -114,13 +118,13 @@ class SoftSupports:
         if isinstance(place, Point):
             return np.array([place.xi])
         domain, running = self.case.surface.domain, 1 - place.axis
-        return place.points(domain, np.linspace(domain.lower[running], domain.upper[running], ALONG))
+        return place.points(domain, np.linspace(domain.lower[running], domain.upper[running], EDGE_POINTS))
 
     def _velocity(self, support: Support, place: Place, points: Array, t: float) -> Array:
         """Return the velocity (N, 3) of a support's motion by differences that stay within the time of the case."""
         assert self.case.dynamics is not None
         until = self.case.dynamics.until
-        h = STEP * until
+        h = RATE_STEP * until
         first = 0 if t < 2 * h else -4 if t > until - 2 * h else -2
         terms = [
             weight * self.case.motion(support, place, points, t + (first + k) * h)[0, 0]
@@ -131,7 +135,7 @@ class SoftSupports:
 
 
 DT = 6  # plane of the derivative in time
-PLANES = (VALUE, D1, D2, D11, D12, D22, DT)
+MOVING_PLANES = (VALUE, D1, D2, D11, D12, D22, DT)
 
 
 @dataclass(frozen=True)
@@ -174,7 +178,7 @@ class Ansatz:
     def seen(self, space: Tensor, times: Tensor) -> Tensor:
         """Return all inputs (7, T N, n + 1) of T times (T,) at the N points of `space`; times vary slowest."""
         moments, (_, count, inputs) = len(times), space.shape
-        seen = space.new_zeros((len(PLANES), moments, count, inputs + 1))
+        seen = space.new_zeros((len(MOVING_PLANES), moments, count, inputs + 1))
         seen[:DT, ..., :-1] = space[:, None]
         seen[VALUE, ..., -1] = times[:, None] / self.until
         seen[DT, ..., -1] = 1 / self.until

@@ -29,7 +29,7 @@ from shellbench.solvers.ndf.field.supports import concentrated_forces, force_den
 from shellbench.solvers.ndf.published.published_network import InputScale, Siren
 from shellbench.solvers.ndf.strains.energy import Concentrated, concentrated, surface_area, tabulate
 
-BLOCK = 10_000  # sampled points that are tabulated at once
+SAMPLES_AT_ONCE = 10_000  # sampled points that are tabulated at once
 PLATE = 0.00406  # deflection of a simply supported square plate: w = PLATE q L^4 / B (Timoshenko, article 30)
 ORDER_ONE = (0.1, 10.0)  # metres: estimated deflections for which the modulus stays as it is
 AIM = 100.0  # metres: what the estimate is brought to where it does not; E = 30 brings the pinched cylinders' to 124
@@ -120,7 +120,9 @@ class Sampler:
         exact = self.placement._replace(dtype=torch.float64)
         forces = concentrated(self.ansatz, self.edges, focal_points(case), exact)
         area = surface_area(self.ansatz, area_rule(case.surface.domain, NOWHERE, self.edges))
-        step = 1 if self.ansatz.lift.moves else max(1, BLOCK // count)  # the work on a lift is that of one sample
+        step = (
+            1 if self.ansatz.lift.moves else max(1, SAMPLES_AT_ONCE // count)
+        )  # the work on a lift is that of one sample
         for first in range(start - start % step, stop, step):
             points = [stratified_samples(case, self.cells, self.seed, (first + k) // self.every) for k in range(step)]
             samples = self._tabulated(np.concatenate(points), count, forces, area, exact)

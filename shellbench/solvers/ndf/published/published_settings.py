@@ -14,7 +14,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.protocol.schema import Positive
 from shellbench.solvers.ndf.field.choices import Components, PeriodicInput, Pins, StrainName
 
-NAME = "ndf-published"  # of the solver, in records and files
+NDF_PUBLISHED = "ndf-published"  # of the solver, in records and files
 
 NOT_OF_THE_TRAINING = {"device", "checkpoint", "checkpoint_every"}
 OF_FIXED_LENGTH = "cosine"  # a schedule whose steps depend on the iterations asked for

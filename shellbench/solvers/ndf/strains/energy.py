@@ -27,7 +27,7 @@ from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec
 from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density
 
-BLOCK = 256  # rows of a strip of the normal matrix; only strips on and above the diagonal are computed
+STRIP = 256  # rows of a strip of the normal matrix; only strips on and above the diagonal are computed
 
 
 @dataclass(frozen=True)
@@ -194,8 +194,8 @@ def add_gram(total: Tensor, rows: Tensor) -> None:
     """Add rows^T rows to the blocks on and above the diagonal: nearly half the work of one product."""
     # Strips of rows of the total, each from the diagonal on. Its columns are long in memory: strips of columns, as many
     # products of the same size, take a quarter more.
-    for start in range(0, total.shape[0], BLOCK):
-        strip = slice(start, start + BLOCK)
+    for start in range(0, total.shape[0], STRIP):
+        strip = slice(start, start + STRIP)
         total[strip, start:].addmm_(rows[:, strip].T, rows[:, start:])
 
 

@@ -22,7 +22,7 @@ from shellbench.solvers.ndf.field.choices import StrainName
 from shellbench.solvers.ndf.field.jets import Array, Placement
 from shellbench.solvers.ndf.strains.strain_measures import Undeformed, stresses
 
-NODES = 9  # moments on a line, through which the polynomial goes
+LINE_NODES = 9  # moments on a line, through which the polynomial goes
 HALF_LINE = 0.02  # of a side: half the length of a line
 
 
@@ -70,11 +70,11 @@ def _shear_forces(case: Case, measure: StrainName, jet: Callable[[Array], Tensor
     total = torch.einsum("nbca,ncb->na", christoffel, moments) + torch.einsum("nbcb,nac->na", christoffel, moments)
     for axis in (0, 1):
         lines = [_line(case, axis, point) for point in points]
-        along = np.repeat(points[:, None], NODES, axis=1)
+        along = np.repeat(points[:, None], LINE_NODES, axis=1)
         along[:, :, axis] = [nodes for nodes, _ in lines]
         _, _, there = _conjugate(case, measure, jet, along.reshape(-1, 2))
         rows = here.new_tensor(np.array([row for _, row in lines]))
-        total = total + torch.einsum("np,npa->na", rows, _full(there).view(len(points), NODES, 2, 2)[..., axis])
+        total = total + torch.einsum("np,npa->na", rows, _full(there).view(len(points), LINE_NODES, 2, 2)[..., axis])
     return np.asarray((total[:, None] @ _frame(surface))[:, 0].cpu().numpy())
 
 
@@ -90,7 +90,7 @@ def _line(case: Case, axis: int, point: Array) -> tuple[Array, Array]:
     if not np.isfinite(high) and len(cuts) > 1:  # on the upper edge
         low, high = cuts[-2], cuts[-1]
     middle = min(max(point[axis], low + half), max(high - half, low + half))
-    nodes = chebyshev.chebpts1(NODES)
-    slopes = [chebyshev.chebval((point[axis] - middle) / half, chebyshev.chebder(c)) for c in np.eye(NODES)]
-    weights = np.array(slopes) @ np.linalg.inv(chebyshev.chebvander(nodes, NODES - 1)) / half
+    nodes = chebyshev.chebpts1(LINE_NODES)
+    slopes = [chebyshev.chebval((point[axis] - middle) / half, chebyshev.chebder(c)) for c in np.eye(LINE_NODES)]
+    weights = np.array(slopes) @ np.linalg.inv(chebyshev.chebvander(nodes, LINE_NODES - 1)) / half
     return middle + half * nodes, weights

@@ -20,15 +20,15 @@ from shellbench.solvers.ndf.field.network import Network
 from shellbench.solvers.ndf.field.quadrature import NOWHERE, Rule, RuleSpec, area_rule
 from shellbench.solvers.ndf.strains.strain_measures import Undeformed
 
-REACH = 2.5  # standard deviations of the weights within which waves of the highest degree are drawn
+WEIGHT_REACH = 2.5  # standard deviations of the weights within which waves of the highest degree are drawn
 SURPLUS = 1.5  # random features, in products of degrees: with both, nine in ten polynomials of a degree are met
-POINTS = 2.0  # Gauss points a degree, at first: strain energy is of the fourth degree in the field
-ORDER = 6  # Gauss points a panel
+POINTS_A_DEGREE = 2.0  # Gauss points a degree, at first: strain energy is of the fourth degree in the field
+PANEL_ORDER = 6  # Gauss points a panel
 LONG_ORDER = 22  # the same for placed features: a few long panels crowd points at edges, where such fields vary most
 LONG_SHARE = 3 / 4  # of the usual points: exact for third powers of the field; strain energy has fourth ones
 PERIOD = 1.5  # of placed waves, in sides: longer ones depend more on each other, shorter ones fit edges worse
-OVER = 1.5  # their highest frequency, over that of a polynomial of the degree in the middle of a side
-FINER = 1.25  # panels of the certificate
+HIGHEST_PLACED = 1.5  # their highest frequency, over that of a polynomial of the degree in the middle of a side
+CERTIFYING_PANELS = 1.25  # panels of the certificate
 SPRING = 1e-6  # relative error of the springs' whole stiffness that is nothing to the motion
 MOST_PANELS = 64  # of a side, for springs
 
@@ -50,7 +50,9 @@ def scales(case: Case, inputs: Inputs, degree: int) -> Array:
     """Return the standard deviation (n,) of the weights of each input."""
     along = degrees(case, degree)
     periodic = case.surface.domain.periodic
-    plain = [along[axis] / (2 * math.pi if periodic[axis] else REACH) for axis in inputs.axes if axis is not None]
+    plain = [
+        along[axis] / (2 * math.pi if periodic[axis] else WEIGHT_REACH) for axis in inputs.axes if axis is not None
+    ]
     return np.array(plain)
 
 
@@ -67,7 +69,7 @@ def placed_features(case: Case, inputs: Inputs, degree: int, placement: Placemen
     """
     if inputs.axes != (0, 1):
         raise InputError(f'{case.name}: setting hidden = "placed" needs two coordinates that are not periodic')
-    most = [max(1.0, OVER * PERIOD * along / math.pi) for along in degrees(case, degree)]
+    most = [max(1.0, HIGHEST_PLACED * PERIOD * along / math.pi) for along in degrees(case, degree)]
     reach = [range(-int(each), int(each) + 1) for each in most]
     waves = [
         (first, second)
@@ -80,7 +82,7 @@ def placed_features(case: Case, inputs: Inputs, degree: int, placement: Placemen
     return Network((weight.repeat(2, 1),), (phases,))
 
 
-def rule_of(case: Case, degree: int, points: float = POINTS, order: int = ORDER) -> RuleSpec:
+def rule_of(case: Case, degree: int, points: float = POINTS_A_DEGREE, order: int = PANEL_ORDER) -> RuleSpec:
     """Return a rule of some points a degree that takes the springs in."""
     first, second = (math.ceil(points * along / order) for along in degrees(case, degree))
     spec = RuleSpec((first, second), order, joints=case.kinks)
@@ -94,7 +96,7 @@ def rule_of(case: Case, degree: int, points: float = POINTS, order: int = ORDER)
 
 def finer(spec: RuleSpec) -> RuleSpec:
     """Return the rule that another one is judged by."""
-    panels = (math.ceil(FINER * spec.panels[0]), math.ceil(FINER * spec.panels[1]))
+    panels = (math.ceil(CERTIFYING_PANELS * spec.panels[0]), math.ceil(CERTIFYING_PANELS * spec.panels[1]))
     return replace(spec, panels=panels, order=spec.order + 1)
 
 

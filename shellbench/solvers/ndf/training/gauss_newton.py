@@ -239,7 +239,7 @@ def unflatten(vector: Tensor, like: Network) -> Network:
     )
 
 
-JITTER = 1e-11  # on the unit diagonal of the features' matrix, which a coarse quadrature conditions worse
+GRAM_JITTER = 1e-11  # on the unit diagonal of the features' matrix, which a coarse quadrature conditions worse
 FLOOR = 1e-6  # of the unprojected diagonal, in Marquardt's scaling: weights that the output layer replaces stay
 
 
@@ -338,7 +338,7 @@ def quadratic_model(
     own = own + anchors.T @ anchors
     try:
         # half^T half is subtracted: positive semidefinite whatever the rounding of the inverse.
-        half = RegularisedInverse.from_matrix(own, JITTER).half(cross)
+        half = RegularisedInverse.from_matrix(own, GRAM_JITTER).half(cross)
     except IndefiniteError:
         raise SolveFailure("the Gauss-Newton matrix is not positive definite") from None
     slope = energy_gradient(sample, tips, network, output) if slope is None else slope

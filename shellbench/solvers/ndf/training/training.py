@@ -33,7 +33,7 @@ from shellbench.solvers.ndf.training.training_problem import COARSE_ORDER, Quadr
 
 CERTIFICATE = 3.0  # points of the final rule, as a multiple of the training points
 SINGULAR_SCALES = (2.0, 2.0), (2.0, 3.0), (1.0, 4.0)  # about point forces: each start has one of them
-WIDEST = 500  # last hidden layer, about point forces on curved shells
+WIDEST_SINGULAR = 500  # last hidden layer, about point forces on curved shells
 MIXED_SCALES = SINGULAR_SCALES[2], SINGULAR_SCALES[0]  # on curved shells: the features of one start have both
 MIRRORED_SCALES = (1.0, 3.0), (0.7, 4.0)  # the same where a field has to vary over one of several parts only
 MANY_WEIGHTS, STEEPEST = 3200, 900  # hidden weights beyond which a step moves only the steepest ones, and how many
@@ -268,5 +268,5 @@ def default_plan_widths(
     if singular and is_flat(case):
         return (100, 200), SINGULAR_SCALES
     if singular:
-        return (round(WIDEST / math.sqrt(parts)),), MIXED_SCALES if parts == 1 else MIRRORED_SCALES
+        return (round(WIDEST_SINGULAR / math.sqrt(parts)),), MIXED_SCALES if parts == 1 else MIRRORED_SCALES
     return (40, 80, 160, 320), tuple((float(scale), 0.0) for scale in range(2, 6))
