@@ -17,7 +17,6 @@ from shellbench.errors import InputError
 from shellbench.problem import ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import checked_start
-from shellbench.solvers.ndf.field import paths
 from shellbench.solvers.ndf.field.build import (
     Resolution,
     build_features,
@@ -32,7 +31,7 @@ from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.network import Network, random_features
 from shellbench.solvers.ndf.field.supports import edge_supports
 from shellbench.solvers.ndf.linear import contact, static
-from shellbench.solvers.ndf.linear.ritz_field import field_spec, with_settings
+from shellbench.solvers.ndf.linear.ritz_field import field_spec, is_path, with_settings
 from shellbench.solvers.ndf.linear.ritz_settings import NDF_RITZ, RitzSettings
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.motion import motion
@@ -50,7 +49,7 @@ def solve(
 ) -> NdfSolution | PathSolution | MotionSolution:
     """Solve a case; see `shellbench.solvers.ndf.ritz_solver.RitzSolver`."""
     spec = field_spec(case, settings)
-    anew = case.dynamics is None and (case.obstacles or not paths.is_path(case))
+    anew = case.dynamics is None and (case.obstacles or not is_path(case))
     if start is not None and anew:
         what = "it trains nothing, and solves linear shells and those in contact anew"
         raise InputError(f"{NDF_RITZ} can't go on from an earlier solution in {case.name}: {what}")
@@ -64,7 +63,7 @@ def solve(
             return modes.solve(case, spec, settings, progress)
         if case.obstacles and not case.linear:
             return contact.solve(case, spec, settings, progress, contact_at_finite_strain.answer, SETTLED_STATE)
-        if paths.is_path(case):
+        if is_path(case):
             return _follow(case, spec, settings, begin, progress)
         if case.obstacles:
             return contact.solve(case, spec, settings, progress)

@@ -8,9 +8,8 @@ from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
 from shellbench.problems.conditioned.case import Material
 from shellbench.problems.conditioned.solving import stepped
-from shellbench.solvers.ndf.conditioned.affine import Equations
 from shellbench.solvers.ndf.conditioned.conditioned import ConditionedField
-from shellbench.solvers.ndf.conditioned.reduced import stiffness_rates, stiffnesses
+from shellbench.solvers.ndf.conditioned.reduced import Equations, stiffness_rates, stiffnesses
 from shellbench.solvers.ndf.conditioned_published_solver import (
     ConditionedPublishedSettings,
     ConditionedPublishedSolver,

@@ -10,8 +10,7 @@ from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.network import Network
 from shellbench.solvers.ndf.linear import patches
-from shellbench.solvers.ndf.linear.patches import Recovery
-from shellbench.solvers.ndf.strains.resultants import resultants
+from shellbench.solvers.ndf.linear.patches import Recovery, resultants
 from tests.solvers.ndf.shells import MATERIAL, shell, support
 
 LOAD, LENGTH, ERROR, STEEP = 3.0, 2.0, 1e-2, 10.0

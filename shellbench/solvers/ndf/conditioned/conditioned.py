@@ -28,9 +28,7 @@ from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.conditioned.case import ConditionedCase, Material
 from shellbench.problems.conditioned.quantities import Parameter, Value
 from shellbench.problems.conditioned.solving import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer
-from shellbench.solvers.ndf.conditioned.affine import Equations, asked_row, of_fields_on
-from shellbench.solvers.ndf.conditioned.conditioned_settings import ConditionedSettings
-from shellbench.solvers.ndf.conditioned.reduced import Reduced
+from shellbench.solvers.ndf.conditioned.reduced import Equations, Reduced, asked_row, of_fields_on
 from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.build import (
     build_ansatz,
@@ -47,7 +45,7 @@ from shellbench.solvers.ndf.field.supports import check_balance
 from shellbench.solvers.ndf.field.weights import described, network_of, network_tensors, write_described
 from shellbench.solvers.ndf.linear.refinement import SAFETY, SETTLED, first_level
 from shellbench.solvers.ndf.linear.ritz_field import field_spec
-from shellbench.solvers.ndf.linear.ritz_settings import RitzSettings
+from shellbench.solvers.ndf.linear.ritz_settings import ConditionedSettings, RitzSettings
 from shellbench.solvers.ndf.linear.solve import solve_part
 from shellbench.solvers.ndf.strains.energy import exploits
 

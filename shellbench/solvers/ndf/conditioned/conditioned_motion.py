@@ -37,15 +37,15 @@ from shellbench.problems.conditioned.case import ConditionedCase, Material
 from shellbench.problems.conditioned.quantities import Parameter, Value
 from shellbench.problems.conditioned.solving import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer
 from shellbench.solvers.ndf.conditioned.conditioned import ASKED_TIMES, kept_features
-from shellbench.solvers.ndf.conditioned.conditioned_settings import ConditionedSettings
 from shellbench.solvers.ndf.conditioned.plane_motion import PLANE, coordinates, features_of, plane_motion
+from shellbench.solvers.ndf.field.ansatz import Combined
 from shellbench.solvers.ndf.field.choices import FieldSpec
-from shellbench.solvers.ndf.field.combinations import Combined
 from shellbench.solvers.ndf.field.field import Features
 from shellbench.solvers.ndf.field.jets import Array
 from shellbench.solvers.ndf.field.network import Network
 from shellbench.solvers.ndf.field.weights import HEADER, described, network_tensors, read_tensors, write_described
 from shellbench.solvers.ndf.linear.refinement import SETTLED
+from shellbench.solvers.ndf.linear.ritz_settings import ConditionedSettings
 from shellbench.solvers.ndf.motion.motion import degree_of
 from shellbench.solvers.ndf.motion.motion_problem import Motion
 from shellbench.solvers.ndf.strains.energy import exploits

@@ -17,13 +17,12 @@ from shellbench.errors import SolveFailure
 from shellbench.problems.conditioned.case import ConditionedCase, Material
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.loads import GravityLoad
-from shellbench.solvers.ndf.conditioned.conditioned_settings import ConditionedSettings
+from shellbench.solvers.ndf.field.ansatz import Combined
 from shellbench.solvers.ndf.field.build import build_features, build_inputs
-from shellbench.solvers.ndf.field.combinations import Combined
 from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Array, Placement
 from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.linear.ritz_field import field_spec
-from shellbench.solvers.ndf.linear.ritz_settings import RitzSettings
+from shellbench.solvers.ndf.linear.ritz_settings import ConditionedSettings, RitzSettings
 from shellbench.solvers.ndf.motion.integration import ATOL, RTOL
 from shellbench.solvers.ndf.motion.motion import MotionLevel, degree_of, prepared
 from shellbench.solvers.ndf.motion.motion_problem import Motion

@@ -21,6 +21,7 @@ PANEL_CUT = 0.2  # of a panel at a focal point; for r^2 log r^2 the error per po
 SOFTENED = 5  # power p of r = s**p at a corner: the least power of the distance there, mu = .1, becomes smooth
 FURTHER = 6  # more points along r than elsewhere, as what is smooth in r is of p times the degree in s
 BATCH = 1024  # points whose strain rows, or jets of features, are held in memory at once
+SEARCHED = 4001  # distances from an end among which ends of panels are interpolated
 ROUNDING = 1e-9
 """Relative size below which a difference is rounding, here and in all of `ndf`.
 
@@ -124,9 +125,6 @@ def _panel_ends(lower: float, upper: float, focal: Sequence[float], spec: RuleSp
             inserted.append(1 - (1 - (s[-2] if number > 1 else 0.0)) * shares)
         ends.append(left + (right - left) * np.unique(np.concatenate([s, *inserted])))
     return np.concatenate(ends)
-
-
-SEARCHED = 4001  # distances from an end among which ends of panels are interpolated
 
 
 def _layered_ends(lower: float, upper: float, layer: float, panels: int) -> Array:

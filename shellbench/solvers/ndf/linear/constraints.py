@@ -9,13 +9,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from shellbench.solvers.ndf.field.ansatz import Ansatz
-from shellbench.solvers.ndf.field.combinations import FeatureSet
+from shellbench.solvers.ndf.field.ansatz import Ansatz, FeatureSet
 from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Array, from_derivatives
 from shellbench.solvers.ndf.field.quadrature import NOWHERE, RuleSpec, edge_rule
 from shellbench.solvers.ndf.field.supports import edge_supports, point_supports
 
 SAME_ROW = 1e-6  # share of the softest combination of constraints below which one is stiffer than rounding can tell
+SLOPES = RuleSpec((12, 12), 6)  # along an edge whose slope is held by rows; twice the panels around a turn
 
 
 def point_constraints(ansatz: Ansatz, features: FeatureSet) -> tuple[Tensor, Tensor]:
@@ -30,9 +30,6 @@ def point_constraints(ansatz: Ansatz, features: FeatureSet) -> tuple[Tensor, Ten
     rows = (held[:, :, None] * features.values(points)[:, None, :]).reshape(len(supports), -1)
     lift = ansatz.lift.jet(points, placement)[VALUE][index, components]
     return rows, placement.tensor(np.array([s.value for s in supports])) - lift
-
-
-SLOPES = RuleSpec((12, 12), 6)  # along an edge whose slope is held by rows; twice the panels around a turn
 
 
 def slope_constraints(

@@ -40,6 +40,7 @@ SETTLED = 1e-3  # of a quantity's scale: what gates of fields ask for
 NEGLIGIBLE = 1e-3  # part of the largest displacement below which a value's relative error is idle
 LEVEL_WIDTHS = WIDTHS[1:]  # of each level, in units of the usual width
 CHALLENGERS = 0.25  # in units of the neurons they challenge
+TRAINED_SHARE = 0.5  # challengers, in units of the width of the trained layer
 SLENDER = 3.0  # ratio of the sides of a flat shell from which on its ends have layers of their own
 CORNER_CUTS = 2  # of cells at corners; the certificate has one more
 EDGE_SCALE = 2.0  # of inputs stretched toward edges
@@ -47,6 +48,7 @@ SLOWEST = 0.8  # ratio of energy gained in one level to the level before beyond 
 PROBES = 25  # points a side at which fields are compared, and the largest displacement is looked for
 REPEATED = 1.5  # times the panels a side: with 6 Gauss points in each, a hundredth of what the rule misjudges
 LEAST_TAIL = 0.5  # of what a level changed: the one before had missed it, and this one may miss half of it still
+LARGEST_SEED = 2**31
 
 
 @dataclass(frozen=True)
@@ -129,9 +131,6 @@ class Level:
         """Return the numbers of the neurons of each kind of challenger."""
         start, each = self.resolution.neurons, self.challengers
         return tuple(np.arange(start + k * each, start + (k + 1) * each) for k in range(len(self.kinds)))
-
-
-LARGEST_SEED = 2**31
 
 
 def _seed(seed: int, level: int, kind: int) -> int:
@@ -371,6 +370,3 @@ def looking_everywhere(spec: FieldSpec) -> FieldSpec:
     """Return the choices of challengers: with stretched inputs, singular features and powers about corners."""
     more = {"stretched": True, "edge_stretched": True, "multipliers": spec.multipliers or MULTIPLIERS, "detail": 1}
     return spec.model_copy(update=more)
-
-
-TRAINED_SHARE = 0.5  # challengers, in units of the width of the trained layer

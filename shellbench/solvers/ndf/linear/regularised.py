@@ -23,6 +23,7 @@ from torch import Tensor
 from shellbench.solvers.ndf.field.quadrature import ROUNDING
 
 REFINEMENTS = 3  # they leave 1e-4 of a combination ten times as stiff as the level, where none would leave 9 %
+JITTER = 1e-12  # on the unit diagonal: ten times what rounding leaves of the matrix, so that it decides nothing
 
 
 class IndefiniteError(ArithmeticError):
@@ -123,6 +124,3 @@ class RegularisedInverse:
             return self.factor @ (self.factor.T @ scaled)
         solved: Tensor = torch.cholesky_solve(scaled, self.factor)
         return solved
-
-
-JITTER = 1e-12  # on the unit diagonal: ten times what rounding leaves of the matrix, so that it decides nothing

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf.field import paths
+from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.solvers.ndf.field.build import Resolution
 from shellbench.solvers.ndf.field.choices import FieldSpec, StrainName
 from shellbench.solvers.ndf.field.jets import activation, smooth_activation
@@ -23,7 +23,7 @@ def field_spec(case: Case, settings: RitzSettings) -> FieldSpec:
         raise InputError("setting neurons says of which degree a motion is; it does not go with degrees")
     if settings.hidden == "placed" and settings.activation != "sine":
         raise InputError(f"setting hidden = \"placed\" places sines, but found activation = '{settings.activation}'")
-    path = case.dynamics is not None or paths.is_path(case)
+    path = case.dynamics is not None or is_path(case)
     (smooth_activation if path else activation)(settings.activation)
     return FieldSpec(
         activation=settings.activation,
@@ -63,3 +63,10 @@ def with_settings(usual: Resolution, settings: RitzSettings) -> Resolution:
         stretched_scale=settings.stretched_scale or usual.stretched_scale,
         rule=rule,
     )
+
+
+def is_path(case: Case) -> bool:
+    """Tell whether a case is solved along a path: in linear theory where all is prescribed, or edge moments act."""
+    if not case.linear or any(isinstance(load, MomentLoad) for load in case.loads):
+        return True
+    return case.prescribed

@@ -1,9 +1,10 @@
-"""Settings of `ndf-ritz`."""
+"""Settings of `ndf-ritz`, and of `ndf-conditioned`, which builds on its field."""
 
 from __future__ import annotations
 
 from typing import Annotated, Literal
 
+from pydantic import Field
 from pydantic import Field as PydanticField
 
 from shellbench.problem import SeededSettings
@@ -60,3 +61,16 @@ class RitzSettings(SeededSettings):
     order: int | None = PydanticField(None, ge=1, le=20, description="Gauss points along a panel")
     largest_gap: Positive = PydanticField(LARGEST_GAP, description="largest admissible quadrature gap")
     strain: StrainName | None = PydanticField(None, description="strain measure; exact in the non-linear theory")
+
+
+class ConditionedSettings(SeededSettings):
+    """Settings of `ndf-conditioned`; what is None follows from the case."""
+
+    neurons: int | None = Field(None, ge=1, le=4000, description="width of the random layer, without challengers")
+    snapshots: int = Field(
+        32, ge=3, le=63, description="materials at which the output layer is solved for, at most; at rest"
+    )
+    tolerance: Positive = Field(
+        1e-6, description="change of the asked displacement, by the last two fields, that ends it; at rest"
+    )
+    largest_gap: Positive = Field(LARGEST_GAP, description="largest admissible quadrature gap")

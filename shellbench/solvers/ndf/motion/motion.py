@@ -180,7 +180,7 @@ def solve(
 
 
 def prepared(case: Case, spec: FieldSpec, level: MotionLevel, points: float) -> Motion:
-    """Return the equations of motion of a level's features (of products: the first ones), on a rule of points a degree."""
+    """Return the equations of motion of a level's features, the first ones of products, on a rule of so many points."""
     spec = spec.model_copy(update={"t": 0.0})
     if isinstance(level.features, Products):
         return grown(case, spec, level, points, level.first)

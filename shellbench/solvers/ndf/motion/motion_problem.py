@@ -22,10 +22,9 @@ import torch
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf.field.ansatz import Ansatz
+from shellbench.solvers.ndf.field.ansatz import Ansatz, Combined
 from shellbench.solvers.ndf.field.build import build_ansatz
 from shellbench.solvers.ndf.field.choices import FieldSpec
-from shellbench.solvers.ndf.field.combinations import Combined
 from shellbench.solvers.ndf.field.jets import COMPONENTS, VALUE, Array
 from shellbench.solvers.ndf.field.quadrature import NOWHERE, RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density, point_supports

@@ -21,10 +21,9 @@ from torch import Tensor
 from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import time_reached
-from shellbench.solvers.ndf.field.ansatz import Ansatz
+from shellbench.solvers.ndf.field.ansatz import Ansatz, Combined
 from shellbench.solvers.ndf.field.build import build_ansatz, build_inputs
 from shellbench.solvers.ndf.field.choices import FieldSpec
-from shellbench.solvers.ndf.field.combinations import Combined
 from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.jets import VALUE, Array
 from shellbench.solvers.ndf.field.network import Network

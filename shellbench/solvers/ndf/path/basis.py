@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from shellbench.solvers.ndf.field.combinations import independent
+from shellbench.solvers.ndf.field.ansatz import independent
 from shellbench.solvers.ndf.strains.strain_measures import Strained
 
 

@@ -17,7 +17,7 @@ from shellbench.errors import InputError
 from shellbench.problem import Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import checked_start
-from shellbench.solvers.ndf.field.combinations import Combined
+from shellbench.solvers.ndf.field.ansatz import Combined
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.newton import PathState, equilibrium

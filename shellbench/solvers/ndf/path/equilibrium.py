@@ -22,10 +22,9 @@ from shellbench.problems.shell.posed.rigid import free_motions, rigid_modes
 from shellbench.problems.shell.quantities.measure import unit
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.problems.shell.question.places import Point
-from shellbench.solvers.ndf.field.ansatz import Ansatz
+from shellbench.solvers.ndf.field.ansatz import Ansatz, Combined, FeatureSet, independent
 from shellbench.solvers.ndf.field.build import build_ansatz
 from shellbench.solvers.ndf.field.choices import FieldSpec
-from shellbench.solvers.ndf.field.combinations import Combined, FeatureSet, independent
 from shellbench.solvers.ndf.field.factors import turns
 from shellbench.solvers.ndf.field.jets import VALUE, Array
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule

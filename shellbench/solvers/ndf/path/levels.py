@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from shellbench.solvers.ndf.field.ansatz import Combined
 from shellbench.solvers.ndf.field.build import Resolution, build_ansatz
-from shellbench.solvers.ndf.field.combinations import Combined
 from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.jets import Array
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule

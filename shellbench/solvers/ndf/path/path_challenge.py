@@ -27,8 +27,8 @@ from shellbench.problems.shell.quantities.quantities import (
     LimitPoint,
     QuantityModel,
 )
+from shellbench.solvers.ndf.field.ansatz import Combined
 from shellbench.solvers.ndf.field.build import Resolution, graded_points
-from shellbench.solvers.ndf.field.combinations import Combined
 from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.jets import Array
 from shellbench.solvers.ndf.field.quadrature import area_rule

@@ -26,8 +26,7 @@ from shellbench.problems.conditioned.solving import SECONDS_BEFORE, SECONDS_EACH
 from shellbench.problems.shell.quantities.measure import unit
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.problems.shell.question.places import Point
-from shellbench.solvers.ndf.conditioned.affine import part_rows
-from shellbench.solvers.ndf.conditioned.reduced import stiffnesses
+from shellbench.solvers.ndf.conditioned.reduced import part_rows, stiffnesses
 from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.build import build_inputs, focal_points, usual_resolution
 from shellbench.solvers.ndf.field.choices import FieldSpec
@@ -35,9 +34,9 @@ from shellbench.solvers.ndf.field.inputs import Inputs
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, constant
 from shellbench.solvers.ndf.field.quadrature import Rule
 from shellbench.solvers.ndf.field.weights import described, write_described
-from shellbench.solvers.ndf.published.conditioned_published_settings import ConditionedPublishedSettings
 from shellbench.solvers.ndf.published.published_network import InputScale, Siren, initial_siren, published_ansatz
 from shellbench.solvers.ndf.published.published_samples import stratified_samples, usual_modulus_factor
+from shellbench.solvers.ndf.published.published_settings import ConditionedPublishedSettings
 from shellbench.solvers.ndf.published.published_training import LossNotFinite, Plan, beginning, train
 from shellbench.solvers.ndf.strains.energy import concentrated, tabulate
 

@@ -53,8 +53,7 @@ from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.quadrature import NOWHERE, RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import force_density
 from shellbench.solvers.ndf.published.checkpoint import Checkpoint
-from shellbench.solvers.ndf.published.published_contact import collision
-from shellbench.solvers.ndf.published.published_motion_field import DT, Ansatz, MotionField, moving
+from shellbench.solvers.ndf.published.published_motion_field import DT, Ansatz, MotionField, collision, moving
 from shellbench.solvers.ndf.published.published_motion_solution import TrainedMotion, read_motion
 from shellbench.solvers.ndf.published.published_network import Siren, initial_siren
 from shellbench.solvers.ndf.published.published_samples import stratified_samples

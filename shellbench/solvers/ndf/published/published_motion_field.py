@@ -13,6 +13,14 @@ sign. So is eq. (72), where B stands for exp(-d^2 / sigma), once the sign before
 printed the bottom rim is moved by -m instead of m. A component that is held on the whole surface is zero.
 
 A soft factor has no slope at its place, so that grad u = grad m there: it clamps, whether that is asked for or not.
+
+Also here: the published loss of collisions (equation (75)),
+
+    lambda |Omega| / (N_Omega N_t) sum_ij max(eps - phi(x(xi_i, t_j)), 0),  lambda = 1000, eps = .001 m
+
+It is linear in the depth: an obstacle presses with lambda, in N/m^2, wherever the shell is nearer than eps, and with
+nothing elsewhere. Areas are those of the midsurface, as in the functional (35), and phi is the case's own distance: the
+paper fits a network to it.
 """
 
 from __future__ import annotations
@@ -27,6 +35,7 @@ from torch import Tensor
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.conditions import Support
+from shellbench.problems.shell.question.contact import gaps
 from shellbench.problems.shell.question.places import Edge, Place, Point, Whole
 from shellbench.solvers.ndf.field.build import build_inputs
 from shellbench.solvers.ndf.field.choices import FieldSpec, PeriodicInput
@@ -50,6 +59,10 @@ from shellbench.solvers.ndf.published.published_network import InputScale, Siren
 RATE_STEP = 1e-3  # of the final time, between the times by which a motion's velocity is found
 STENCILS = {0: (-25, 48, -36, 16, -3), -2: (1, -8, 0, 8, -1), -4: (3, -16, 36, -48, 25)}  # over 12: fourth order
 EDGE_POINTS = 9  # points of an edge at which that is looked at
+WEIGHT = 1000.0  # lambda, N/m^2
+MARGIN = 1e-3  # eps, m
+DT = 6  # plane of the derivative in time
+MOVING_PLANES = (VALUE, D1, D2, D11, D12, D22, DT)
 
 
 @dataclass(frozen=True)
@@ -132,10 +145,6 @@ class SoftSupports:
             if weight
         ]
         return np.asarray(sum(terms)) / (12 * h)
-
-
-DT = 6  # plane of the derivative in time
-MOVING_PLANES = (VALUE, D1, D2, D11, D12, D22, DT)
 
 
 @dataclass(frozen=True)
@@ -253,3 +262,18 @@ class MotionField:
         for w, b in hidden:
             h = torch.sin(self.siren.omega0 * (h @ w.T + b))
         return h @ weight.T + bias
+
+
+def collision(case: Case, points: Array, times: Array, displacement: Tensor) -> Tensor:
+    """Return lambda max(eps - phi, 0) (T, N), N/m, of a displacement (T, N, 3) at points (N, 2) and times (T,), s."""
+    where = displacement.detach().cpu().double().numpy()
+    found = [gaps(case, points, u, float(t)) for u, t in zip(where, times, strict=True)]
+    gap, normal = (displacement.new_tensor(np.stack(part)) for part in zip(*found, strict=True))
+    along = ((displacement - displacement.detach()) * normal).sum(-1)  # zero; its derivative is that of phi
+    return WEIGHT * torch.relu(MARGIN - gap - along)
+
+
+def pressing(case: Case, points: Array, areas: Array, t: float, displacement: Array) -> Array:
+    """Return what the loss presses with (N, 3), N, at points (N, 2) that stand for areas (N,), m^2, at a time t, s."""
+    gap, normal = gaps(case, points, displacement, t)
+    return np.asarray(WEIGHT * (areas * (gap < MARGIN))[:, None] * normal)

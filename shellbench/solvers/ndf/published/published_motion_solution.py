@@ -33,8 +33,7 @@ from shellbench.solvers.ndf.field.weights import (
     write_tensors,
 )
 from shellbench.solvers.ndf.linear.solution import FieldSolution, one_of_fields, strained
-from shellbench.solvers.ndf.published.published_contact import pressing
-from shellbench.solvers.ndf.published.published_motion_field import MotionField
+from shellbench.solvers.ndf.published.published_motion_field import MotionField, pressing
 from shellbench.solvers.ndf.published.published_network import Siren
 
 MOTION_HEADER = "shellbench-motion"

@@ -1,4 +1,4 @@
-"""Settings of `ndf-published`, and which of them a training's course depends on."""
+"""Settings of `ndf-published` and of `ndf-material`, and which of them a training's course depends on."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import Literal
 
+from pydantic import Field
 from pydantic import Field as PydanticField
 
 from shellbench.problem import SeededSettings
@@ -89,3 +90,15 @@ def own_checkpoint(case: Case, settings: PublishedSettings) -> Path | None:
     if settings.checkpoint is None:
         return None
     return Path(settings.checkpoint) / f"{case.name}-{training_key(case, settings)[:16]}.safetensors"
+
+
+class ConditionedPublishedSettings(SeededSettings):
+    """Settings of `ndf-material`; the defaults are the paper's."""
+
+    iterations: int = Field(2000, ge=1, description="of Adam, each at one random material")
+    layers: int = Field(5, ge=1, le=20, description="hidden layers")
+    width: int = Field(512, ge=1, le=4096, description="of each hidden layer")
+    omega0: Positive = Field(15.0, description="frequency of the sines")
+    learning_rate: Positive = Field(1e-4, description="of Adam")
+    cells: tuple[int, int] = Field((20, 20), description="of the grid of samples, along xi1 and xi2")
+    dtype: Literal["float32", "float64"] = Field("float32", description="precision of the training")

@@ -20,8 +20,7 @@ import torch
 from torch import Tensor
 
 from shellbench.problems.shell.posed.rigid import free_motions, rigid_modes
-from shellbench.solvers.ndf.field.ansatz import Ansatz
-from shellbench.solvers.ndf.field.combinations import FeatureSet
+from shellbench.solvers.ndf.field.ansatz import Ansatz, FeatureSet
 from shellbench.solvers.ndf.field.geometry import apply_rows, energy_rows, geometry, rigidities, through_matrix
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec

@@ -27,9 +27,8 @@ from shellbench.problems.shell.question.conditions import Support
 from shellbench.problems.shell.question.contact import Touch
 from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.problems.shell.question.places import Edge, Whole
-from shellbench.solvers.ndf.field.ansatz import Ansatz
+from shellbench.solvers.ndf.field.ansatz import Ansatz, FeatureSet
 from shellbench.solvers.ndf.field.choices import StrainName
-from shellbench.solvers.ndf.field.combinations import FeatureSet
 from shellbench.solvers.ndf.field.factors import edge_weight
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, constant, from_derivatives, product

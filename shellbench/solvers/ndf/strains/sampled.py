@@ -22,8 +22,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from shellbench.solvers.ndf.field.ansatz import Ansatz
-from shellbench.solvers.ndf.field.combinations import FeatureSet
+from shellbench.solvers.ndf.field.ansatz import Ansatz, FeatureSet
 from shellbench.solvers.ndf.field.jets import COMPONENTS, VALUE, Array
 from shellbench.solvers.ndf.field.quadrature import BATCH
 from shellbench.solvers.ndf.strains.strain_measures import GRADIENTS, Undeformed, gradients_through

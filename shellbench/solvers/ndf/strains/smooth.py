@@ -11,8 +11,7 @@ from torch import Tensor
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf.field.ansatz import Ansatz
-from shellbench.solvers.ndf.field.combinations import Combined, FeatureSet, independent
+from shellbench.solvers.ndf.field.ansatz import Ansatz, Combined, FeatureSet, independent
 from shellbench.solvers.ndf.field.geometry import side_lengths
 from shellbench.solvers.ndf.field.inputs import Inputs
 from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Array, Placement

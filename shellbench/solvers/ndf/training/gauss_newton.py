@@ -41,7 +41,7 @@ from shellbench.solvers.ndf.strains.energy import (
     tabulate,
     value_vector,
 )
-from shellbench.solvers.ndf.training.layers import Layer, flatten_layers, through_activation
+from shellbench.solvers.ndf.training.sketch import Layer, flatten_layers, through_activation
 
 if TYPE_CHECKING:
     from shellbench.solvers.ndf.training.sketch import Sketch

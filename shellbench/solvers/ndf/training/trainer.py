@@ -27,7 +27,6 @@ from shellbench.problem import Progress, ProgressCallback, Solution, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.problems.shell.solution import checked_start
-from shellbench.solvers.ndf.field import paths
 from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.build import (
     build_features,
@@ -48,7 +47,7 @@ from shellbench.solvers.ndf.field.supports import check_balance, point_supports
 from shellbench.solvers.ndf.linear.answer import displacement_values
 from shellbench.solvers.ndf.linear.challenge import stated
 from shellbench.solvers.ndf.linear.constraints import point_constraints
-from shellbench.solvers.ndf.linear.ritz_field import strain_of
+from shellbench.solvers.ndf.linear.ritz_field import is_path, strain_of
 from shellbench.solvers.ndf.linear.ritz_settings import RitzSettings
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.motion import motion
@@ -185,7 +184,7 @@ def solve(
             )
             recipe = modes.Recipe(NDF, settings.inner)
             return modes.solve(case, field_spec(settings, strain), chosen, tell, recipe)
-        if not paths.is_path(case):
+        if not is_path(case):
             return _Run(case, settings, begin, tell).solve(begin)
         smooth_activation(settings.activation)
         return follow(
