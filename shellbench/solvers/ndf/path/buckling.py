@@ -29,9 +29,8 @@ from torch import Tensor
 
 from shellbench.solvers.ndf.field.quadrature import ROUNDING
 from shellbench.solvers.ndf.path.basis import Deformed
-from shellbench.solvers.ndf.path.continuation import FIRST_STEP
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
-from shellbench.solvers.ndf.path.newton import CONVERGED, PathState, equilibrium
+from shellbench.solvers.ndf.path.newton import CONVERGED, FIRST_STEP, PathState, equilibrium
 from shellbench.solvers.stepping.control import (
     CUT,
     EASY,

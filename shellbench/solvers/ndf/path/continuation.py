@@ -18,7 +18,7 @@ from torch import Tensor
 
 from shellbench.problems.shell.records.path_end import branch_passed
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
-from shellbench.solvers.ndf.path.newton import Constraint, PathState, drift, equilibrium, on_path
+from shellbench.solvers.ndf.path.newton import FIRST_STEP, Constraint, PathState, drift, equilibrium, on_path
 from shellbench.solvers.stepping import paths
 from shellbench.solvers.stepping.control import (
     ARC_CUT,
@@ -39,7 +39,6 @@ from shellbench.solvers.stepping.paths import Marks
 Find = Callable[[PathProblem, PathState, float], PathState]
 """Finds the state at a load factor from another one, or raises `NotConvergedError`."""
 
-FIRST_STEP = 1 / 8  # of the path under load control
 PATH_STEPS = 32  # steps of a path that is followed by displacement, and of its first length by arc
 MOST_STEPS = 1000  # of a path that is followed by arc length
 SAMPLES = 9  # points a side at which the length of an arc is measured
