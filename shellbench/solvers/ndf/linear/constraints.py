@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,9 +10,9 @@ import torch
 from torch import Tensor
 
 from shellbench.solvers.ndf.field.ansatz import Ansatz, FeatureSet
-from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Array, from_derivatives
+from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Array, Placement, from_derivatives
 from shellbench.solvers.ndf.field.quadrature import NOWHERE, RuleSpec, edge_rule
-from shellbench.solvers.ndf.field.supports import edge_supports, point_supports
+from shellbench.solvers.ndf.field.supports import PointSupport, edge_supports, point_supports
 
 SAME_ROW = 1e-6  # share of the softest combination of constraints below which one is stiffer than rounding can tell
 SLOPES = RuleSpec((12, 12), 6)  # along an edge whose slope is held by rows; twice the panels around a turn
@@ -20,16 +20,33 @@ SLOPES = RuleSpec((12, 12), 6)  # along an edge whose slope is held by rows; twi
 
 def point_constraints(ansatz: Ansatz, features: FeatureSet) -> tuple[Tensor, Tensor]:
     """Return rows (k, 3 M) and targets (k,), metres, that hold the point supports."""
-    placement, supports = features.placement, point_supports(ansatz.case, ansatz.t)
-    points = np.array([s.point.xi for s in supports]).reshape(-1, 2)
-    if not supports or ansatz.soft:
-        return placement.tensor(np.zeros((0, 3 * features.count))), placement.tensor(np.zeros(0))
-    components = [s.component for s in supports]
-    index = torch.arange(len(supports), device=placement.device)
-    held = ansatz.factors.matrix(points, placement)[VALUE][index, components]
-    rows = (held[:, :, None] * features.values(points)[:, None, :]).reshape(len(supports), -1)
-    lift = ansatz.lift.jet(points, placement)[VALUE][index, components]
-    return rows, placement.tensor(np.array([s.value for s in supports])) - lift
+    if ansatz.soft:
+        return features.placement.zeros(0, 3 * features.count), features.placement.zeros(0)
+    return point_rows(ansatz, features), point_targets(ansatz, features.placement)
+
+
+def point_rows(ansatz: Ansatz, features: FeatureSet) -> Tensor:
+    """Return rows (k, 3 M) whose products with the output weights are what point supports hold of M F."""
+    placement, supports = features.placement, point_supports(ansatz.case)
+    if not supports:
+        return placement.zeros(0, 3 * features.count)
+    points, components = _held_at(supports)
+    held = ansatz.factors.matrix(points, placement)[VALUE][range(len(supports)), components]
+    return (held[:, :, None] * features.values(points)[:, None, :]).reshape(len(supports), -1)
+
+
+def point_targets(ansatz: Ansatz, placement: Placement) -> Tensor:
+    """Return what the point supports prescribe (k,), metres, less the lift."""
+    supports = point_supports(ansatz.case, ansatz.t)
+    targets = placement.tensor(np.array([s.value for s in supports]))
+    if not supports or not ansatz.lift.moves:
+        return targets
+    points, components = _held_at(supports)
+    return targets - ansatz.lift.jet(points, placement)[VALUE][range(len(supports)), components]
+
+
+def _held_at(supports: Sequence[PointSupport]) -> tuple[Array, list[int]]:
+    return np.array([s.point.xi for s in supports]), [s.component for s in supports]
 
 
 def slope_constraints(

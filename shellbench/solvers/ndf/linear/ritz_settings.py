@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
 from pydantic import Field as PydanticField
 
 from shellbench.problem import SeededSettings
@@ -66,11 +65,13 @@ class RitzSettings(SeededSettings):
 class ConditionedSettings(SeededSettings):
     """Settings of `ndf-conditioned`; what is None follows from the case."""
 
-    neurons: int | None = Field(None, ge=1, le=4000, description="width of the random layer, without challengers")
-    snapshots: int = Field(
+    neurons: int | None = PydanticField(
+        None, ge=1, le=4000, description="width of the random layer, without challengers"
+    )
+    snapshots: int = PydanticField(
         32, ge=3, le=63, description="materials at which the output layer is solved for, at most; at rest"
     )
-    tolerance: Positive = Field(
+    tolerance: Positive = PydanticField(
         1e-6, description="change of the asked displacement, by the last two fields, that ends it; at rest"
     )
-    largest_gap: Positive = Field(LARGEST_GAP, description="largest admissible quadrature gap")
+    largest_gap: Positive = PydanticField(LARGEST_GAP, description="largest admissible quadrature gap")

@@ -28,6 +28,7 @@ from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import COMPONENTS, VALUE, Array
 from shellbench.solvers.ndf.field.quadrature import NOWHERE, RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density, point_supports
+from shellbench.solvers.ndf.linear.constraints import point_rows, point_targets
 from shellbench.solvers.ndf.motion.motion_parts import Energies, Lifted, Reflected, Table
 from shellbench.solvers.ndf.motion.products import Grid, Products
 from shellbench.solvers.ndf.path.basis import Basis
@@ -130,13 +131,7 @@ class Motion:
     @cached_property
     def _rows(self) -> Tensor:
         """(k, 3 M): what the point supports hold."""
-        supports, placement = point_supports(self.case), self.features.placement
-        if not supports:
-            return self.share.new_zeros((0, COMPONENTS * self.features.count))
-        points = np.array([s.point.xi for s in supports])
-        matrix = self.ansatz(0.0).factors.matrix(points, placement)[VALUE]
-        held = matrix[torch.arange(len(supports)), [s.component for s in supports]]
-        return (held[:, :, None] * self.features.values(points)[:, None, :]).reshape(len(supports), -1)
+        return point_rows(self.ansatz(0.0), self.features)
 
     @cached_property
     def basis(self) -> Basis | Reflected:
@@ -165,12 +160,7 @@ class Motion:
 
     def targets(self, t: float) -> Tensor:
         """Return what the point supports prescribe (k,) at a time, metres, less the lift."""
-        supports, placement = point_supports(self.case, t), self.features.placement
-        values = placement.tensor(np.array([s.value for s in supports]))
-        if supports and self._lifts:
-            lift = self.ansatz(t).lift.jet(np.array([s.point.xi for s in supports]), placement)[VALUE]
-            values = values - lift[torch.arange(len(supports)), [s.component for s in supports]]
-        return values
+        return point_targets(self.ansatz(t), self.features.placement)
 
     @cached_property
     def _driven(self) -> bool:

@@ -28,8 +28,8 @@ from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.factors import turns
 from shellbench.solvers.ndf.field.jets import VALUE, Array
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
-from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density, point_supports
-from shellbench.solvers.ndf.linear.constraints import SAME_ROW, slope_constraints
+from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density
+from shellbench.solvers.ndf.linear.constraints import SAME_ROW, point_rows, point_targets, slope_constraints
 from shellbench.solvers.ndf.path.basis import Basis, Deformed
 from shellbench.solvers.ndf.strains.energy import mirrored
 from shellbench.solvers.ndf.strains.reaction import EdgeMoment, FollowingPressure, edge_moments
@@ -177,21 +177,14 @@ class PathProblem:
     @cached_property
     def constraints(self) -> Tensor:
         """(k, 3 M): rows of the point supports, then those of slopes."""
-        supports = point_supports(self.ansatz.case)
-        rows = [self.row(np.array([s.point.xi]), np.eye(3)[[s.component]])[None] for s in supports]
         slopes = [found for found, _ in slope_constraints(self.ansatz, self.features)]
-        return torch.cat([self.weights.new_zeros((0, 3 * self.features.count)), *rows, *slopes])
+        return torch.cat([point_rows(self.ansatz_at(0.0), self.features), *slopes])
 
     def targets(self, t: float) -> Tensor:
         """Return what the constraints prescribe (k,), metres, less the lift."""
-        supports = point_supports(self.ansatz.case, t)
         ansatz, placement = self.ansatz_at(t), self.features.placement
-        values = placement.tensor(np.array([s.value for s in supports]))
-        if supports and ansatz.lift.moves:
-            points = np.array([s.point.xi for s in supports])
-            lift = ansatz.lift.jet(points, placement)[VALUE]
-            values = values - lift[torch.arange(len(supports)), [s.component for s in supports]]
-        return torch.cat([values, *(target for _, target in slope_constraints(ansatz, self.features))])
+        slopes = [target for _, target in slope_constraints(ansatz, self.features)]
+        return torch.cat([point_targets(ansatz, placement), *slopes])
 
     def row(self, points: Array, directions: Array, t: float = 0.0) -> Tensor:
         """Return the row (3 M,) of the mean displacement of the free field at points (n, 2) along directions (n, 3).

@@ -53,11 +53,11 @@ from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.path.basis import Deformed
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.newton import PathState
+from shellbench.solvers.stepping.control import same
 
 SETTLED_STATE = 2e-2  # of a scale: energies err twice as much as displacements, and these are asked for 1e-2 at most
 RULE_GROWTH = (1 + TRAINED_SHARE) ** 0.5  # of panels a side: as many points a feature as without challengers
 PART = 0.25  # of what is gained, by which even a small part of the energy errs: on 48 drawn shells at most .24
-SAME = 1e-9  # relative distance of a state from its mark
 PRESCRIBED = 1e-12  # of a quantity's scale, where nothing is solved for and all is rounding
 
 
@@ -291,7 +291,7 @@ def _asked(q: QuantityModel, solution: PathSolution, offset: int) -> tuple[int, 
     along = [step.at if path.quantity is None else step.quantities[path.quantity] for step in steps]
     if not isinstance(q, LimitPoint):
         mark = solution.marks[-1] if q.at is None else q.at
-        there = (k for k, value in enumerate(along) if abs(value - mark) <= SAME * abs(mark))
+        there = (k for k, value in enumerate(along) if same(value, mark))
         return tuple(islice(there, 1))
     values = np.array([0.0, *([step.at for step in steps] if q.turning == "load" else along)])
     turns = np.nonzero(np.diff(np.sign(np.diff(values))))[0]  # state k + 1 of rest and the others is k of these

@@ -7,7 +7,6 @@ import json
 from pathlib import Path
 from typing import Literal
 
-from pydantic import Field
 from pydantic import Field as PydanticField
 
 from shellbench.problem import SeededSettings
@@ -15,6 +14,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.protocol.schema import Positive
 from shellbench.solvers.ndf.field.choices import Components, PeriodicInput, Pins, StrainName
 
+OMEGA0, LEARNING_RATE = 15.0, 1e-4  # the paper's values (Kairanda et al., section 5.2)
 NDF_PUBLISHED = "ndf-published"  # of the solver, in records and files
 
 NOT_OF_THE_TRAINING = {"device", "checkpoint", "checkpoint_every"}
@@ -36,8 +36,8 @@ class PublishedSettings(SeededSettings):
     iterations: int = PydanticField(2000, ge=1, description="of Adam; the paper has 2500 for the plate")
     layers: int = PydanticField(5, ge=1, le=20, description="hidden layers")
     width: int = PydanticField(512, ge=1, le=4096, description="of each hidden layer")
-    omega0: Positive = PydanticField(15.0, description="frequency of the sines")
-    learning_rate: Positive = 1e-4
+    omega0: Positive = PydanticField(OMEGA0, description="frequency of the sines")
+    learning_rate: Positive = LEARNING_RATE
     cells: tuple[int, int] = PydanticField((20, 20), description="of the grid of samples, along xi1 and xi2")
     times: int = PydanticField(20, ge=1, le=1000, description="samples of time, one in each of so many intervals")
     modulus_factor: Positive | None = PydanticField(
@@ -95,10 +95,10 @@ def own_checkpoint(case: Case, settings: PublishedSettings) -> Path | None:
 class ConditionedPublishedSettings(SeededSettings):
     """Settings of `ndf-material`; the defaults are the paper's."""
 
-    iterations: int = Field(2000, ge=1, description="of Adam, each at one random material")
-    layers: int = Field(5, ge=1, le=20, description="hidden layers")
-    width: int = Field(512, ge=1, le=4096, description="of each hidden layer")
-    omega0: Positive = Field(15.0, description="frequency of the sines")
-    learning_rate: Positive = Field(1e-4, description="of Adam")
-    cells: tuple[int, int] = Field((20, 20), description="of the grid of samples, along xi1 and xi2")
-    dtype: Literal["float32", "float64"] = Field("float32", description="precision of the training")
+    iterations: int = PydanticField(2000, ge=1, description="of Adam, each at one random material")
+    layers: int = PydanticField(5, ge=1, le=20, description="hidden layers")
+    width: int = PydanticField(512, ge=1, le=4096, description="of each hidden layer")
+    omega0: Positive = PydanticField(OMEGA0, description="frequency of the sines")
+    learning_rate: Positive = PydanticField(LEARNING_RATE, description="of Adam")
+    cells: tuple[int, int] = PydanticField((20, 20), description="of the grid of samples, along xi1 and xi2")
+    dtype: Literal["float32", "float64"] = PydanticField("float32", description="precision of the training")

@@ -29,7 +29,7 @@ from shellbench.solvers.ndf.field.geometry import apply_rows
 from shellbench.solvers.ndf.field.jets import VALUE, activation, compose
 from shellbench.solvers.ndf.field.network import Network
 from shellbench.solvers.ndf.field.quadrature import BATCH, Rule
-from shellbench.solvers.ndf.linear.regularised import IndefiniteError, RegularisedInverse
+from shellbench.solvers.ndf.linear.regularised import JITTER, IndefiniteError, RegularisedInverse
 from shellbench.solvers.ndf.strains.energy import (
     Concentrated,
     NormalEquations,
@@ -239,7 +239,7 @@ def unflatten(vector: Tensor, like: Network) -> Network:
     )
 
 
-GRAM_JITTER = 1e-11  # on the unit diagonal of the features' matrix, which a coarse quadrature conditions worse
+GRAM_JITTER = 10 * JITTER  # on the unit diagonal of the features' matrix, which a coarse quadrature conditions worse
 FLOOR = 1e-6  # of the unprojected diagonal, in Marquardt's scaling: weights that the output layer replaces stay
 
 
