@@ -8,8 +8,8 @@ from shellbench.bench.catalogue import catalog
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.solvers.ndf.field.build import usual_resolution
-from shellbench.solvers.ndf.field.creases import Creases
 from shellbench.solvers.ndf.field.jets import D1, D11, VALUE, Placement
+from shellbench.solvers.ndf.field.lines import Creases
 from shellbench.solvers.ndf.linear import contact, solution
 from shellbench.solvers.ndf.linear.refinement import first_level
 from shellbench.solvers.ndf.linear.ritz_field import field_spec

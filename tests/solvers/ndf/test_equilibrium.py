@@ -13,9 +13,8 @@ from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.field.quadrature import RuleSpec
-from shellbench.solvers.ndf.path.basis import Basis
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
-from shellbench.solvers.ndf.path.newton import Constraint, PathState, Tangent, drift, equilibrium, on_path
+from shellbench.solvers.ndf.path.newton import Basis, Constraint, PathState, Tangent, drift, equilibrium, on_path
 from shellbench.solvers.stepping.control import NotConvergedError
 from tests.solvers.ndf.shells import FREE, inner_points, shell, support, with_force
 

@@ -15,11 +15,8 @@ import numpy as np
 
 from shellbench.problems.shell.case import Case
 from shellbench.solvers.ndf.field.ansatz import Ansatz
-from shellbench.solvers.ndf.field.choices import (
-    FieldSpec,
-)
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.corners import CornerPowers
-from shellbench.solvers.ndf.field.creases import Creases
 from shellbench.solvers.ndf.field.factors import (
     BoundaryFactors,
     Lift,
@@ -32,9 +29,9 @@ from shellbench.solvers.ndf.field.factors import (
 )
 from shellbench.solvers.ndf.field.field import Features, FixedFeatures
 from shellbench.solvers.ndf.field.geometry import LINE, side_lengths
-from shellbench.solvers.ndf.field.hinges import TOGETHER, Hinges, hinges_of
 from shellbench.solvers.ndf.field.inputs import Inputs, edge_layers, foci, mirrored_axes, strongest_curvature
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
+from shellbench.solvers.ndf.field.lines import TOGETHER, Creases, Hinges, hinges_of
 from shellbench.solvers.ndf.field.mirrors import Mirrors, mirrors_of, samples
 from shellbench.solvers.ndf.field.network import Network
 from shellbench.solvers.ndf.field.quadrature import ROUNDING, RuleSpec

@@ -21,8 +21,6 @@ from shellbench.problems.shell.posed.rigid import free_motions, rigid_modes
 from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.choices import MULTIPLIERS, Slopes
 from shellbench.solvers.ndf.field.corners import AT_A_POINT, CornerPowers
-from shellbench.solvers.ndf.field.creases import Creases
-from shellbench.solvers.ndf.field.hinges import Hinges
 from shellbench.solvers.ndf.field.inputs import Focus, Inputs, even_columns, independent_columns
 from shellbench.solvers.ndf.field.jets import (
     D1,
@@ -37,6 +35,7 @@ from shellbench.solvers.ndf.field.jets import (
     matrix_product,
     product,
 )
+from shellbench.solvers.ndf.field.lines import Creases, Hinges
 from shellbench.solvers.ndf.field.mirrors import Mirrors, samples
 from shellbench.solvers.ndf.field.network import Network
 from shellbench.solvers.ndf.field.quadrature import ROUNDING, Rule

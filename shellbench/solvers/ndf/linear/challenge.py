@@ -37,13 +37,7 @@ from shellbench.solvers.ndf.linear.refinement import (
 from shellbench.solvers.ndf.linear.signs import jitter_share, rounding_energy
 from shellbench.solvers.ndf.linear.solution import NdfSolution
 from shellbench.solvers.ndf.linear.solve import potential_energy, solve_part
-from shellbench.solvers.ndf.strains.energy import (
-    certify,
-    concentrated,
-    energy_gap,
-    normal_equations,
-    surface_area,
-)
+from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, normal_equations, surface_area
 
 # Where planes of symmetry are built in, a field is wide for its part of the shell, and gains ever less: as many
 # challengers as features tell half of an error that falls with the width, or faster. They look closer at point forces.

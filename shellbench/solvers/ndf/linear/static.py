@@ -50,13 +50,7 @@ from shellbench.solvers.ndf.linear.ritz_settings import NDF_RITZ, RitzSettings
 from shellbench.solvers.ndf.linear.signs import Signs, jitter_share, refusal, rounding_energy, taken_up, unseen_turning
 from shellbench.solvers.ndf.linear.solution import NdfSolution
 from shellbench.solvers.ndf.linear.solve import potential_energy, solve_part
-from shellbench.solvers.ndf.strains.energy import (
-    certify,
-    concentrated,
-    energy_gap,
-    normal_equations,
-    surface_area,
-)
+from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, normal_equations, surface_area
 from shellbench.solvers.ndf.strains.soft import Springs, support_error
 
 PENALTY = 1e4  # supports give by 1e-5 of the deflection and less, and rounding takes less than 1e-3 of the energy

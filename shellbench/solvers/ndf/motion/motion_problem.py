@@ -31,7 +31,7 @@ from shellbench.solvers.ndf.field.supports import concentrated_forces, force_den
 from shellbench.solvers.ndf.linear.constraints import point_rows, point_targets
 from shellbench.solvers.ndf.motion.motion_parts import Energies, Lifted, Reflected, Table
 from shellbench.solvers.ndf.motion.products import Grid, Products
-from shellbench.solvers.ndf.path.basis import Basis
+from shellbench.solvers.ndf.path.newton import Basis
 from shellbench.solvers.ndf.strains.sampled import Sampled
 from shellbench.solvers.ndf.strains.strain_measures import GRADIENTS, stresses
 

@@ -28,9 +28,8 @@ import torch
 from torch import Tensor
 
 from shellbench.solvers.ndf.field.quadrature import ROUNDING
-from shellbench.solvers.ndf.path.basis import Deformed
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
-from shellbench.solvers.ndf.path.newton import CONVERGED, FIRST_STEP, PathState, equilibrium
+from shellbench.solvers.ndf.path.newton import CONVERGED, FIRST_STEP, Deformed, PathState, equilibrium
 from shellbench.solvers.stepping.control import (
     CUT,
     EASY,

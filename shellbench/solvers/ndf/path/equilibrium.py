@@ -30,7 +30,7 @@ from shellbench.solvers.ndf.field.jets import VALUE, Array
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density
 from shellbench.solvers.ndf.linear.constraints import SAME_ROW, point_rows, point_targets, slope_constraints
-from shellbench.solvers.ndf.path.basis import Basis, Deformed
+from shellbench.solvers.ndf.path.newton import Basis, Deformed
 from shellbench.solvers.ndf.strains.energy import mirrored
 from shellbench.solvers.ndf.strains.reaction import EdgeMoment, FollowingPressure, edge_moments
 from shellbench.solvers.ndf.strains.sampled import Sampled, elastic_form

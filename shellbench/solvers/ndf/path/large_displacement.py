@@ -25,13 +25,12 @@ from shellbench.solvers.ndf.field.factors import turns
 from shellbench.solvers.ndf.field.quadrature import area_rule
 from shellbench.solvers.ndf.field.supports import check_balance
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
-from shellbench.solvers.ndf.path.basis import Deformed
 from shellbench.solvers.ndf.path.buckling import follow_steps
 from shellbench.solvers.ndf.path.continuation import arc_length_steps, displacement_steps, load_steps
 from shellbench.solvers.ndf.path.edited import states_of_edit
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.levels import PathLevel, disagreement, state_solution
-from shellbench.solvers.ndf.path.newton import PathState, equilibrium
+from shellbench.solvers.ndf.path.newton import Deformed, PathState, equilibrium
 from shellbench.solvers.ndf.path.path_challenge import challenged, prescribed
 from shellbench.solvers.ndf.strains.energy import exploits
 from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError, same

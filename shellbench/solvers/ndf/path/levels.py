@@ -11,9 +11,8 @@ from shellbench.solvers.ndf.field.jets import Array
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import point_supports
 from shellbench.solvers.ndf.linear.solution import NdfSolution
-from shellbench.solvers.ndf.path.basis import Deformed
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
-from shellbench.solvers.ndf.path.newton import PathState
+from shellbench.solvers.ndf.path.newton import Deformed, PathState
 
 
 @dataclass(frozen=True)

@@ -47,8 +47,8 @@ from shellbench.solvers.ndf.linear.refinement import SAFETY, SLOWEST, Level, fir
 from shellbench.solvers.ndf.linear.ritz_field import with_settings
 from shellbench.solvers.ndf.linear.ritz_settings import NDF_RITZ, RitzSettings
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
-from shellbench.solvers.ndf.path.basis import Basis
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
+from shellbench.solvers.ndf.path.newton import Basis
 from shellbench.solvers.ndf.strains.sampled import elastic_form
 
 Integers = NDArray[np.int64]

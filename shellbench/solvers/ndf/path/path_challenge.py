@@ -50,9 +50,8 @@ from shellbench.solvers.ndf.linear.refinement import (
 )
 from shellbench.solvers.ndf.linear.regularised import JITTER, RegularisedInverse
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
-from shellbench.solvers.ndf.path.basis import Deformed
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
-from shellbench.solvers.ndf.path.newton import PathState
+from shellbench.solvers.ndf.path.newton import Deformed, PathState
 from shellbench.solvers.stepping.control import same
 
 SETTLED_STATE = 2e-2  # of a scale: energies err twice as much as displacements, and these are asked for 1e-2 at most

@@ -43,11 +43,7 @@ from shellbench.errors import InputError
 from shellbench.problem import Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.measure import measure
-from shellbench.problems.shell.quantities.quantities import (
-    CentreOfMass,
-    DisplacementQuantity,
-    PositionQuantity,
-)
+from shellbench.problems.shell.quantities.quantities import CentreOfMass, DisplacementQuantity, PositionQuantity
 from shellbench.solvers.ndf.field.choices import StrainName
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.quadrature import NOWHERE, RuleSpec, area_rule

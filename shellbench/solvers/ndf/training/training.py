@@ -21,13 +21,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.solvers.ndf.field.build import is_flat
 from shellbench.solvers.ndf.field.jets import VALUE
 from shellbench.solvers.ndf.field.network import Network, deep_random_features
-from shellbench.solvers.ndf.training.gauss_newton import (
-    Quadratic,
-    energy_gradient,
-    flatten,
-    quadratic_model,
-    unflatten,
-)
+from shellbench.solvers.ndf.training.gauss_newton import Quadratic, energy_gradient, flatten, quadratic_model, unflatten
 from shellbench.solvers.ndf.training.sketch import Sketch
 from shellbench.solvers.ndf.training.training_problem import COARSE_ORDER, Quadratures, Trained, TrainingProblem
 
