@@ -56,7 +56,7 @@ DEGREE, FEWER = 13, 3  # of the features along a side; how many less those have 
 COUNTS = (33, 9, 5)  # points along time, log(E h) and nu
 LAST_POLYNOMIALS = 2  # polynomials of each axis that must not matter: odd and even ones may differ
 SETTLED_DERIVATIVE = 1e-2  # of the logarithm: what gates of fields ask for
-ROUNDING_OF_SUMS = 1e-13  # relative: what a sum of polynomials may leave of zero
+ROUNDING_OF_SUMS = 500 * np.finfo(float).eps  # relative: what a sum of so many polynomials may leave of zero
 UNUSED = ("snapshots", "tolerance")  # settings of shells at rest
 
 

@@ -60,7 +60,6 @@ def with_settings(usual: Resolution, settings: RitzSettings) -> Resolution:
         usual,
         neurons=settings.neurons or usual.neurons,
         scale=settings.scale or usual.scale,
-        stretched_scale=settings.stretched_scale or usual.stretched_scale,
         rule=rule,
     )
 

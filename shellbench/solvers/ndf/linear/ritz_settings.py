@@ -34,7 +34,6 @@ class RitzSettings(SeededSettings):
     most_neurons: int = PydanticField(900, ge=1, le=4000, description="width up to which it refines; linear statics")
     activation: str = "sine"
     scale: Positive | None = PydanticField(None, description="standard deviation of the weights of plain inputs")
-    stretched_scale: Positive | None = PydanticField(None, description="the same of stretched inputs")
     layer: Positive = PydanticField(LAYER, description="length of stretched inputs, in sqrt(h R)")
     degrees: tuple[Annotated[int, PydanticField(ge=1, le=60)], ...] | None = PydanticField(
         None,

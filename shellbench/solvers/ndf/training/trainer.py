@@ -252,7 +252,6 @@ def training_plan(settings: TrainerSettings, widths: tuple[int, ...], scales: tu
         tolerance=settings.tolerance,
         gap=settings.gap,
         damping=settings.damping,
-        attempts=settings.attempts,
         seed=settings.seed,
         directions=settings.directions,
     )

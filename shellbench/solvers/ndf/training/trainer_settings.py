@@ -38,7 +38,6 @@ class TrainerSettings(SeededSettings):
     tolerance: Positive = PydanticField(2e-6, description="certified relative gain below which training ends")
     gap: Positive = PydanticField(1e-5, description="gap of a training state beyond which more points are taken")
     damping: Positive = PydanticField(0.1, description="Marquardt's, at the start")
-    attempts: int = PydanticField(5, ge=1, le=50, description="steps tried an iteration, ever more damped")
     layer: Positive = PydanticField(TRAINED_LAYER, description="length of stretched inputs, in sqrt(h R)")
     singular: int = PydanticField(
         TRAINED_MULTIPLIERS, ge=0, le=6, description="singular features a point force; 0 for none"

@@ -37,6 +37,7 @@ REFINE, MOST_REFINED = 1.4, 3.0  # more training points where they are exploited
 HARDEN, EASE, EASE_MORE = 4.0, 3.0, 10.0  # factors of the damping after a refusal, a fair step and a good one
 FAIR = 0.3
 GOOD = 1 - FAIR  # of the predicted decrease
+ATTEMPTS = 5  # steps tried in an iteration, ever more damped
 DRAWS = 3  # of directions among which no step was certified, one after the other, before training ends
 
 
@@ -66,7 +67,6 @@ class Plan:
     tolerance: float
     gap: float
     damping: float
-    attempts: int
     seed: int
     directions: int | None = None
     mixed: bool = False
@@ -217,7 +217,7 @@ def _search(
     sketch: Sketch | None,
 ) -> Search:
     theta, exploited, spent = flatten(state.network), False, 0
-    for attempt in range(plan.attempts):
+    for attempt in range(ATTEMPTS):
         # A rejected step costs an evaluation, not a model: the same matrix is damped more.
         step = local.step(damping)
         if step is not None:
