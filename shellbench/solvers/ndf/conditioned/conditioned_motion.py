@@ -55,7 +55,7 @@ FORMAT = "ndf-conditioned in motion, format 2"
 DEGREE, FEWER = 13, 3  # of the features along a side; how many less those have by which their error is told
 COUNTS = (33, 9, 5)  # points along time, log(E h) and nu
 LAST_POLYNOMIALS = 2  # polynomials of each axis that must not matter: odd and even ones may differ
-SETTLED_DERIVATIVE = 1e-2  # of the logarithm: what gates of fields ask for
+SETTLED_DERIVATIVE = 1e-2  # of the logarithm: what gates of fields ask for; not tuned
 ROUNDING_OF_SUMS = 500 * np.finfo(float).eps  # relative: what a sum of so many polynomials may leave of zero
 UNUSED = ("snapshots", "tolerance")  # settings of shells at rest
 

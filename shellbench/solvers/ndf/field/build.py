@@ -116,7 +116,9 @@ def graded_points(case: Case, spec: FieldSpec) -> Array:
     return np.where(domain.periodic, np.nan, np.array([domain.lower, domain.upper]))
 
 
-SCALE, FLAT_SCALE, STRETCHED_SCALE = 3.0, 3.5, 2.0  # standard deviations of weights: curved, flat; stretched inputs
+# Standard deviations of the weights of plain inputs, on curved shells and on flat ones, and of stretched inputs. Tuned
+# on the shells of the top; neighbours are not on record.
+SCALE, FLAT_SCALE, STRETCHED_SCALE = 3.0, 3.5, 2.0
 
 
 @dataclass(frozen=True)
@@ -163,8 +165,10 @@ def usual_resolution(case: Case) -> Resolution:
 
 # Widths of the levels of a path, in units of the usual width. The last one is also that of very long strips.
 WIDTHS = (0.5, 1.0, 2.0, 3.5)
-LENGTHENED = (1.0, 1.0, 2.5, 5.0, math.inf)  # at most, of the scale along the longer side of a flat shell
-LENGTHWAYS, CROSSWAYS = 0.6, -0.25  # powers of the sides' ratio by which scales follow it
+# By level, the factor of the scale along the longer side of a flat shell, at most; and the powers of the sides' ratio by
+# which scales follow it along and across. They are for strips that coil; neighbours are not on record.
+LENGTHENED = (1.0, 1.0, 2.5, 5.0, math.inf)
+LENGTHWAYS, CROSSWAYS = 0.6, -0.25
 
 
 def path_level_count(case: Case) -> int:
@@ -182,6 +186,9 @@ def path_level_count(case: Case) -> int:
 def first_path_level(case: Case) -> int:
     """Return the first level of a path that is of use: half of the usual width holds no waves of a buckled shell."""
     return int(case.path.after_buckling == "follow")
+
+
+POINT_GRADING = 1.5  # of panels toward a force at a point, beside its cuts; not on record
 
 
 def _slenderness(case: Case) -> float:
@@ -233,7 +240,7 @@ def joints_of(case: Case) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 def _around_points(case: Case, panels: int, cuts: int) -> RuleSpec:
     """Return a rule that is cut at focal points, with as many more panels as coordinates are stretched somewhere."""
-    spec = _rule(case, panels, 7, 1.5, cuts)
+    spec = _rule(case, panels, 7, POINT_GRADING, cuts)
     first, second = (round(n * uneven) for n, uneven in zip(spec.panels, unevenness(case), strict=True))
     return replace(spec, panels=(first, second), point_cuts=cuts)
 

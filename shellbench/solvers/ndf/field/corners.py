@@ -26,6 +26,7 @@ from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, constant,
 from shellbench.solvers.ndf.field.quadrature import ROUNDING
 from shellbench.solvers.ndf.field.supports import edge_supports
 
+# Any few exponents span those between them (top). What other ones give is not on record.
 FEW = (0.25, 0.5)
 EXPONENTS = ((), FEW, (*FEW, 0.1, 1.0))  # mu, by the detail that is asked for
 HARMONICS = (0, 2, 3)  # of the angle, by the same

@@ -49,9 +49,10 @@ from shellbench.solvers.ndf.field.quadrature import ROUNDING
 from shellbench.solvers.ndf.field.supports import Sides, edge_supports, even_sides, point_supports
 
 EDGE_LAYER = 1.0  # the same along an edge; between .4 and 1 the certified energy of a hyperbolic paraboloid is flat
-WIDEST_LAYER = 0.12  # l in units of the shell's size at most, and where it is flat
+WIDEST_LAYER = 0.12  # l in units of the shell's size at most, and where it is flat; as `LAYER` for R / h = 100.
 
-WIDEST_STRETCH = 5.0  # of stiffness that varies quickly: waves are as fine there, however narrow it is
+# Of stiffness that varies quickly: waves are as fine there, however narrow it is. Neighbours are not on record.
+WIDEST_STRETCH = 5.0
 
 
 @dataclass(frozen=True)
@@ -167,7 +168,7 @@ def even_columns(columns: Callable[[Array], Tensor], domain: Domain, axes: Seque
 
 
 INPUT_SAMPLES = 24  # points a side of the grid on which inputs are tested for linear independence
-DEPENDENT_INPUT = 1e-6  # an input whose remainder is below this share of its size is left out
+DEPENDENT_INPUT = 1e-6  # an input whose remainder is below this share of its size is left out: rounding leaves 1e-15
 
 
 def even_coordinate(domain: Domain, points: Array, axis: int, even: tuple[bool, bool], placement: Placement) -> Tensor:

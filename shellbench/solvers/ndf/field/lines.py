@@ -38,7 +38,7 @@ from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, chebyshev
 CREASE_POLYNOMIALS, HINGE_POLYNOMIALS = (8, 3), (6, 3)
 TOGETHER = 2  # cells that tell a stiffness in a panel: its Gauss points are exact to twice their degree
 PANEL_NODES = 8  # of the polynomial in a panel
-TOLD = 1e-6  # of the largest compliance that the polynomial of a panel may be off by
+TOLD = 1e-6  # of the largest compliance that the polynomial of a panel may be off by: far below what a field errs
 HALVINGS = 12  # of panels that no polynomial tells: they are left as they are
 MIDDLE, ENDS = 0.5, (0.0, 1.0)  # of a line: where its compliance is taken, and where it may be another
 SOFTER = 2.0  # times the compliance of most of the coordinate line: less is no hinge

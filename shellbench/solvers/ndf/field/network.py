@@ -119,9 +119,10 @@ def random_features(scales: Tensor, width: int, seed: int, name: str = "sine") -
     return Network((weight,), (((2 * phases - 1) * math.pi).to(scales),), name)
 
 
-SQUEEZE = 0.25  # of the first map, times sqrt(n / m): sines of such arguments are nearly linear
-SHIFT = 0.2  # half width of the inner layers' biases
-RIDGE = 1e-8  # of the fit of the last hidden layer, relative to the mean square of a feature
+# Of the first map, times sqrt(n / m), and half width of the inner layers' biases: sines of such arguments are nearly
+# linear. Much larger ones start far too stiff on shells; how the energy depends on them nearby is not on record.
+SQUEEZE, SHIFT = 0.25, 0.2
+RIDGE = 1e-8  # of the fit of the last hidden layer, of a feature's mean square; neighbours are not on record
 
 
 def deep_random_features(inputs: Tensor, scales: Tensor, widths: tuple[int, ...], seed: int, name: str) -> Network:

@@ -120,9 +120,9 @@ def edge_normals(case: Case, edge: Edge) -> Array:
     return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
 
 
-BALANCE = (
-    1e-6  # work of the loads on a free rigid motion, relative to the sum of their magnitudes, above which it moves
-)
+# Work of the loads on a free rigid motion, by the sum of their magnitudes, above which it moves. It is far above
+# rounding; neighbours are not on record.
+BALANCE = 1e-6
 
 
 def force_density(case: Case, points: ArrayLike, t: float = 1.0) -> Array:

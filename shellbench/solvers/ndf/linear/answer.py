@@ -18,7 +18,7 @@ from shellbench.solvers.ndf.linear.regularised import JITTER
 from shellbench.solvers.ndf.linear.signs import Signs
 from shellbench.solvers.ndf.linear.solution import NdfSolution
 
-STRONGER = 10.0  # times the usual regularisation: of answers that tell what the usual one takes
+STRONGER = 10.0  # times the usual regularisation: of answers that tell what the usual one takes: a decade
 STEPS_LEFT = math.log(JITTER / np.finfo(float).eps) / math.log(STRONGER)  # from the usual one down to rounding: 3.7
 EXPLOITED = ROUNDING  # of what is stored: more features, or less regularisation, cost so much on a finer rule
 

@@ -41,6 +41,7 @@ from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_
 
 # Where planes of symmetry are built in, a field is wide for its part of the shell, and gains ever less: as many
 # challengers as features tell half of an error that falls with the width, or faster. They look closer at point forces.
+# What these were tuned on is not on record.
 MIRRORED_SHARE, MIRRORED_CHALLENGER_SCALES = 1.0, (1.0, 4.0)
 
 

@@ -68,6 +68,7 @@ from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.linear.solve import HeldInverse, OutputLayer, held_part, potential_energy, spread
 from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, normal_equations
 
+# What these were tuned on is not on record, beyond what a line says.
 STRAIGHT_EDGE = 0.02  # of a side: spread of an edge of contact along its line
 LOOKED, ROWS = 501, 9  # points of a line on which an edge of contact is looked for, and lines
 NEAREST, FARTHEST, ROOT_DEGREE = 1e-2, 0.5, 3  # shares of the largest gap whose cube root is fitted, and how
@@ -77,7 +78,7 @@ ROUNDS = 5  # of looking for edges of contact
 PLANE_STEPS = 8  # steps in which the planes that touch an obstacle are found
 SECOND_WIDTH = 1.4  # times the neurons, and times the points and panels by its root: the answer after the first
 ALONG_SLENDER = (1.5, 0.3)  # of the scale along and across a slender shell, which bends along its length
-SETTLED_POINT = 1e-2  # of where contact begins
+SETTLED_POINT = 1e-2  # of where contact begins: what gates ask for
 
 
 @dataclass(frozen=True)

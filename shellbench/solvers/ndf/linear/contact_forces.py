@@ -26,6 +26,7 @@ Flags = NDArray[np.bool_]
 GAP_POINTS = 600  # at which gaps are asked, while no edge of contact is known
 ROWS_ACROSS, FEWEST_ROWS, MOST_ROWS = 80, 5, 12  # of them across the edges of contact, and along these
 GUARD = 2.0  # spacings outside an edge of contact that its own row stands for
+# What the next ones were tuned on is not on record, beyond what a line says.
 LINE_FORCE = 10.0  # times as much of a force costs nothing more on such a row: a line force is no noise
 SLIGHT = 1e-9  # share of the mean compliance by which obstacles give: what makes forces unique at all
 SMOOTH = 1e-3  # the same, where forces are made smooth

@@ -47,9 +47,9 @@ STEPS = 3  # patches begin at every third of their side, so that points lie near
 PATCH_DEGREES = (8, 10)  # of Q along each side
 BUBBLE_DEGREES = 2  # degrees of P
 PATCH_ORDER = 16  # Gauss points along a side of the patch, beside one a degree
-AGREED = 1e-4  # difference of two degrees, by the largest component at a point, at which no smaller patch is tried
+AGREED = 1e-4  # difference of both degrees, by the largest component at a point: a tenth of what gates ask for
 LINE_NODES = 9  # moments on a line, through which the polynomial goes
-HALF_LINE = 0.02  # of a side: half the length of a line
+HALF_LINE = 0.02  # of a side: half the length of a line; shorter ones magnify rounding, longer ones no longer fit
 
 
 @dataclass(frozen=True)

@@ -39,14 +39,15 @@ SAFETY = 2.0  # of stated uncertainties, chosen before any error was seen
 SETTLED = 1e-3  # of a quantity's scale: what gates of fields ask for
 NEGLIGIBLE = 1e-3  # part of the largest displacement below which a value's relative error is idle
 LEVEL_WIDTHS = WIDTHS[1:]  # of each level, in units of the usual width
-CHALLENGERS = 0.25  # in units of the neurons they challenge
+CHALLENGERS = 0.25  # in units of the neurons they challenge. Neighbours are not on record.
 TRAINED_SHARE = 0.5  # challengers, in units of the width of the trained layer
-SLENDER = 3.0  # ratio of the sides of a flat shell from which on its ends have layers of their own
+SLENDER = 3.0  # ratio of a flat shell's sides from which on its ends have layers of their own; neighbours not on record
 CORNER_CUTS = 2  # of cells at corners; the certificate has one more
 EDGE_SCALE = 2.0  # of inputs stretched toward edges
-SLOWEST = 0.8  # ratio of energy gained in one level to the level before beyond which no tail is summed
+SLOWEST = 0.8  # largest ratio of gains of two levels that a tail is summed with: four times the last gain
 PROBES = 25  # points a side at which fields are compared, and the largest displacement is looked for
 REPEATED = 1.5  # times the panels a side: with 6 Gauss points in each, a hundredth of what the rule misjudges
+RULE_POWER = 0.4  # of the width, that panels a side grow by: .5 would keep the points a feature; not on record
 LEAST_TAIL = 0.5  # of what a level changed: the one before had missed it, and this one may miss half of it still
 LARGEST_SEED = 2**31
 
@@ -62,6 +63,7 @@ class Kind:
 
 
 # Rules that are graded toward points are coarse elsewhere, and fit the usual scales: finer ones exploit them.
+# What these scales were tuned on is not on record.
 AROUND_POINTS = (Kind("anew", 1.0, 0.0, 1.0), Kind("finer", 1.4, 0.0, 0.7), Kind("layers", 0.7, 0.0, 1.2))
 KINDS = (Kind("anew", 1.0, 1.0, 1.0), Kind("finer", 2.0, 1.0, 1.5), Kind("layers", 1.0, 2.0, 2.0))
 SCALE_GROWTH = {
@@ -155,7 +157,7 @@ def next_level(first: Level, before: Level, winner: str, most: int) -> Level | N
     if neurons <= before.resolution.neurons:
         return None
     plain, stretched = SCALE_GROWTH[winner]
-    old, growth = before.resolution, LEVEL_WIDTHS[number] ** 0.4
+    old, growth = before.resolution, LEVEL_WIDTHS[number] ** RULE_POWER
     resolution = replace(
         old,
         neurons=neurons,

@@ -17,7 +17,9 @@ from shellbench.solvers.ndf.motion.motion_problem import Motion
 RTOL, ATOL = 1e-6, 1e-8  # of y and y', in m sqrt(kg) and m/s sqrt(kg): errors then stay far below those of the field
 MOST_TIME_STEPS = 6_000
 STABLE = 5.5  # step times frequency that the method takes: its amplification exceeds 1 from 5.9 on
-FIRST = 1e-4  # of the whole time: the first step, before the error is known
+FIRST = (
+    1e-4  # of the whole time: the first step, before the error is known; a longer one is rejected, a shorter one grows
+)
 
 
 class StuckError(ArithmeticError):

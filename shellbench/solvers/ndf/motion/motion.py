@@ -57,14 +57,14 @@ from shellbench.solvers.ndf.strains.smooth import PANEL_ORDER, POINTS_A_DEGREE, 
 
 DEGREES = (10, 13, 17, 22)  # along the longest side, of each level: each costs some four times the one before
 SETTLED_MOTION = 2e-4  # change of the motion between levels, over the longest side, below which the finer one is kept
-MORE_POINTS = 1.5  # a degree, once a field has exploited its quadrature
+MORE_POINTS = 1.5  # times as many a degree, once a field has exploited its quadrature
 MOST_POINTS = POINTS_A_DEGREE * MORE_POINTS**2  # twice more, then it gives up
 TOLD_PARTS = 1000  # in which progress is told
 PROBE = 21  # points a side at which motions are compared
 MORE_GAUSS = 8  # Gauss points a side: few are not enough for waves of a low degree
 FIRST_DEGREE = 13  # of products that follow a motion, and by how much their degree grows at a time
-DEGREE_GROWTH = 1.3
-TOP = 0.8  # of the degree: what varies more quickly is the tail
+DEGREE_GROWTH = 1.3  # as from one of `DEGREES` to the next
+TOP = 0.8  # of the degree: what varies more quickly is the tail; neighbours are not on record
 # Of the displacement, over the longest side: asks for more where a field may reach `REFERENCE`, and falls with a power.
 TAIL = SETTLED_MOTION / 40
 REFERENCE, TAIL_POWER = 30, 4.0

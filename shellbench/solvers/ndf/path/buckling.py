@@ -49,8 +49,8 @@ A perfect shell's smallest one falls from 1 at rest to 0 at the critical load, s
 about its own share. Waves that may travel around a shell have a zero one, of which a field makes a small number of
 either sign."""
 IMMATERIAL = 1e-4  # of the energy: what its own small slopes along neutral modes could at most promise a field
-FIRST_RADIUS = 0.1  # of the norm of the energy there is
-DOUBTED = 0.25
+FIRST_RADIUS = 0.1  # of the norm of the energy there is; the radius follows from gains after the first step
+DOUBTED = 0.25  # these three are the usual ones (Conn, Gould & Toint 2000)
 TRUSTED = 1 - DOUBTED  # shares of the foretold gain beyond which the radius grows, or shrinks
 WIDER, NARROWER = 2.0, 0.25
 MOST_TRIALS = 400
@@ -104,7 +104,8 @@ def relaxed(problem: PathProblem, start: PathState, t: float) -> PathState:
         tried = problem.deform(weights + change, t, deformed.angles)
         gain = deformed.potential - tried.potential
         length = float(step.norm())
-        # A full Newton step inside the ball says nothing of the radius. That grows only if it has bound the step.
+        # A full Newton step inside the ball says nothing of the radius. That grows only if it has bound
+        # the step.
         if gain < DOUBTED * foretold or not gain > 0:
             radius = NARROWER * length
         elif gain > TRUSTED * foretold and length > 0.99 * radius:
@@ -160,6 +161,7 @@ def _size(deformed: Deformed) -> float:
 
 
 LOCATED = NEUTRAL  # of the critical load factor: how well it is found, for an eigenvalue moves it by its own share
+# What the next ones were tuned on is not on record.
 LEFT = 1e-2  # of the critical load factor: so far beyond it the shell is let go, before other modes can buckle too
 OVERSHOT = 5e-2  # of the load factor where the smallest eigenvalue should vanish: no step goes farther beyond it
 SHORT = 1 / 64  # of the path: a step this short that does not converge is one to another branch

@@ -39,10 +39,10 @@ from shellbench.solvers.ndf.path.levels import PathLevel, disagreement, state_so
 from shellbench.solvers.ndf.path.newton import MOST_ITERATIONS, PathState, settled
 from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError
 
-DIFFERENCE = 1e-6  # of the shell's size: over which normals of obstacles are compared
+DIFFERENCE = 1e-6  # of the shell's size: over which normals are compared; truncation and rounding are both below 1e-9
 SHUT = 1e-6  # of the largest displacement: gap of a point that the step before left in contact
 PASSES = 2  # of smoothing forces: with one of them their resultant is short by 1e-4
-STIFF = 100.0  # of a point in contact, in the mean stiffness of such points at rest
+STIFF = 100.0  # of a point in contact, in their mean stiffness at rest; it does nothing to one that stays closed
 
 
 @dataclass(frozen=True)

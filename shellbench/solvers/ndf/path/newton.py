@@ -22,7 +22,7 @@ from shellbench.solvers.stepping.control import NotConvergedError
 CONVERGED = 1e-10  # work of the residual on the last step, relative to the energy: the next one's is its square
 MOST_ITERATIONS = 14  # a step that takes more is cut
 FIRST_STEP = 1 / 8  # of a path under load: so far Newton's method is tried from rest; it is cut where that fails
-HOPELESS = 1e8  # growth of that work that no iteration comes back from
+HOPELESS = 1e8  # growth of that work that no iteration comes back from: a guard
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,7 @@ from shellbench.solvers.ndf.strains.energy import concentrated, tabulate
 FORMAT = "ndf-material, format 1"
 INPUTS = len(Material._fields)
 ITERATIONS_AT_ONCE = 10  # iterations that are tabulated at once
-QUOTIENT_STEP = 1e-3  # of difference quotients of the network, in double precision
+QUOTIENT_STEP = 1e-3  # of central difference quotients of the network, which err by its square
 SEPARATE = 1  # stream of random numbers for materials, beside that of points
 
 

@@ -59,8 +59,8 @@ from shellbench.solvers.ndf.published.published_network import InputScale, Siren
 RATE_STEP = 1e-3  # of the final time, between the times by which a motion's velocity is found
 STENCILS = {0: (-25, 48, -36, 16, -3), -2: (1, -8, 0, 8, -1), -4: (3, -16, 36, -48, 25)}  # over 12: fourth order
 EDGE_POINTS = 9  # points of an edge at which that is looked at
-WEIGHT = 1000.0  # lambda, N/m^2
-MARGIN = 1e-3  # eps, m
+WEIGHT = 1000.0  # lambda, N/m^2: the paper's value
+MARGIN = 1e-3  # eps, m: the paper's value
 DT = 6  # plane of the derivative in time
 MOVING_PLANES = (VALUE, D1, D2, D11, D12, D22, DT)
 

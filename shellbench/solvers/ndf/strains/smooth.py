@@ -27,7 +27,7 @@ LONG_ORDER = 22  # the same for placed features: a few long panels crowd points 
 LONG_SHARE = 3 / 4  # of the usual points: exact for third powers of the field; strain energy has fourth ones
 PERIOD = 1.5  # of placed waves, in sides: longer ones depend more on each other, shorter ones fit edges worse
 HIGHEST_PLACED = 1.5  # their highest frequency, over that of a polynomial of the degree in the middle of a side
-CERTIFYING_PANELS = 1.25  # panels of the certificate
+CERTIFYING_PANELS = 1.25  # times as many panels, of the certificate, with one more point in each
 SPRING = 1e-6  # relative error of the springs' whole stiffness that is nothing to the motion
 MOST_PANELS = 64  # of a side, for springs
 

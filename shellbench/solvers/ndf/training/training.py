@@ -26,6 +26,8 @@ from shellbench.solvers.ndf.training.sketch import Sketch
 from shellbench.solvers.ndf.training.training_problem import COARSE_ORDER, Quadratures, Trained, TrainingProblem
 
 CERTIFICATE = 3.0  # points of the final rule, as a multiple of the training points
+# Chosen by certified energy on plates, roofs and cylinders; each shell takes the best of a tuple. What other pairs give
+# is not on record, and neither are the neighbours of what follows, beyond what a line says.
 SINGULAR_SCALES = (2.0, 2.0), (2.0, 3.0), (1.0, 4.0)  # about point forces: each start has one of them
 WIDEST_SINGULAR = 500  # last hidden layer, about point forces on curved shells
 MIXED_SCALES = SINGULAR_SCALES[2], SINGULAR_SCALES[0]  # on curved shells: the features of one start have both
@@ -34,7 +36,7 @@ MANY_WEIGHTS, STEEPEST = 3200, 900  # hidden weights beyond which a step moves o
 COARSE_ROWS = 2.0  # strain rows of the Gauss-Newton matrix a column; 3 gains nothing more
 AGREEMENT = 0.2  # admissible difference of the gains on the two point sets, as a share of the smaller
 REFINE, MOST_REFINED = 1.4, 3.0  # more training points where they are exploited, and how many more at most
-HARDEN, EASE, EASE_MORE = 4.0, 3.0, 10.0  # factors of the damping after a refusal, a fair step and a good one
+HARDEN, EASE, EASE_MORE = 4.0, 3.0, 10.0  # factors of the damping after a refusal, a fair step, a good one
 FAIR = 0.3
 GOOD = 1 - FAIR  # of the predicted decrease
 ATTEMPTS = 5  # steps tried in an iteration, ever more damped

@@ -29,7 +29,7 @@ MOST_TRAINING_POINTS = 7200  # at first: with 400, 500 and 600 features about po
 LEAST_POINTS = 550  # 4 x 4 panels: below, even the inputs are not resolved
 CHECK = 2.0  # check points, as a multiple of the training points
 TRAINING_ORDER, COARSE_ORDER, FINAL_ORDER = 6, 4, 7  # Gauss points along a panel
-GRADING = 3.0  # of panels toward point forces
+GRADING = 3.0  # of panels toward point forces, which have no cuts here; neighbours are not on record
 
 
 @dataclass(frozen=True)
