@@ -165,8 +165,8 @@ def usual_resolution(case: Case) -> Resolution:
 
 # Widths of the levels of a path, in units of the usual width. The last one is also that of very long strips.
 WIDTHS = (0.5, 1.0, 2.0, 3.5)
-# By level, the factor of the scale along the longer side of a flat shell, at most; and the powers of the sides' ratio by
-# which scales follow it along and across. They are for strips that coil; neighbours are not on record.
+# By level, the factor of the scale along the longer side of a flat shell, at most; and the powers of the sides' ratio
+# by which scales follow it along and across. They are for strips that coil; neighbours are not on record.
 LENGTHENED = (1.0, 1.0, 2.5, 5.0, math.inf)
 LENGTHWAYS, CROSSWAYS = 0.6, -0.25
 

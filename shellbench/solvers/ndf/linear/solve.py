@@ -62,7 +62,7 @@ class HeldInverse:
 
     @classmethod
     def from_equations(
-        cls, equations: NormalEquations, constraints: Tensor, targets: Tensor, stiffness: float, level: float = JITTER
+        cls, equations: NormalEquations, constraints: Tensor, targets: Tensor, stiffness: float, level: float
     ) -> HeldInverse:
         """Factorise; see `solve_output`."""
         matrix = equations.stiffness + equations.anchor.T @ equations.anchor + stiffness * constraints.T @ constraints
@@ -98,13 +98,11 @@ class HeldInverse:
         return OutputLayer(weights, -multipliers, 0.5 * abs(float(weights @ left)))
 
 
-def solve_output(
-    equations: NormalEquations, constraints: Tensor, targets: Tensor, stiffness: float, level: float = JITTER
-) -> OutputLayer:
+def solve_output(equations: NormalEquations, constraints: Tensor, targets: Tensor, stiffness: float) -> OutputLayer:
     """Minimise the energy subject to `constraints` (k, 3 M) w = `targets` (k,), metres.
 
     `stiffness` (N/m) weighs the constraints in the matrix, where they only serve its definiteness: they are held
-    exactly by Lagrange multipliers. `level` is that of the regularised inverse.
+    exactly by Lagrange multipliers.
 
     Raises
     ------
@@ -119,7 +117,7 @@ def solve_output(
     # 4. The work of the residual: what regularisation has cost.
     # Textbooks solve the indefinite saddle system at once. Here K alone may be singular, as only C stops rigid motions.
     # With k C^T C it is definite, and the minimum under C w = targets is the same for any k.
-    return HeldInverse.from_equations(equations, constraints, targets, stiffness, level).layer()
+    return HeldInverse.from_equations(equations, constraints, targets, stiffness, JITTER).layer()
 
 
 def potential_energy(equations: NormalEquations, weights: Tensor) -> float:
