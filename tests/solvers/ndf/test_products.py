@@ -31,7 +31,7 @@ def products(case, degree):
 def equations(case, degree, of=None):
     """The equations of motion of products up to a degree, of those up to `of`."""
     rung = motion.MotionLevel(of or degree, products(case, of or degree), share=LONG_SHARE)
-    return motion.grown(case, SPEC, rung, motion.POINTS, degree)
+    return motion.grown(case, SPEC, rung, motion.POINTS_A_DEGREE, degree)
 
 
 def drawn(count, seed=0, size=0.02):

@@ -151,7 +151,7 @@ def test_challengers_leave_the_trained_field_alone(narrow_roof):
 def test_joined_features_are_the_trained_ones_and_the_challengers(narrow_roof):
     trained, level = narrow_roof.field.features, first_level(narrow_roof.case, usual_resolution(narrow_roof.case))
     level = replace(level, resolution=replace(level.resolution, neurons=0), challengers=2)
-    both = joined_features(narrow_roof, level, 0)
+    both = joined_features(narrow_roof.field, narrow_roof.spec, level, 0)
     points = narrow_roof.case.surface.domain.grid(3, 4).reshape(-1, 2)
     assert both.count == trained.count + both.beside.count
     assert both.beside.network.width == 2 * len(level.kinds)
