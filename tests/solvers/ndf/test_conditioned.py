@@ -10,10 +10,7 @@ from shellbench.problems.conditioned.case import Material
 from shellbench.problems.conditioned.solving import stepped
 from shellbench.solvers.ndf.conditioned.conditioned import ConditionedField
 from shellbench.solvers.ndf.conditioned.reduced import Equations, stiffness_rates, stiffnesses
-from shellbench.solvers.ndf.conditioned_published_solver import (
-    ConditionedPublishedSettings,
-    ConditionedPublishedSolver,
-)
+from shellbench.solvers.ndf.conditioned_published_solver import ConditionedPublishedSettings, ConditionedPublishedSolver
 from shellbench.solvers.ndf.field.build import (
     build_ansatz,
     build_features,

@@ -13,13 +13,7 @@ from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import check_balance, concentrated_forces, force_density
 from shellbench.solvers.ndf.linear.constraints import point_constraints
 from shellbench.solvers.ndf.linear.solve import potential_energy, solve_output, solve_part
-from shellbench.solvers.ndf.strains.energy import (
-    NormalEquations,
-    certify,
-    concentrated,
-    energy_gap,
-    normal_equations,
-)
+from shellbench.solvers.ndf.strains.energy import NormalEquations, certify, concentrated, energy_gap, normal_equations
 from tests.solvers.ndf.shells import FREE, shell, support
 from tests.solvers.ndf.test_factors import CASES, random_field
 

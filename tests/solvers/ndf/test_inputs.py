@@ -197,10 +197,7 @@ def test_rungs_are_ever_wider_and_longer_along_a_strip():
 
 def test_a_last_rung_of_slender_strips_is_longer_and_no_wider():
     strip = shell({"kind": "plane", "xi1": [0, 40], "xi2": [0, 1]})
-    before, last = (
-        path_resolution(strip, path_level_count(strip) - 2),
-        path_resolution(strip, path_level_count(strip) - 1),
-    )
+    before, last = (path_resolution(strip, path_level_count(strip) - k) for k in (2, 1))
     assert last.neurons == before.neurons
     assert last.along[0] == pytest.approx(40**0.6)
     assert last.along[0] > before.along[0]

@@ -28,14 +28,13 @@ from torch import Tensor
 from shellbench.problems.conditioned.case import ASKED, Material
 from shellbench.problems.conditioned.quantities import Parameter
 from shellbench.problems.shell.posed.rigid import free_motions
-from shellbench.problems.shell.quantities.measure import unit
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
-from shellbench.problems.shell.question.places import Point
 from shellbench.solvers.ndf.field.ansatz import DEPENDENT, Ansatz
 from shellbench.solvers.ndf.field.field import Features
 from shellbench.solvers.ndf.field.geometry import apply_rows, elasticity_tensor, geometry, strain_rows, through_matrix
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec
+from shellbench.solvers.ndf.field.supports import asked_points
 from shellbench.solvers.ndf.strains.energy import (
     NormalEquations,
     Table,
@@ -235,9 +234,8 @@ def asked_row(ansatz: Ansatz, features: Features) -> Tensor:
     case = ansatz.case
     quantity = case.quantity(ASKED)
     assert isinstance(quantity, DisplacementQuantity)
-    places = [case.places[name] for name in quantity.points]
-    points = np.array([place.xi for place in places if isinstance(place, Point)])
-    directions = features.placement.tensor(np.array([unit(d) for d in quantity.directions]) / len(points))
+    points, directions = asked_points(case, quantity)
+    wanted = features.placement.tensor(directions / len(points))
     matrix = ansatz.factors.matrix(points, features.placement)[VALUE]
-    along = (matrix.mT @ directions[..., None])[..., 0]
+    along = (matrix.mT @ wanted[..., None])[..., 0]
     return value_vector(along, features.values(points))

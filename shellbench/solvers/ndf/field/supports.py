@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.posed.rigid import free_motions, rigid_modes
+from shellbench.problems.shell.quantities.measure import unit
+from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.problems.shell.question.conditions import RIGID_MOTIONS, Support
 from shellbench.problems.shell.question.features import narrow_division
 from shellbench.problems.shell.question.loads import AreaLoad, EdgeLoad, GravityLoad, Load, PointLoad, PressureLoad
@@ -98,6 +100,13 @@ def point_supports(case: Case, t: float = 1.0) -> tuple[PointSupport, ...]:
 
 Sides = tuple[tuple[bool, bool], tuple[bool, bool]]
 """For each coordinate, something that holds or not at its lower and at its upper bound."""
+
+
+def asked_points(case: Case, quantity: DisplacementQuantity) -> tuple[Array, Array]:
+    """Return the points (n, 2) of a displacement quantity, and its unit directions (n, 3) there."""
+    places = [case.places[name] for name in quantity.points]
+    points = np.array([place.xi for place in places if isinstance(place, Point)])
+    return points, np.array([unit(d) for d in quantity.directions])
 
 
 def even_sides(supports: tuple[EdgeSupport, ...], slopes: Slopes = "even") -> Sides:

@@ -19,16 +19,14 @@ import torch
 from torch import Tensor
 
 from shellbench.problems.shell.posed.rigid import free_motions, rigid_modes
-from shellbench.problems.shell.quantities.measure import unit
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
-from shellbench.problems.shell.question.places import Point
 from shellbench.solvers.ndf.field.ansatz import Ansatz, Combined, FeatureSet, independent
 from shellbench.solvers.ndf.field.build import build_ansatz
 from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.factors import turns
 from shellbench.solvers.ndf.field.jets import VALUE, Array
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
-from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density
+from shellbench.solvers.ndf.field.supports import asked_points, concentrated_forces, force_density
 from shellbench.solvers.ndf.linear.constraints import SAME_ROW, point_rows, point_targets, slope_constraints
 from shellbench.solvers.ndf.path.newton import Basis, Deformed
 from shellbench.solvers.ndf.strains.energy import mirrored
@@ -198,19 +196,16 @@ class PathProblem:
 
     def functional(self, quantity: DisplacementQuantity, t: float = 0.0) -> Tensor:
         """Return the row (3 M,) of a displacement quantity; the lift's share is left out."""
-        places = [self.ansatz.case.places[name] for name in quantity.points]
-        points = np.array([place.xi for place in places if isinstance(place, Point)])
-        return self.row(points, np.array([unit(d) for d in quantity.directions]), t)
+        return self.row(*asked_points(self.ansatz.case, quantity), t)
 
     def lifted(self, quantity: DisplacementQuantity, t: float) -> float:
         """Return the lift's share of a displacement quantity at a load factor, metres."""
         ansatz = self.ansatz_at(t)
         if not ansatz.lift.moves:
             return 0.0
-        places = [self.ansatz.case.places[name] for name in quantity.points]
-        points = np.array([place.xi for place in places if isinstance(place, Point)])
+        points, directions = asked_points(ansatz.case, quantity)
         lift = ansatz.lift.jet(points, self.features.placement)[VALUE].cpu().numpy()
-        return float(np.mean(np.sum(lift * np.array([unit(d) for d in quantity.directions]), axis=-1)))
+        return float(np.mean(np.sum(lift * directions, axis=-1)))
 
     @cached_property
     def basis(self) -> Basis:

@@ -23,9 +23,7 @@ from shellbench.problem import ProgressCallback
 from shellbench.problems.conditioned.case import ASKED, ConditionedCase, Material
 from shellbench.problems.conditioned.quantities import Parameter
 from shellbench.problems.conditioned.solving import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer, stepped
-from shellbench.problems.shell.quantities.measure import unit
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
-from shellbench.problems.shell.question.places import Point
 from shellbench.solvers.ndf.conditioned.reduced import part_rows, stiffnesses
 from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.build import build_inputs, focal_points, usual_resolution
@@ -33,6 +31,7 @@ from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.inputs import Inputs
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, constant
 from shellbench.solvers.ndf.field.quadrature import Rule
+from shellbench.solvers.ndf.field.supports import asked_points
 from shellbench.solvers.ndf.field.weights import described, write_described
 from shellbench.solvers.ndf.published.published_network import InputScale, Siren, initial_siren, published_ansatz
 from shellbench.solvers.ndf.published.published_samples import stratified_samples, usual_modulus_factor
@@ -178,9 +177,7 @@ class TrainedField(ConditionedAnswer):
         shell = self._question.ansatz.case
         quantity = shell.quantity(ASKED)
         assert isinstance(quantity, DisplacementQuantity)
-        places = [shell.places[name] for name in quantity.points]
-        points = np.array([place.xi for place in places if isinstance(place, Point)])
-        directions = np.array([unit(d) for d in quantity.directions])
+        points, directions = asked_points(shell, quantity)
         return float(np.mean(np.sum(self.displacement(points, material=material) * directions, axis=-1)))
 
     def value(self, number: int) -> float:

@@ -174,7 +174,7 @@ class SpaceTime:
     def strain_energy(self, jets: Tensor) -> Tensor:
         """Return the strain energy density W (T, N), N/m, from the jets (6, T, N, 3) of a displacement."""
         gradients = self.gradients @ jets.permute(1, 2, 0, 3)
-        strains = MEASURES[self.strain].from_gradients(self.reference, gradients.flatten(0, 1)).strains
+        strains = MEASURES[self.strain](self.reference, gradients.flatten(0, 1)).strains
         strains = strains.view(*self.weights.shape, 2, 3, 1)
         density: Tensor = 0.5 * (strains * (self.elasticity @ strains)).sum((-3, -2, -1))
         return density
