@@ -3,7 +3,7 @@
 Forces at points are the multipliers (see `contact_forces`). Smooth fields can't tell many forces apart, so a great
 many of them give the same displacement: the smoothest are taken. And smooth fields ring where contact begins, as the
 shear force jumps there. So edges of contact along coordinate lines are looked for in the gap, and the field is given
-features that jump as well (see `creases`). Two answers say how sure the second one is. A single one is that of linear
+features that jump as well (see `lines`). Two answers say how sure the second one is. A single one is that of linear
 statics here, or that of a path (see `contact_at_finite_strain`).
 """
 
