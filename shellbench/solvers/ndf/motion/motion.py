@@ -2,7 +2,7 @@
 
 The equations of motion of the output weights are integrated by the explicit Runge-Kutta method of order eight of
 Dormand and Prince with a step that its own error chooses (Hairer, Norsett & Wanner 1993, DOP853). Cloth is soft: with
-the smooth features of `sampled` the highest frequency of a napkin is near 1000 rad/s, which steps of some 5 ms take, at
+the smooth features of `smooth` the highest frequency of a napkin is near 1000 rad/s, which steps of some 5 ms take, at
 the cost of a dozen evaluations of the forces each. The alternative, an incremental potential minimised at each step by
 Newton's method, takes longer steps but a matrix of all unknowns at each iteration. Measured side by side on the napkin
 in its plane, 226 unknowns up to .2 s, one core, errors against tolerances of 1e-10:

@@ -1,14 +1,14 @@
 """Products of placed waves: one hidden layer whose fields are found by sums over one coordinate after the other.
 
 A wave sin(k . xi + b) with k on a lattice is a sum of products of waves of xi1 and waves of xi2. So the span of placed
-waves (`sampled.placed_features`) is made of products phi_i(xi1) psi_j(xi2), where phi and psi combine waves of one
+waves (`smooth.placed_features`) is made of products phi_i(xi1) psi_j(xi2), where phi and psi combine waves of one
 coordinate. With p of them a side, N = O(p^2) points of a product rule, and coefficients C, the field is
 
     u = Phi C Psi^T,    u,1 = Phi' C Psi^T,    and so on,
 
 for O(p^3) operations (sum factorisation; Orszag 1980), where a table of all products takes O(p^4), and an orthonormal
 basis of them O(p^6). Here each side is made orthonormal by itself, smoothest functions first (the operator of
-`sampled`), and products inherit both.
+`smooth`), and products inherit both.
 
 Products are ordered by how quickly they vary. A field of lower degree holds the first of them: what it is, it stays
 when features are added.
@@ -209,7 +209,7 @@ class Grid:
 def product_features(case: Case, inputs: Inputs, degree: int, placement: Placement) -> Products:
     """Return the products of placed waves up to a degree along the longest side; see `why_no_products`."""
     # 1. For each side the waves of `placed_features` along it, the constant one among them.
-    # 2. Their independent combinations, orthonormal on the side, and eigenfunctions of the operator of `sampled`.
+    # 2. Their independent combinations, orthonormal on the side, and eigenfunctions of the operator of `smooth`.
     # 3. All products of a degree that is no higher, smoothest first.
     along = degrees(case, degree)
     layers = [_waves(most, placement) for most in along]

@@ -1,18 +1,4 @@
-"""Features and reference geometry at points, and what goes between the output weights and displacement gradients.
-
-Also here: combinations of nearly dependent features. On a path they are independent in stiffness. In motion they are
-orthonormal in mass, ordered by how quickly they vary, and as smooth at edges as inside.
-
-Random features are nearly dependent, and what they leave to tell apart at the end is rough. Their combinations are
-ordered by the scalar operator
-
-    sum_a (L / L_a) d/dt_a ( t_a (1 - t_a) d/dt_a ),   t_a = 0 .. 1 along side a of length L_a, L the longest,
-
-whose eigenfunctions along one side are Legendre's polynomials P_m, with the eigenvalues m (m + 1). Because its weight
-vanishes at the edges it asks for no condition there, so that smooth fields converge faster than any power of the
-degree; eigenfunctions of the plain stiffness have no slope across free edges and converge as a power of it (Canuto et
-al., Spectral Methods, 2006, section 2.3). A periodic side has the weight 1/4, which gives it waves of the same length.
-"""
+"""Features and reference geometry at points, and what goes between the output weights and displacement gradients."""
 
 from __future__ import annotations
 
