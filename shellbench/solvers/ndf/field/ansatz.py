@@ -1,4 +1,4 @@
-"""What a displacement u = lift + M F is made of: the lift and the matrix M of the supports, and features of F.
+"""The parts of a displacement u = lift + M F: the lift and the matrix M of the supports, and the features of F.
 
 Also here: combinations of features that are independent.
 """

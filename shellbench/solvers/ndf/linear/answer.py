@@ -1,4 +1,4 @@
-"""What one level of features answers of a linear shell at rest, and what challengers say of it."""
+"""Candidates: the answers of one level of features of a linear shell at rest, and the estimate of their error."""
 
 from __future__ import annotations
 

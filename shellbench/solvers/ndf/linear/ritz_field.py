@@ -1,4 +1,4 @@
-"""What field `ndf-ritz` takes for a case and its settings."""
+"""The field that `ndf-ritz` takes for a case and its settings, and the cases that are solved along a path."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ class Basis:
 
 
 class Equations(Protocol):
-    """What Newton's method asks of a problem; see `shellbench.solvers.ndf.path.equilibrium.PathProblem`."""
+    """The members of a problem that Newton's method needs; `equilibrium.PathProblem` has them."""
 
     @property
     def basis(self) -> Basis:
