@@ -246,9 +246,7 @@ class UndescribedError(Exception):
 
 def _is_shown(cls: type[Model]) -> bool:
     # Quantities of many materials and edits have names of their own kind's, and bodies that wear capes those of obstacles.
-    return cls.__module__.startswith(SHOWN) and not any(
-        name in cls.__module__ for name in ("series", "skinning")
-    )
+    return cls.__module__.startswith(SHOWN) and not any(name in cls.__module__ for name in ("series", "skinning"))
 
 
 def model_class(name: str) -> type[Model]:

@@ -19,10 +19,9 @@ from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.case import Case, build_case
 from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.solvers.ndf.field import factors
-from shellbench.solvers.ndf.field.field import Ansatz
+from shellbench.solvers.ndf.field.ansatz import Ansatz, Factors
 from shellbench.solvers.ndf.field.jets import VALUE
 from shellbench.solvers.ndf.field.quadrature import RuleSpec
-from shellbench.solvers.ndf.field.supports import Factors
 from shellbench.solvers.ndf.motion import integration, motion, motion_problem, motion_solution
 from shellbench.solvers.ndf.path import buckling, equilibrium, large_displacement, newton
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver

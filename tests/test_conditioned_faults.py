@@ -20,9 +20,7 @@ def broken(monkeypatch):
 
 
 def everywhere(broken, name, value):
-    from shellbench.solvers.ndf.conditioned import affine
-
-    broken((reduced, affine, conditioned), name, value)
+    broken((reduced, conditioned), name, value)
 
 
 def ignored_material(broken):

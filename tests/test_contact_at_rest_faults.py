@@ -13,7 +13,7 @@ from shellbench.solvers.fem.mechanics.contact_points import ContactPoints
 from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.path import contact_at_finite_strain as touching
-from shellbench.solvers.fem.path import problem as newton
+from shellbench.solvers.fem.path import newton
 from shellbench.solvers.fem.path.problem import FiniteProblem
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from shellbench.solvers.ndf.ritz_solver import RitzSolver

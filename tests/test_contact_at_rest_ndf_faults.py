@@ -11,15 +11,16 @@ from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.problems.shell.question.contact import gaps
-from shellbench.solvers.ndf.field.build import resolution
+from shellbench.solvers.ndf.field.build import usual_resolution
 from shellbench.solvers.ndf.field.quadrature import RuleSpec
 from shellbench.solvers.ndf.linear.contact import ALONG_SLENDER, drawn
 from shellbench.solvers.ndf.linear.contact_forces import SMOOTH, contact_points, least_forces, smoothest
 from shellbench.solvers.ndf.linear.ritz_field import field_spec
 from shellbench.solvers.ndf.path import contact_at_finite_strain as touching
-from shellbench.solvers.ndf.path.continuation import PathEndsError, load_steps
+from shellbench.solvers.ndf.path.continuation import load_steps
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
+from shellbench.solvers.stepping.control import PathEndsError
 from tests.injecting import shares_of_tolerances
 
 STRIP, DRAPE = "contact_heavy_strip", "contact_drape"
@@ -30,7 +31,7 @@ TURNED = {"name": "wall", "on": ["xi1_min"], "clamped": True, "motion": TURN}
 def one_answer(name):
     """Solve a case on one resolution alone; of the strip, with features that jump where contact begins."""
     case, settings = catalog.named_case(name), RitzSettings()
-    level, spec = resolution(case), field_spec(case, settings)
+    level, spec = usual_resolution(case), field_spec(case, settings)
     if name == STRIP:
         rules = RuleSpec((12, 3), 6), RuleSpec((16, 4), 7)
         level = replace(level, neurons=150, along=ALONG_SLENDER, rule=rules[0], fine=rules[1])
@@ -107,7 +108,7 @@ def rows_of(case, neurons, panels, finer):
     """Return points at which a case asks for gaps, on few features."""
     settings = RitzSettings()
     rules = RuleSpec(panels, 4)
-    level = replace(resolution(case), neurons=neurons, rule=rules, fine=rules)
+    level = replace(usual_resolution(case), neurons=neurons, rule=rules, fine=rules)
     spec = field_spec(case, settings)
     ansatz, features, (rule, _), focal = drawn(case, spec, settings, level, 0)
     problem = PathProblem(spec, ansatz, features, rule, focal).independent()

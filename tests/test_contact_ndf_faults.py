@@ -7,9 +7,9 @@ import torch
 from shellbench.bench.catalogue import catalog
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.quantities.measure import measure_all
-from shellbench.solvers.ndf.field.build import resolution
-from shellbench.solvers.ndf.field.creases import Creases
+from shellbench.solvers.ndf.field.build import usual_resolution
 from shellbench.solvers.ndf.field.jets import D1, D11, VALUE, Placement
+from shellbench.solvers.ndf.field.lines import Creases
 from shellbench.solvers.ndf.linear import contact, solution
 from shellbench.solvers.ndf.linear.refinement import first_level
 from shellbench.solvers.ndf.linear.ritz_field import field_spec
@@ -30,7 +30,7 @@ def thick(case):
 def one_answer(case):
     """Solve a case on its first resolution alone."""
     settings = RitzSettings()
-    level = first_level(case, resolution(case)).resolution
+    level = first_level(case, usual_resolution(case)).resolution
     spec = field_spec(case, settings).model_copy(update={"detail": 1})
     with torch.no_grad():
         found, _ = contact._located(case, spec, settings, level, (), 0, 1.0, contact._answer)

@@ -176,10 +176,10 @@ def clamping_factor(patch: pytest.MonkeyPatch) -> None:
 
 
 def three_points_a_side(patch: pytest.MonkeyPatch) -> None:
-    original = static.resolution
+    original = static.usual_resolution
     coarse = {"panels": (1, 1), "order": 3}
     patch.setattr(
-        static, "resolution", lambda case: replace(original(case), rule=replace(original(case).rule, **coarse))
+        static, "usual_resolution", lambda case: replace(original(case), rule=replace(original(case).rule, **coarse))
     )
 
 

@@ -8,7 +8,7 @@ from shellbench.problems.shell.quantities.resultant_quantities import TensorResu
 from shellbench.solvers.fem.mechanics import resultants as fem
 from shellbench.solvers.fem.mechanics.kinematics import elasticity
 from shellbench.solvers.ndf.field import supports
-from shellbench.solvers.ndf.strains import resultants as ndf
+from shellbench.solvers.ndf.linear import patches as ndf
 from tests.test_faults import Fault, must_be_green, must_be_red, wrapped
 
 

@@ -153,24 +153,14 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
         CHOICE,
         "where mesh lines are",
     ),
-    (
-        "fem.path.problem",
-        r".*\.(equilibrium|carried|revolution|on_path|_newton|_bordered|_factorised)|_size",
-        EQUATION,
-        "Newton's method: its first step, its steps, and when it ends; residual and tangent are mechanics",
-    ),
+    ("fem.path.newton", r".*", EQUATION, "Newton's method: its first step, its steps, and when it ends"),
+    ("fem.path.problem", r".*\.(revolution|factorised)", EQUATION, "what Newton's method asks beside the mechanics"),
     ("fem.mechanics.solution|fem.motion.motion_solution", r".*\.field_at", RECORD, DRAWN_ONLY),
     (
-        "fem.linear.folding",
-        r".*\.(fold|_turned)",
-        CHOICE,
-        FOLDS + "; how the answer is turned back is mechanics",
-    ),
-    (
         "fem.linear.symmetry",
-        r".*\.from_case|_Observed\..*|_gauss_points",
+        r".*\.(from_case|fold|_turned)|_Observed\..*|_gauss_points",
         CHOICE,
-        FOLDS + "; how a part is unfolded is mechanics",
+        FOLDS + "; how a part is unfolded, and the answer turned back, is mechanics",
     ),
     (
         "fem.motion.time_step",

@@ -34,6 +34,7 @@ from shellbench.problems.shell.declining import Beyond, why_not_plain
 from shellbench.problems.shell.field import RESULTANTS
 from shellbench.problems.shell.quantities.quantities import ResultantQuantity
 from shellbench.problems.shell.question.contact import Touch
+from shellbench.problems.shell.variants.edit import why_no_edit
 from shellbench.problems.solving import CheckedSolver
 from shellbench.protocol.notebook import solution_html
 
@@ -376,3 +377,17 @@ class ShellSolver(CheckedSolver):
     def load(self, path: Path) -> Solution:
         """Read a solution that `Solution.save` wrote; InputError in one sentence if it is none."""
         raise NotImplementedError
+
+
+Earlier = TypeVar("Earlier", bound=ShellSolution)
+
+
+def checked_start(start: Solution, case: Case, solver: str, *kinds: type[Earlier]) -> Earlier:
+    """Return an earlier solution from which a solver goes on; InputError if it is none of its kinds, or no edit."""
+    if case.dynamics is not None:
+        raise InputError(f"{solver} can't go on from an earlier solution in {case.name}: a motion begins at rest")
+    if not isinstance(start, kinds):
+        raise InputError(f"the start is no solution of '{solver}' at rest")
+    if reason := why_no_edit(start.case, case):
+        raise InputError(f"the start is '{start.case.name}', of which '{case.name}' is no edit: {reason}")
+    return start

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +20,9 @@ from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.series.conditioned import ASKED, ConditionedCase, Material
 from shellbench.problems.series.conditioned_answer import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer, stepped
 from shellbench.problems.series.quantities import Parameter, Sensitivity, Value
+from shellbench.problems.solving import CheckedSolver
 from shellbench.solvers.fem.conditioned_settings import RepeatedSettings
 from shellbench.solvers.fem.settings import FemSettings
-from shellbench.solvers.fem.solver import FemSolver
 
 NOT_ASKED = np.nan
 
@@ -83,17 +84,19 @@ class _One:
     energy: float
 
 
-def solve(case: ConditionedCase, settings: RepeatedSettings, progress: ProgressCallback) -> RepeatedSolution:
-    """Solve for each held-out material, and four times more for each derivative that is asked."""
+def solve(
+    case: ConditionedCase, settings: RepeatedSettings, shells: CheckedSolver, progress: ProgressCallback
+) -> RepeatedSolution:
+    """Solve for each held-out material by `shells`, and four times more for each derivative that is asked."""
     begin = time.perf_counter()
-    count = len(case.materials)
+    count, answer = len(case.materials), partial(_solve, case, settings, shells)
     values, derivatives = np.full(count, NOT_ASKED), np.full((count, len(Material._fields)), NOT_ASKED)
     uncertainty: dict[str, float] = {}
     steps: list[Step] = []
     solved: list[_One] = []
     for number, material in enumerate(case.materials):
         progress(Progress(number, count, f"material {number}"))
-        one = _solve(case, material, settings)
+        one = answer(material)
         values[number] = one.value
         solved.append(one)
         steps.append(Step(number, time.perf_counter() - begin, one.energy, one.unknowns))
@@ -103,7 +106,7 @@ def solve(case: ConditionedCase, settings: RepeatedSettings, progress: ProgressC
             if isinstance(quantity, Value):
                 spread = one.uncertainty
             else:
-                found, spread = _difference(case, material, quantity, settings)
+                found, spread = _difference(answer, material, quantity, settings.step)
                 derivatives[number, Material._fields.index(quantity.by)] = found
             if spread is not None:
                 uncertainty[quantity.name] = spread
@@ -118,17 +121,17 @@ def solve(case: ConditionedCase, settings: RepeatedSettings, progress: ProgressC
     )
 
 
-def _solve(case: ConditionedCase, material: Material, settings: RepeatedSettings) -> _One:
+def _solve(case: ConditionedCase, settings: RepeatedSettings, shells: CheckedSolver, material: Material) -> _One:
     shell = case.near(material)
     start = time.perf_counter()
-    found = FemSolver().solve(shell, FemSettings(cells=settings.cells))
+    found = shells.solve(shell, FemSettings(cells=settings.cells))
     value = shell.quantity(ASKED).measure(found)
     seconds = time.perf_counter() - start
     return _One(value, found.uncertainty.get(ASKED), found.parameters, seconds, found.history[-1].energy)
 
 
 def _difference(
-    case: ConditionedCase, material: Material, quantity: Sensitivity, settings: RepeatedSettings
+    answer: Callable[[Material], _One], material: Material, quantity: Sensitivity, width: float
 ) -> tuple[float, float | None]:
     """Return a difference quotient of the logarithm, and its uncertainty.
 
@@ -137,15 +140,15 @@ def _difference(
     """
     quotients, relative = [], 0.0
     known = True
-    for step in (settings.step, 2 * settings.step):
-        below, above = (_solve(case, stepped(material, quantity.by, way * step), settings) for way in (-1, 1))
+    for step in (width, 2 * width):
+        below, above = (answer(stepped(material, quantity.by, way * step)) for way in (-1, 1))
         quotients.append(math.log(above.value / below.value) / (2 * step))
         for one in (below, above):
             known = known and one.uncertainty is not None
             relative = max(relative, (one.uncertainty or 0.0) / abs(one.value))
     near, far = quotients
     # Of a quotient over one step a relative error u of each displacement makes u / step, and half of it over two.
-    spread = (4 / 3 + 1 / 6) * relative / settings.step
+    spread = (4 / 3 + 1 / 6) * relative / width
     return (4 * near - far) / 3, abs(near - far) / 3 + spread if known else None
 
 

@@ -32,7 +32,7 @@ class FemRepeatedSolver(ConditionedSolver):
         """Solve for each held-out material; InputError and SolveFailure are those of `fem`."""
         from shellbench.solvers.fem.conditioned import solve
 
-        return solve(case, settings, progress)
+        return solve(case, settings, FemSolver(), progress)
 
     def load(self, path: Path) -> RepeatedSolution:
         """Read what an answer has saved; InputError in one sentence if it is none."""

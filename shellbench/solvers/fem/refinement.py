@@ -37,27 +37,35 @@ from shellbench.solvers.fem.mechanics.contact_points import REACH
 from shellbench.solvers.fem.mechanics.kinematics import stiffness_moduli
 from shellbench.solvers.fem.mechanics.solution import FemSolution
 from shellbench.solvers.fem.mesh.convergence import ASYMPTOTIC, Estimate, estimate, observed_rate
-from shellbench.solvers.fem.mesh.grading import FEWEST, Cells
+from shellbench.solvers.fem.mesh.grading import FEWEST, SIZE_POINTS, Cells, shell_size
+from shellbench.solvers.fem.mesh.mesh import ROUNDING, UNSTRAINED
 from shellbench.solvers.fem.path.buckling import BRACKET
 
 Array = NDArray[np.float64]
 
-ACCIDENT = 0.25  # of what a field changes by anywhere: no displacement is surer by one change of its own alone
+# Of what a field changes by anywhere: no displacement is surer by one change of its own alone. Less lets values that
+# stand still by accident pass after two meshes; more asks fields to settle that nobody reads.
+ACCIDENT = 0.25
 BASE = 8  # cells a side of level 0
 COARSEST = -4  # level of the least mesh
 FIRST_UNKNOWNS = 12_000  # the first mesh has no more degrees of freedom, unless the coarsest has
 MOST_UNEVEN = 3  # largest share: a factor of 8 between the coordinates
-IDLE = 1e-12  # relative change of the potential energy that is rounding
 ENERGY_LEEWAY = 10  # energies and their parts may be so much less certain than displacements, forces and moments
-NEGLIGIBLE = 1e-3  # part of the largest displacement, force or moment below which a value's relative error is idle
-IDLE_STRAIN = 1e-14  # strain, relative to the displacements, that rounding makes of a shell that is only moved
-ROUNDING = 4.0  # of the change by the last refinement, as the error that rounding leaves
+# Part of the largest displacement, force or moment below which a value's relative error is idle: values of symmetry
+# zero never settle relative to themselves.
+NEGLIGIBLE = 1e-3
+# Of the change by the last refinement of a solve, as the error that rounding leaves.
+ROUNDING_FACTOR = 4.0
 EPSILON = 16 * float(np.finfo(float).eps)  # relative error that no sum escapes
 RESULTANT_LEEWAY = 50  # resultants may be so much less certain than displacements: they are derivatives
-SIZE_SAMPLES = 9  # points a side of the grid that gives the size of a shell
-WITHIN_CELL = 0.005  # of a cell: what two meshes agree on of an edge that lies anywhere in a cell may be chance
-WITHIN_CUBIC_CELL = 0.05  # the same at finite strain, in cubics
-MOVED = 0.01  # relative: two meshes whose paths end closer to each other have found a limit point of the shell
+# Of a cell: what two meshes agree on of an edge that lies anywhere in a cell may be chance. Came with the suite
+# `contact`.
+WITHIN_CELL = 0.005
+# The same at finite strain, in cubics. Came with `contact_heavy_strip`.
+WITHIN_CUBIC_CELL = 0.05
+# Relative: two meshes whose paths end closer to each other have found a limit point of the shell. Came with
+# `semi_cylinder`, whose coarse meshes end their paths elsewhere.
+MOVED = 0.01
 MOVING = 3  # meshes whose paths may end elsewhere, on to twice the unknowns each
 PROBES = 41  # points a side at which the fields of two meshes are compared
 
@@ -100,7 +108,7 @@ def balanced_share(solve: Callable[[Cells], Equilibrium], pilot: int, degree: in
     even = found.potential_energy
     first, second = (abs(solve(cells).potential_energy - even) for cells in ((finer, n), (n, finer)))
     unstrained = _unstrained_energy(found.solution)  # of a motion that strains nothing all changes are rounding
-    if max(first, second) <= max(IDLE * abs(even), unstrained):
+    if max(first, second) <= max(ROUNDING * abs(even), unstrained):
         return 0
     # C1 n1^-p = C2 n2^-p and n1 = 2^share n2 give p share = log2 (C1 / C2). A coordinate along which nothing changes
     # would get no cells: its ratio is bounded, and so is the share.
@@ -236,7 +244,7 @@ def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[st
     tiny = float(np.finfo(float).tiny)
     match quantity:
         case ResultantQuantity():
-            arm = 1.0 if quantity.kind == "moment" else 1 / _size(solution)
+            arm = 1.0 if quantity.kind == "moment" else 1 / shell_size(solution.case)
             return RESULTANT_LEEWAY * max(value, NEGLIGIBLE * _push(solution, quantity.at) * arm, tiny)
         case EnergyQuantity():
             idle = NEGLIGIBLE * _arc_energy(solution, quantity.at)
@@ -250,14 +258,8 @@ def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[st
         case LargestDisplacement() | DisplacementQuantity():
             return max(value, NEGLIGIBLE * _largest_displacement(solution, quantity.at), tiny)
         case _:
-            arm = _size(solution) if quantity.kind == "torque" else 1.0
+            arm = shell_size(solution.case) if quantity.kind == "torque" else 1.0
             return max(value, NEGLIGIBLE * _push(solution, quantity.at) * arm, tiny)
-
-
-def _size(solution: FemSolution) -> float:
-    """Return the longest side of the box around the shell, m."""
-    grid = solution.mesh.domain.grid(SIZE_SAMPLES, SIZE_SAMPLES)
-    return float(np.ptp(solution.case.surface.position(grid), axis=(0, 1)).max())
 
 
 def _push(solution: FemSolution, at: float | None) -> float:
@@ -275,15 +277,15 @@ def _arc_energy(solution: FemSolution, at: float | None) -> float:
     It is B/2 (w / L^2)^2 A, with the least B. Waves, and membrane strains, take more; a shell that is only moved less.
     """
     case, mesh = solution.case, solution.mesh
-    points = mesh.domain.wrap(mesh.domain.grid(SIZE_SAMPLES, SIZE_SAMPLES).reshape(-1, 2))
+    points = mesh.domain.wrap(mesh.domain.grid(SIZE_POINTS, SIZE_POINTS).reshape(-1, 2))
     stiffness = float(stiffness_moduli(case.surface, case.material, points)[:, 1].min())
-    curvature = _largest_displacement(solution, at) / _size(solution) ** 2
+    curvature = _largest_displacement(solution, at) / shell_size(solution.case) ** 2
     return stiffness * curvature**2 * solution.area / 2
 
 
 def _unstrained_energy(solution: FemSolution) -> float:
     """Return the energy, J, that rounding makes of a shell that is only moved."""
-    strain = IDLE_STRAIN * _largest_displacement(solution, None)
+    strain = UNSTRAINED * _largest_displacement(solution, None)
     return solution.case.material.membrane_stiffness * strain**2
 
 
@@ -298,23 +300,23 @@ def rounding(equilibrium: Equilibrium, quantity: QuantityModel, quantities: Mapp
     change, noise = equilibrium.correction, equilibrium.noise
     match quantity:
         case EnergyQuantity():
-            return ROUNDING * (2 * math.sqrt(value * noise) + noise) + EPSILON * value
+            return ROUNDING_FACTOR * (2 * math.sqrt(value * noise) + noise) + EPSILON * value
         case FieldError():
-            return ROUNDING * max(change, EPSILON)
+            return ROUNDING_FACTOR * max(change, EPSILON)
         case LargestDisplacement() | DisplacementQuantity() | LargestPenetration():
-            return ROUNDING * max(change, EPSILON) * _largest_displacement(solution, quantity.at)
+            return ROUNDING_FACTOR * max(change, EPSILON) * _largest_displacement(solution, quantity.at)
         case PotentialEnergy() if solution.case.linear:
-            return ROUNDING * noise + EPSILON * value
+            return ROUNDING_FACTOR * noise + EPSILON * value
         case CriticalPoint():
             return BRACKET * value
         case LoadQuantity() | LimitPoint() | PotentialEnergy():
             return EPSILON * value
         case ModeQuantity():
-            return (ROUNDING * change**2 + EPSILON) * value
+            return (ROUNDING_FACTOR * change**2 + EPSILON) * value
         case _:
             energy = sum(solution.energies(quantity.at))
             share = math.sqrt(noise / energy) if energy > 0 else 0.0
-            return ROUNDING * max(share, EPSILON) * scale(solution, quantity, quantities)
+            return ROUNDING_FACTOR * max(share, EPSILON) * scale(solution, quantity, quantities)
 
 
 def field_difference(solution: FemSolution, other: FemSolution) -> float:

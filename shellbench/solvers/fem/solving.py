@@ -17,10 +17,10 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.measure import measure_all, measure_reached
 from shellbench.problems.shell.quantities.quantities import EnergyQuantity
 from shellbench.problems.shell.records.path_end import cut_short
-from shellbench.problems.shell.variants.edit import why_no_edit
+from shellbench.problems.shell.solution import checked_start
 from shellbench.solvers.fem.linear import equilibrium
-from shellbench.solvers.fem.linear.folding import Folding
 from shellbench.solvers.fem.linear.modes import solve_modes
+from shellbench.solvers.fem.linear.symmetry import Folding
 from shellbench.solvers.fem.mechanics.corners import break_gradings, edge_gradings, slowest_rate
 from shellbench.solvers.fem.mechanics.layers import layer_gradings
 from shellbench.solvers.fem.mechanics.solution import FemSolution
@@ -43,7 +43,10 @@ from shellbench.solvers.fem.path import large_displacement
 from shellbench.solvers.fem.path.continuation import STEP_SHARE
 from shellbench.solvers.fem.refinement import Level, balanced_share, first_level, level_cells, levels
 from shellbench.solvers.fem.settings import FemSettings, takes_bubbles
+from shellbench.solvers.stepping.control import SMALLEST_STEP
 
+# Tolerances: relative uncertainty at which refinement stops, by what limits the rate. Less costs meshes, up to
+# `MOST_UNKNOWNS`. More states answers that a gate may refuse as not sure enough.
 SMOOTH_TOLERANCE = 6e-7  # of a case whose loads and supports are spread out: the element converges fast
 SINGULAR_TOLERANCE = 2.5e-5  # of a case with forces at points: deflections under a load need many cells
 HIGHER_SINGULAR_TOLERANCE = 5e-6  # the same in degree 4 and 5, which need fewer
@@ -56,7 +59,7 @@ USUAL_DEGREE: Degree = 5  # where it is taken: reaches 1e-6 soonest (tests/bench
 GRADING: dict[Degree, float] = {3: 2.0, 4: 2.0, 5: 2.5}  # toward points, usually: higher degrees gain from more
 FIRST_STEP, TRIAL_STEP = 1 / 8, 1 / 2  # of the path, at first; Newton's method has the last word
 TRIAL_SHARE = 1 / 12  # of the path: its steps by displacement or arc length in a trial
-SHORTEST_STEP, SHORTEST_TRIAL_STEP = 1e-4, 0.04  # of the path: where a shorter one were needed, the path ends
+SHORTEST_TRIAL_STEP = 0.04  # of the path: where a shorter one were needed, the trial ends
 FIRST_TOUCH = 8  # most cells along a coordinate, as settings count them, where contact at finite strain begins
 MOST_UNCERTAIN = 0.5  # relative uncertainty beyond which an answer says nothing
 FEWEST_TO_JUDGE = 3  # meshes after which such an answer is a failure
@@ -73,22 +76,12 @@ def solve(
     case: Case, chosen: FemSettings, start: Solution | None, progress: ProgressCallback
 ) -> FemSolution | MotionSolution:
     """Solve a case; see `shellbench.solvers.fem.solver.FemSolver`."""
-    begin = None if start is None else _checked(start, case)
+    begin = None if start is None else checked_start(start, case, "fem", FemSolution)
     # the matrices are small: more threads gain nothing, and on a machine in use they wait for each other
     with ThreadpoolController().select(internal_api="openblas").limit(limits=1):
         if case.dynamics is not None:
             return _moved(case, chosen, progress)
         return _refined(case, chosen, begin, progress)
-
-
-def _checked(start: Solution, case: Case) -> FemSolution:
-    if case.dynamics is not None:
-        raise InputError(f"fem can't go on from an earlier solution in {case.name}: a motion begins at rest")
-    if not isinstance(start, FemSolution):
-        raise InputError("the start is no solution of 'fem' at rest")
-    if reason := why_no_edit(start.case, case):
-        raise InputError(f"the start is '{start.case.name}', of which '{case.name}' is no edit: {reason}")
-    return start
 
 
 def _moved(case: Case, chosen: FemSettings, progress: ProgressCallback) -> MotionSolution:
@@ -244,7 +237,7 @@ def _solves(
     def nonlinear(
         of: Case,
         first_step: float,
-        shortest_step: float = SHORTEST_STEP,
+        shortest_step: float = SMALLEST_STEP,
         share: float = STEP_SHARE,
         earlier: FemSolution | None = None,
         trial: bool = False,

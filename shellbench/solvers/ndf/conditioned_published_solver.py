@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 from shellbench.problem import Capabilities, ProgressCallback
 from shellbench.problems.series.conditioned import ConditionedCase
 from shellbench.problems.series.conditioned_answer import THEORIES, ConditionedSolver
-from shellbench.solvers.ndf.published.conditioned_published_settings import ConditionedPublishedSettings
+from shellbench.solvers.ndf.published.published_settings import ConditionedPublishedSettings
 
 if TYPE_CHECKING:
     from shellbench.solvers.ndf.published.conditioned_published import TrainedField

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 from shellbench.problem import Capabilities, ProgressCallback
 from shellbench.problems.series.conditioned import ConditionedCase
 from shellbench.problems.series.conditioned_answer import IN_MOTION, ConditionedSolver
-from shellbench.solvers.ndf.conditioned.conditioned_settings import ConditionedSettings
+from shellbench.solvers.ndf.linear.ritz_settings import ConditionedSettings
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
 
 if TYPE_CHECKING:

@@ -9,13 +9,13 @@ from shellbench.problem import Capabilities, ProgressCallback, Quantity, Solutio
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.quantities import SupportQuantity
 from shellbench.solvers.ndf.field_solver import FieldSolver
-from shellbench.solvers.ndf.published.published_settings import NAME, PublishedSettings
+from shellbench.solvers.ndf.published.published_settings import NDF_PUBLISHED, PublishedSettings
 
 
 class PublishedSolver(FieldSolver):
     """The paper's training; see `shellbench.problem.Solver`."""
 
-    name: ClassVar[str] = NAME
+    name: ClassVar[str] = NDF_PUBLISHED
     capabilities: ClassVar[Capabilities] = Capabilities(
         theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"),
         label="neural field: the published training (SIREN, stratified samples, Adam)",

@@ -9,7 +9,7 @@ from shellbench.problem import Capabilities, ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.declining import Beyond, why_not_plain
 from shellbench.solvers.ndf.field_solver import FieldSolver
-from shellbench.solvers.ndf.linear.ritz_settings import NAME, RitzSettings
+from shellbench.solvers.ndf.linear.ritz_settings import NDF_RITZ, RitzSettings
 
 if TYPE_CHECKING:
     from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class RitzSolver(FieldSolver):
     """Random features with a solved output layer; see `shellbench.problem.Solver`."""
 
-    name: ClassVar[str] = NAME
+    name: ClassVar[str] = NDF_RITZ
     capabilities: ClassVar[Capabilities] = Capabilities(
         theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"),
         label="neural field: fixed random sine layer, output layer solved for (Ritz); trains nothing",

@@ -9,7 +9,7 @@ from shellbench.problem import Capabilities, ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.declining import Beyond, why_not_plain
 from shellbench.solvers.ndf.field_solver import FieldSolver
-from shellbench.solvers.ndf.training.trainer_settings import NAME, TrainerSettings
+from shellbench.solvers.ndf.training.trainer_settings import NDF, TrainerSettings
 
 if TYPE_CHECKING:
     from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class NdfSolver(FieldSolver):
     """The trainer; see `shellbench.problem.Solver`."""
 
-    name: ClassVar[str] = NAME
+    name: ClassVar[str] = NDF
     capabilities: ClassVar[Capabilities] = Capabilities(
         theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"),
         label="neural field: deep sine network, all weights trained in linear theory (variable projection,"

@@ -5,10 +5,15 @@ import pytest
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.plugins.kinds import read_problem
 from shellbench.errors import InputError
+<<<<<<< HEAD:tests/problems/series/test_editing.py
 from shellbench.problems.series.edited import EditingCase
+=======
+from shellbench.problems.series.edited import EditingCase
+from shellbench.problems.shell import solution
+>>>>>>> ndf46:tests/problems/editing/test_editing.py
 from shellbench.problems.shell.variants.edit import between
-from shellbench.solvers.fem import solving
 from shellbench.solvers.fem.editing_solver import FemEditSolver
+from shellbench.solvers.fem.path import large_displacement
 from shellbench.solvers.fem.path.problem import FiniteProblem
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from shellbench.solvers.ndf.editing_solver import NdfEditSolver
@@ -81,7 +86,7 @@ def test_a_start_of_another_shell_is_refused(of_another_shell):
 
 
 def test_fault_a_start_of_another_shell_is_accepted(monkeypatch, of_another_shell):
-    monkeypatch.setattr(solving, "why_no_edit", lambda original, edited: None)
+    monkeypatch.setattr(solution, "why_no_edit", lambda original, edited: None)
     with pytest.raises(pytest.fail.Exception):
         test_a_start_of_another_shell_is_refused(of_another_shell)
 
@@ -96,16 +101,16 @@ def test_fault_an_edited_force_is_ignored(monkeypatch):
 @pytest.mark.long
 def test_fault_a_stale_state_is_kept(monkeypatch):
     """The edited shell keeps the earlier displacement: Newton's method is left out where a path goes on."""
-    usual = FiniteProblem.equilibrium
+    usual = large_displacement.equilibrium
 
-    def stale(self, start, t, *tolerance):
-        kept = usual(self, start, t, *tolerance)
+    def stale(problem, start, t, **how):
+        kept = usual(problem, start, t, **how)
         return start if start.t == t else kept
 
     def with_factor(self, t, q, near):
         state = FiniteProblem.rest(self)
-        return type(state)(t, q, self.energy.at(q), self._angles(q, near), state.factor, residuals=(0.0,))
+        return type(state)(t, q, self.energy.at(q), self.angles(q, near), state.factor, residuals=(0.0,))
 
-    monkeypatch.setattr(FiniteProblem, "equilibrium", stale)
+    monkeypatch.setattr(large_displacement, "equilibrium", stale)
     monkeypatch.setattr(FiniteProblem, "state_at", with_factor)
     assert departs()

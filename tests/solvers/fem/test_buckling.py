@@ -13,12 +13,13 @@ from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
+from shellbench.solvers.fem.path import buckling
 from shellbench.solvers.fem.path.buckling import BRACKET, Buckling, following_steps
-from shellbench.solvers.fem.path.continuation import PathEndsError
-from shellbench.solvers.fem.path.finite_state import NotConvergedError
 from shellbench.solvers.fem.path.large_displacement import solve as solve_on_mesh
+from shellbench.solvers.fem.path.newton import equilibrium
 from shellbench.solvers.fem.path.problem import FiniteProblem
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
+from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError
 from tests.solvers.fem.shells import shell
 
 YOUNG, THICKNESS, WIDTH, LENGTH = 1e4, 0.02, 0.2, 1.0
@@ -124,7 +125,7 @@ def test_the_critical_state_is_bracketed_as_closely_as_is_said():
     problem = problem_of(case, (6, 1))
     critical = list(following_steps(problem, case.path_marks, case.path.until / 8, 1e-6))[-1]
     area = Buckling(problem).area
-    below, above = (problem.equilibrium(critical, critical.t * (1 + share)) for share in (-3 * BRACKET, 3 * BRACKET))
+    below, above = (equilibrium(problem, critical, critical.t * (1 + share)) for share in (-3 * BRACKET, 3 * BRACKET))
     assert smallest(problem, below, area)[0] > 0 > smallest(problem, above, area)[0]
 
 
@@ -194,7 +195,7 @@ def test_the_force_is_the_derivative_of_the_energy_beyond_buckling():
 def test_the_softest_mode_is_that_of_the_smallest_eigenvalue():
     shortening, _ = critical_column(True)
     problem = problem_of(column(True, 2 * shortening), (6, 2))
-    state = problem.equilibrium(problem.rest(), 0.9 * shortening)
+    state = equilibrium(problem, problem.rest(), 0.9 * shortening)
     buckling, ties = Buckling(problem), problem.ties(state.t)
     mode, stiffness = buckling.softest_mode(ties, buckling.stiffness(buckling.tangent(state), state.t))
     value, vector = smallest(problem, state, buckling.area)
@@ -248,12 +249,12 @@ def test_where_the_inertia_changes_the_smallest_eigenvalue_changes_sign(twisted)
     area = Buckling(problem).area
     values = []
     for t in (critical.t * (1 - 3 * BRACKET), critical.t * (1 + 3 * BRACKET)):
-        state = problem.equilibrium(critical, t)
+        state = equilibrium(problem, critical, t)
         values.append(smallest(problem, state, area)[0])
         # what a factorisation counts at the state itself, not one iteration before
-        assert (problem.equilibrium(state, t).factor.negative > 0) == (values[-1] < 0)
+        assert (equilibrium(problem, state, t).factor.negative > 0) == (values[-1] < 0)
     assert values[0] > 0 > values[1]
-    far = smallest(problem, problem.equilibrium(critical, 0.9 * critical.t), area)[0]
+    far = smallest(problem, equilibrium(problem, critical, 0.9 * critical.t), area)[0]
     assert values[0] < 1e-2 * far
     rest = smallest(problem, problem.rest(), area)[0]
     assert Buckling(problem).softest == pytest.approx(rest, rel=2e-2)
@@ -268,7 +269,7 @@ def test_beyond_it_states_are_stable_and_lower_than_those_that_stay_round(twiste
     assert np.all(np.diff([s.t for s in states]) > 0)
     round_state = states[number]
     for state in states[number + 1 :: 3]:
-        round_state = problem.equilibrium(round_state, state.t)
+        round_state = equilibrium(problem, round_state, state.t)
         assert not round_state.stable
         assert problem.potential(state) < problem.potential(round_state)
         assert problem.revolution.direction(round_state.q) is None
@@ -287,7 +288,7 @@ def test_a_relaxation_goes_downhill_and_moves_the_supports_as_asked(twisted):
     buckling, start = Buckling(problem), states[number]
     found = buckling.relaxed(start, 1.02 * start.t)
     assert found.stable
-    unbuckled = problem.equilibrium(start, 1.02 * start.t)
+    unbuckled = equilibrium(problem, start, 1.02 * start.t)
     assert problem.potential(found) < problem.potential(unbuckled)
     ties = problem.ties(1.02 * start.t)
     free = ties.to_nodal(ties.to_free((found.q - ties.particular[..., 0])[..., None]))[..., 0]
@@ -302,7 +303,7 @@ def test_waves_that_are_held_may_not_hide_a_state_that_is_unstable_otherwise(twi
     assert not replace(final, forgiven=final.factor.negative + 1).stable
     (critical,) = [s for s in states if s.critical]
     holding = replace(problem, holding=True)
-    unstable = holding.equilibrium(critical, 0.1 + 0.05)
+    unstable = equilibrium(holding, critical, 0.1 + 0.05)
     assert problem.revolution.direction(unstable.q) is None
     assert not unstable.stable
 
@@ -383,7 +384,7 @@ def test_where_no_step_from_rest_converges_the_shell_is_left_to_itself_a_little_
     def lost(self, start, t, **how):
         raise NotConvergedError
 
-    monkeypatch.setattr(FiniteProblem, "equilibrium", lost)
+    monkeypatch.setattr(buckling, "equilibrium", lost)
     monkeypatch.setattr(Buckling, "relaxed", lambda self, start, t: replace(start, t=t))
     shortening, _ = critical_column(True)
     problem = problem_of(column(True, 2 * shortening), (4, 1))

@@ -5,8 +5,8 @@ import pytest
 
 from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
+from shellbench.solvers.fem.mechanics.constraints import support_ties
 from shellbench.solvers.fem.mechanics.loads import Loading
-from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.grading import graded_mesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
@@ -168,7 +168,7 @@ def test_what_corners_say_twice_counts_once():
     for surface in ("plane", "hypar"):
         case = shell(surface, supports=supports)
         mesh = graded_mesh(case, (2, 2), 2.0)
-        ties = Ties.from_case(case, mesh, [1.0])
+        ties = support_ties(case, mesh, [1.0])
         free = ties.free.sum(axis=1).reshape(mesh.shape)
         assert free[1:-1, 1:-1].min() == 12
         assert np.all(free[0, 1:-1] == 4)  # u and u,t are held, and of the slopes those of the normal
@@ -205,7 +205,7 @@ def test_a_plane_of_symmetry_must_be_one():
 def test_nodal_forces_are_shared_without_loss():
     supports = [{"name": n, "on": [n], "clamped": n.endswith("min")} for n in EVERY_EDGE]
     case = shell("hypar", supports=supports)
-    ties = Ties.from_case(case, graded_mesh(case, (2, 2), 2.0), [1.0])
+    ties = support_ties(case, graded_mesh(case, (2, 2), 2.0), [1.0])
     forces = (
         np.random.default_rng(0).normal(size=(len(ties.nodes), 12, 1)) * ties.sharing.holders.any(axis=1)[..., None]
     )

@@ -14,14 +14,10 @@ from shellbench.solvers.fem.mechanics.solution import FemSolution
 from shellbench.solvers.fem.mesh.grading import graded_mesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.path import large_displacement
-from shellbench.solvers.fem.path.continuation import (
-    PathEndsError,
-    arc_length_steps,
-    displacement_steps,
-    functional,
-    load_steps,
-)
+from shellbench.solvers.fem.path.continuation import arc_length_steps, displacement_steps, functional, load_steps
+from shellbench.solvers.fem.path.newton import equilibrium
 from shellbench.solvers.fem.path.problem import FiniteProblem
+from shellbench.solvers.stepping.control import PathEndsError
 from tests.solvers.fem.shells import PLANE, shell
 
 SHORTEST = 2e-4  # load step
@@ -316,7 +312,7 @@ def test_the_functional_is_the_displacement_quantity():
     )  # fmt: skip
     problem = problem_of(case, (3, 3))
     row = functional(problem, case.primary)
-    state = problem.equilibrium(problem.rest(), 0.5)
+    state = equilibrium(problem, problem.rest(), 0.5)
     mesh = problem.mesh
     coefficients = (state.q.reshape(-1, 3, 4) / mesh.node_scales[:, None, :])[..., None]
     solution = FemSolution(case, mesh, coefficients, (1.0,), np.zeros(0, dtype=int), np.zeros((1, 0, 3, 4, 1)), 7, 0)

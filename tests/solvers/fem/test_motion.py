@@ -12,8 +12,8 @@ from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.quantities.measure import area_rule, measure, measure_all
 from shellbench.solvers.fem.motion import motion, time_step
-from shellbench.solvers.fem.path.finite_state import NotConvergedError
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
+from shellbench.solvers.stepping.control import NotConvergedError
 from tests.solvers.fem.shells import LARGEST, MATERIAL, shell
 
 NONLINEAR = "kirchhoff-love-nonlinear"

@@ -9,8 +9,10 @@ from shellbench.solvers.fem.algebra.factor import factorise
 from shellbench.solvers.fem.mesh.grading import graded_mesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.path.continuation import functional
-from shellbench.solvers.fem.path.finite_state import Constraint, NotConvergedError
+from shellbench.solvers.fem.path.finite_state import Constraint
+from shellbench.solvers.fem.path.newton import equilibrium, on_path
 from shellbench.solvers.fem.path.problem import FiniteProblem
+from shellbench.solvers.stepping.control import NotConvergedError
 
 TIGHT = 1e-20  # square of the last step's relative size: iterations go on to rounding
 PLATE, CURVED, ROOF, STRIP, RING = (
@@ -49,7 +51,7 @@ def newton_step(problem, q, t, stressed=True):
 def solved(request):
     name, cells, t = request.param
     problem = problem_of(name, cells)
-    return problem, problem.equilibrium(problem.rest(), t, TIGHT)
+    return problem, equilibrium(problem, problem.rest(), t, TIGHT)
 
 
 def test_a_plain_newton_step_squares_the_error(solved):
@@ -69,7 +71,7 @@ def test_a_plain_newton_step_squares_the_error(solved):
 def test_the_solvers_own_residuals_fall_quadratically(problem_and_load, t):
     """With stresses predicted by the step before the order stays two (Magisano et al. 2017)."""
     problem = problem_of(*problem_and_load[:2])
-    residuals = np.array(problem.equilibrium(problem.rest(), t, TIGHT).residuals)
+    residuals = np.array(equilibrium(problem, problem.rest(), t, TIGHT).residuals)
     assert residuals[0] == pytest.approx(1.0)  # at rest all of the load is residual
     assert residuals[-1] < 1e-12
     asymptotic = residuals[(residuals < 0.1) & (residuals > 1e-12)]
@@ -107,7 +109,7 @@ def test_the_potential_falls_along_the_path_by_the_work_of_growing_loads(solved)
     """d/dt of the least potential is - dW/dt at fixed displacement: here the loads' work at t = 1."""
     problem, state = solved
     h = 1e-3 * state.t
-    up, down = (problem.equilibrium(state, state.t + s * h, TIGHT) for s in (1, -1))
+    up, down = (equilibrium(problem, state, state.t + s * h, TIGHT) for s in (1, -1))
     work = problem.loads(1.0).ravel() @ state.q.ravel()
     work += sum(float(m.moments(1.0) @ a) for m, a in zip(problem.moments, state.angles, strict=True))
     assert work > 0
@@ -117,7 +119,7 @@ def test_the_potential_falls_along_the_path_by_the_work_of_growing_loads(solved)
 def test_the_drift_is_the_paths_derivative(solved):
     problem, state = solved
     h = 1e-3 * state.t
-    up, down = (problem.equilibrium(state, state.t + s * h, TIGHT).q for s in (1, -1))
+    up, down = (equilibrium(problem, state, state.t + s * h, TIGHT).q for s in (1, -1))
     expected = (up - down) / (2 * h)
     assert np.allclose(problem.drift(state), expected, rtol=0, atol=1e-4 * np.abs(expected).max())
 
@@ -126,7 +128,7 @@ def test_a_large_step_of_a_slender_strip_takes_few_iterations():
     """A quarter of the load from rest turns the strip by more than a radian; plain Newton wanders."""
     name, cells, t = STRIP
     problem = problem_of(name, cells)
-    state = problem.equilibrium(problem.rest(), t)
+    state = equilibrium(problem, problem.rest(), t)
     assert state.iterations <= 7
     q = np.zeros_like(state.q)
     for _ in range(state.iterations):
@@ -143,7 +145,7 @@ def test_the_supports_motion_is_the_first_step():
     problem = FiniteProblem.on_mesh(case, mesh, Quadrature.of_order(mesh, 7))
     state = problem.rest()
     for t in (0.5, 1.0, 3.0):
-        state = problem.equilibrium(state, t)
+        state = equilibrium(problem, state, t)
         assert float(np.sum(functional(problem, case.quantity("deflection_4")) * state.q)) == pytest.approx(t, rel=1e-9)
     ties = problem.ties(state.t)
     assert np.abs(ties.to_free(state.strained.forces[..., None])).max() <= 1e-8 * np.abs(state.strained.forces).max()
@@ -156,11 +158,11 @@ def test_the_constraint_of_a_path_is_met_and_its_load_factor_found():
     rest = problem.rest()
     drift = problem.drift(rest)
     t = 2.0 / float(np.sum(row * drift))
-    state = problem.on_path(rest, Constraint(row, 0.0, 2.0), (t * drift, t))
+    state = on_path(problem, rest, Constraint(row, 0.0, 2.0), (t * drift, t))
     assert float(np.sum(row * state.q)) == pytest.approx(2.0, rel=1e-12)
-    same = problem.equilibrium(rest, state.t, TIGHT)
+    same = equilibrium(problem, rest, state.t, TIGHT)
     assert np.allclose(same.q, state.q, rtol=0, atol=1e-6 * np.abs(same.q).max())
-    mixed = problem.on_path(rest, Constraint(row, 3.0, 2.0 + 3 * state.t), (t * drift, t))
+    mixed = on_path(problem, rest, Constraint(row, 3.0, 2.0 + 3 * state.t), (t * drift, t))
     assert mixed.t == pytest.approx(state.t, rel=1e-7)
 
 
@@ -170,7 +172,7 @@ def test_a_step_that_is_far_too_long_is_refused(t):
     name, cells, _ = ROOF
     problem = problem_of(name, cells)
     with pytest.raises(NotConvergedError):
-        problem.equilibrium(problem.rest(), t)
+        equilibrium(problem, problem.rest(), t)
 
 
 @pytest.mark.parametrize(("problem_and_load", "start"), [(PLATE, 0.9), (ROOF, 0.9), (STRIP, 0.95), (RING, 0.99)])
@@ -178,14 +180,14 @@ def test_a_frugal_step_ends_at_the_same_state_by_fewer_tangents(monkeypatch, pro
     name, cells, t = problem_and_load
     problem = problem_of(name, cells)
     made = []
-    factorised = FiniteProblem._factorised
-    monkeypatch.setattr(FiniteProblem, "_factorised", lambda *given: made.append(1) or factorised(*given))
-    near = problem.equilibrium(problem.rest(), start * t).relieved
+    factorised = FiniteProblem.factorised
+    monkeypatch.setattr(FiniteProblem, "factorised", lambda *given: made.append(1) or factorised(*given))
+    near = equilibrium(problem, problem.rest(), start * t).relieved
     near = problem.state_at(near.t, near.q, near)
     counts, states = [], []
     for how in ({"tolerance": TIGHT}, {}, {"frugal": True}):
         made.clear()
-        states.append(problem.equilibrium(near, t, **how))
+        states.append(equilibrium(problem, near, t, **how))
         counts.append(len(made))
     exact, plain, frugal = states
     plainly, frugally = (np.abs(state.q - exact.q).max() for state in (plain, frugal))

@@ -8,8 +8,8 @@ from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.motion.generalised_alpha import Instant, Scheme
 from shellbench.solvers.fem.motion.time_step import MovingShell, _Minimum
-from shellbench.solvers.fem.path.finite_state import NotConvergedError
 from shellbench.solvers.fem.path.problem import FiniteProblem
+from shellbench.solvers.stepping.control import NotConvergedError
 from tests.solvers.fem.shells import LARGEST, MATERIAL, shell
 
 G, DENSITY = 9.8, MATERIAL["areal_density"]

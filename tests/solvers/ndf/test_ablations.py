@@ -8,7 +8,8 @@ from pydantic import ValidationError
 from shellbench.bench.catalogue.catalog import find_suite, known_values, named_case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.quantities.measure import measure
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import D11, D12, D22, VALUE, Placement
 from shellbench.solvers.ndf.field.network import Network, random_features

@@ -5,10 +5,11 @@ import pytest
 import torch
 
 from shellbench.errors import SolveFailure
-from shellbench.solvers.ndf.field.build import FieldSpec, build_features, build_inputs
+from shellbench.solvers.ndf.field.ansatz import Combined, independent
+from shellbench.solvers.ndf.field.build import build_features, build_inputs
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.network import random_features
-from shellbench.solvers.ndf.strains.sampled import Combined, independent
 from tests.solvers.ndf.shells import inner_points, shell
 
 PLACEMENT = Placement()

@@ -8,21 +8,17 @@ from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
 from shellbench.problems.series.conditioned import Material
 from shellbench.problems.series.conditioned_answer import stepped
-from shellbench.solvers.ndf.conditioned.affine import Equations
 from shellbench.solvers.ndf.conditioned.conditioned import ConditionedField
-from shellbench.solvers.ndf.conditioned.reduced import stiffness_rates, stiffnesses
-from shellbench.solvers.ndf.conditioned_published_solver import (
-    ConditionedPublishedSettings,
-    ConditionedPublishedSolver,
-)
+from shellbench.solvers.ndf.conditioned.reduced import Equations, stiffness_rates, stiffnesses
+from shellbench.solvers.ndf.conditioned_published_solver import ConditionedPublishedSettings, ConditionedPublishedSolver
 from shellbench.solvers.ndf.field.build import (
-    FieldSpec,
     build_ansatz,
     build_features,
     build_inputs,
     graded_points,
-    resolution,
+    usual_resolution,
 )
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
@@ -41,7 +37,7 @@ def field():
 
 def parts_of(shell):
     inputs = build_inputs(shell, SPEC)
-    network = random_features(torch.as_tensor(resolution(shell).scales(inputs)), 9, 1)
+    network = random_features(torch.as_tensor(usual_resolution(shell).scales(inputs)), 9, 1)
     return build_ansatz(shell, SPEC), build_features(shell, SPEC, network, Placement(), inputs)
 
 

@@ -7,12 +7,14 @@ import pytest
 import torch
 
 from shellbench.protocol.load_curve import Curve
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs, graded_points
+from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs, graded_points
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.field.quadrature import RuleSpec
-from shellbench.solvers.ndf.path.continuation import PathEndsError, arc_length_steps, displacement_steps, load_steps
+from shellbench.solvers.ndf.path.continuation import arc_length_steps, displacement_steps, load_steps
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
+from shellbench.solvers.stepping.control import PathEndsError
 from tests.solvers.ndf.shells import shell, support
 
 PLACEMENT = Placement()

@@ -7,14 +7,15 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs, graded_points
+from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs, graded_points
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.field.quadrature import RuleSpec
-from shellbench.solvers.ndf.path.basis import Basis, NotConvergedError
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
-from shellbench.solvers.ndf.path.newton import Constraint, PathState, Tangent, drift, equilibrium, on_path
+from shellbench.solvers.ndf.path.newton import Basis, Constraint, PathState, Tangent, drift, equilibrium, on_path
+from shellbench.solvers.stepping.control import NotConvergedError
 from tests.solvers.ndf.shells import FREE, inner_points, shell, support, with_force
 
 PLACEMENT = Placement()

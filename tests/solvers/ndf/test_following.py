@@ -4,12 +4,12 @@ import numpy as np
 import torch
 
 from shellbench.problems.shell.quantities.measure import area_rule
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.network import random_features
-from shellbench.solvers.ndf.field.paths import why_not_followed
 from shellbench.solvers.ndf.field.quadrature import RuleSpec
-from shellbench.solvers.ndf.linear.declines import why_not_moved
+from shellbench.solvers.ndf.linear.declines import why_not_followed, why_not_moved
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from tests.solvers.ndf.test_large_displacement import STRIP, UP, WALL, solve, strip
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from shellbench.solvers.ndf.field.hinges import ALONG, ENDS, MIDDLE, Hinges, hinges_of
 from shellbench.solvers.ndf.field.jets import Placement
+from shellbench.solvers.ndf.field.lines import ENDS, HINGE_POLYNOMIALS, MIDDLE, Hinges, hinges_of
 from tests.solvers.ndf.shells import differences, shell
 
 WIDTH = 0.02
@@ -47,6 +47,6 @@ def test_jets_are_derivatives():
 
     jets = np.stack([c.numpy() for c in hinges.columns(points, Placement())], axis=-1)
     assert jets.shape == (6, 4, hinges.count)
-    assert hinges.count % ALONG == 0
+    assert hinges.count % HINGE_POLYNOMIALS[0] == 0
     for found, right in zip(jets, differences(values, points, 2e-4), strict=True):
         np.testing.assert_allclose(found, right, atol=1e-3 * np.abs(right).max())

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.solvers.ndf.field.build import resolution, rung, rung_count
+from shellbench.solvers.ndf.field.build import path_level_count, path_resolution, usual_resolution
 from shellbench.solvers.ndf.field.field import FixedFeatures
 from shellbench.solvers.ndf.field.geometry import side_lengths
 from shellbench.solvers.ndf.field.inputs import Inputs, edge_layers, foci
@@ -177,14 +177,14 @@ def test_axes_of_inputs_are_the_coordinates_that_they_are(surface, periodic, axe
 def test_rungs_are_ever_wider_and_longer_along_a_strip():
     """A strip of 10 by 1: scales and panels grow along its length alone, whichever coordinate runs along it."""
     lying, standing = (shell({"kind": "plane", "xi1": [0, a], "xi2": [0, b]}) for a, b in ((10, 1), (1, 10)))
-    widths = [rung(lying, number).neurons for number in range(rung_count(lying))]
+    widths = [path_resolution(lying, number).neurons for number in range(path_level_count(lying))]
     assert widths == sorted(set(widths))
-    for number in range(rung_count(lying)):
-        first, second = rung(lying, number), rung(standing, number)
+    for number in range(path_level_count(lying)):
+        first, second = path_resolution(lying, number), path_resolution(standing, number)
         assert first.along == second.along[::-1]
         assert first.rule.panels == second.rule.panels[::-1]
         assert first.fine.panels == second.fine.panels[::-1]
-    coarse, fine = rung(lying, 0), rung(lying, rung_count(lying) - 1)
+    coarse, fine = path_resolution(lying, 0), path_resolution(lying, path_level_count(lying) - 1)
     assert coarse.along == (1, 1)
     assert fine.along[0] > 3
     assert fine.along[1] <= 1
@@ -197,7 +197,7 @@ def test_rungs_are_ever_wider_and_longer_along_a_strip():
 
 def test_a_last_rung_of_slender_strips_is_longer_and_no_wider():
     strip = shell({"kind": "plane", "xi1": [0, 40], "xi2": [0, 1]})
-    before, last = rung(strip, rung_count(strip) - 2), rung(strip, rung_count(strip) - 1)
+    before, last = (path_resolution(strip, path_level_count(strip) - k) for k in (2, 1))
     assert last.neurons == before.neurons
     assert last.along[0] == pytest.approx(40**0.6)
     assert last.along[0] > before.along[0]
@@ -206,9 +206,9 @@ def test_a_last_rung_of_slender_strips_is_longer_and_no_wider():
 
 @pytest.mark.parametrize("case", [shell("plane"), shell("roof"), shell("tube")])
 def test_rungs_of_squares_and_of_curved_shells_keep_scales_and_panels(case):
-    usual = resolution(case)
-    for number in range(rung_count(case)):
-        found = rung(case, number)
+    usual = usual_resolution(case)
+    for number in range(path_level_count(case)):
+        found = path_resolution(case, number)
         assert (found.scale, found.stretched_scale, found.along) == (usual.scale, usual.stretched_scale, (1, 1))
         assert (found.rule.panels, found.fine.panels) == (usual.rule.panels, usual.fine.panels)
 

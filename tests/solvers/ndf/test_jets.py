@@ -9,7 +9,8 @@ import torch
 from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
 from shellbench.solvers.ndf.field import jets
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import (
     ACTIVATIONS,
     D1,
@@ -22,11 +23,16 @@ from shellbench.solvers.ndf.field.jets import (
     activation,
     smooth_activation,
 )
-from shellbench.solvers.ndf.field.network import Network, random_features, siren
+from shellbench.solvers.ndf.field.network import Network, deep_random_features, random_features
 from shellbench.solvers.ndf.linear.declines import why_declined
 from tests.families import with_something_new
 
 PLACEMENT = Placement()
+
+
+def drawn_network(points, widths, name):
+    scales = torch.full((2,), 2.0, dtype=torch.float64)
+    return deep_random_features(torch.tensor(points), scales, widths, seed=3, name=name)
 
 
 def by_autograd(function, points):
@@ -54,7 +60,7 @@ def points():
 @pytest.mark.parametrize("name", ACTIVATIONS)
 @pytest.mark.parametrize("depth", [1, 2, 4])
 def test_network_jets_match_nested_differentiation(name, depth, points):
-    network = siren(2, (5,) * depth, 2.0, seed=3, placement=PLACEMENT, name=name)
+    network = drawn_network(points, (5,) * depth, name)
     functions = {"sine": torch.sin, "tanh": torch.tanh, "gelu": torch.nn.functional.gelu, "relu": torch.relu}
 
     def plain(h):
@@ -69,7 +75,7 @@ def test_network_jets_match_nested_differentiation(name, depth, points):
 
 @pytest.mark.parametrize("name", ACTIVATIONS)
 def test_jets_differentiate_in_the_weights_as_well(name, points):
-    network = siren(2, (4, 3), 2.0, seed=1, placement=PLACEMENT, name=name)
+    network = drawn_network(points, (4, 3), name)
     probe = torch.randn(6, len(points), 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
 
     def loss(*tensors):
@@ -131,13 +137,6 @@ def test_random_features_follow_their_seed():
     assert first.biases[0].abs().max() <= np.pi
     assert first.biases[0].std().item() == pytest.approx(np.pi / np.sqrt(3), rel=0.1)
     assert first.parameters == 2000 * 4
-
-
-def test_siren_keeps_its_bounds():
-    network = siren(3, (40, 50), 15.0, seed=0, placement=PLACEMENT)
-    bounds = [w.abs().max().item() for w in network.weights]
-    assert 0.9 * 15 / 3 < bounds[0] <= 15 / 3
-    assert 0.9 * np.sqrt(6 / 40) < bounds[1] <= np.sqrt(6 / 40)
 
 
 LINEAR = [name for name in catalog.case_names() if catalog.named_case(name).theory == "kirchhoff-love-linear"]

@@ -8,7 +8,7 @@ from shellbench.bench.catalogue.catalog import known_values, named_case, toleran
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.problems.shell.question.path import Path
-from shellbench.solvers.ndf.field.paths import why_not_followed
+from shellbench.solvers.ndf.linear.declines import why_not_followed
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from tests.alike import REPEATED, alike

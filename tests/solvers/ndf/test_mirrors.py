@@ -8,14 +8,8 @@ import torch
 
 from shellbench.bench.catalogue import catalog
 from shellbench.problems.shell.case import build_case
-from shellbench.solvers.ndf.field.build import (
-    FieldSpec,
-    build_ansatz,
-    build_features,
-    build_inputs,
-    built_in,
-    focal_points,
-)
+from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs, built_in, focal_points
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import D1, D2, D11, D12, D22, VALUE, Placement
 from shellbench.solvers.ndf.field.mirrors import mirrors_of

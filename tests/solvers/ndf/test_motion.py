@@ -9,7 +9,8 @@ import torch
 from shellbench.bench.catalogue.catalog import named_case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.quantities.measure import measure
-from shellbench.solvers.ndf.field.build import FieldSpec, build_features, build_inputs
+from shellbench.solvers.ndf.field.build import build_features, build_inputs
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.motion import integration, motion
@@ -52,7 +53,7 @@ def equations(case, degree=5, points=2.0):
     network = random_features(spread, widest(case, degree), 0)
     features = build_features(case, spec, network, placement, inputs)
     with torch.no_grad():
-        return motion.prepared(case, spec, motion.Rung(degree, features), points)
+        return motion.prepared(case, spec, motion.MotionLevel(degree, features), points)
 
 
 @pytest.fixture(scope="module")
@@ -197,7 +198,7 @@ def test_rungs_are_climbed_until_the_motion_stands_still():
     rungs = [step for step in solution.history if step.phase == "solve"]
     assert len(rungs) == 3
     assert solution.diagnostics["settled"]
-    assert solution.diagnostics["motion_change"] <= motion.SETTLED
+    assert solution.diagnostics["motion_change"] <= motion.SETTLED_MOTION
     assert [step.iteration for step in solution.history] == list(range(len(solution.history)))
     last, earlier = (step.quantities["height"] for step in (rungs[-1], rungs[-2]))
     assert solution.uncertainty["height"] == pytest.approx(abs(last - earlier), abs=1e-12)
@@ -273,7 +274,7 @@ def test_a_finer_field_that_does_not_fit_into_memory_leaves_the_coarser_motion(m
         return original(*arguments)
 
     monkeypatch.setattr(motion, "prepared", prepared)
-    monkeypatch.setattr(motion, "SETTLED", 0.0)
+    monkeypatch.setattr(motion, "SETTLED_MOTION", 0.0)
     with pytest.raises(SolveFailure, match="does not fit into memory; what is kept is the whole motion") as caught:
         SOLVER.solve(moving(springs=[PIN]), TrainerSettings())
     assert caught.value.partial.course.times[-1] == 0.2

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.network import Network
 from shellbench.solvers.ndf.linear import patches
-from shellbench.solvers.ndf.linear.patches import Recovery
-from shellbench.solvers.ndf.strains.resultants import resultants
+from shellbench.solvers.ndf.linear.patches import Recovery, resultants
 from tests.solvers.ndf.shells import MATERIAL, shell, support
 
 LOAD, LENGTH, ERROR, STEEP = 3.0, 2.0, 1e-2, 10.0
@@ -57,7 +57,7 @@ def test_at_a_wall_resultants_are_its_reactions(name, wanted, tolerance):
 
 @torch.no_grad()
 def test_a_point_asked_alone_has_the_value_it_has_beside_others(monkeypatch):
-    monkeypatch.setattr(patches, "DEGREES", (4, 6))  # quicker, and less alike
+    monkeypatch.setattr(patches, "PATCH_DEGREES", (4, 6))  # quicker, and less alike
     case, turning = shell(**BENT), LENGTH * (1 / 2 - 1 / 12**0.5)  # where the moment changes sign
     field, points = layered(case), np.array([[0.0, 0.1], [turning, 0.1]])
     together = Recovery(field, "linear", at_rest=True)

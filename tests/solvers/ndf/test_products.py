@@ -6,7 +6,8 @@ import torch
 
 from shellbench.errors import InputError
 from shellbench.solvers.ndf import ritz
-from shellbench.solvers.ndf.field.build import FieldSpec, build_inputs
+from shellbench.solvers.ndf.field.build import build_inputs
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.motion import integration, motion
 from shellbench.solvers.ndf.motion.motion_parts import Table
@@ -29,8 +30,8 @@ def products(case, degree):
 
 def equations(case, degree, of=None):
     """The equations of motion of products up to a degree, of those up to `of`."""
-    rung = motion.Rung(of or degree, products(case, of or degree), share=LONG_SHARE)
-    return motion.grown(case, SPEC, rung, motion.POINTS, degree)
+    rung = motion.MotionLevel(of or degree, products(case, of or degree), share=LONG_SHARE)
+    return motion.grown(case, SPEC, rung, motion.POINTS_A_DEGREE, degree)
 
 
 def drawn(count, seed=0, size=0.02):

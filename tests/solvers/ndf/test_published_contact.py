@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from shellbench.solvers.ndf.published.published import why_not
-from shellbench.solvers.ndf.published.published_contact import MARGIN, WEIGHT, collision, pressing
+from shellbench.solvers.ndf.published.published_motion_field import MARGIN, WEIGHT, collision, pressing
 from tests.solvers.ndf.motions import NAPKIN, G, gravity, moving
 from tests.solvers.ndf.test_published_motion_loss import sampler_of
 

@@ -13,17 +13,17 @@ import torch
 from shellbench.bench.catalogue.catalog import known_values, named_case
 from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.problems.shell.question.surface import Domain
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs, unevenness
+from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs, unevenness
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.corners import EXPONENTS, CornerPowers, held_corners
 from shellbench.solvers.ndf.field.jets import D1, D2, D11, D12, D22, VALUE, Placement
 from shellbench.solvers.ndf.field.network import random_features
-from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule, line_rule, panel_ends
+from shellbench.solvers.ndf.field.quadrature import ROUNDING, RuleSpec, area_rule, line_rule, panel_ends
 from shellbench.solvers.ndf.linear import answer, static
-from shellbench.solvers.ndf.linear.answer import Answer, Solved
+from shellbench.solvers.ndf.linear.answer import Candidate, SolvedLevel
 from shellbench.solvers.ndf.linear.refinement import (
     CORNER_CUTS,
     LEAST_TAIL,
-    ROUNDING,
     SAFETY,
     SETTLED,
     SLOWEST,
@@ -34,7 +34,7 @@ from shellbench.solvers.ndf.linear.refinement import (
     uncertainties,
     unsettled,
 )
-from shellbench.solvers.ndf.linear.solve import JITTER
+from shellbench.solvers.ndf.linear.regularised import JITTER
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.strains.energy import concentrated, normal_equations
 from tests.solvers.ndf.shells import shell, support
@@ -152,10 +152,10 @@ def test_the_answer_is_the_regularisation_of_least_certified_energy(monkeypatch,
     monkeypatch.setattr(answer, "STEPS_LEFT", 3.7)
     solution, still = SimpleNamespace(case=named_case("square_plate")), np.zeros((4, 3))
     answers = tuple(
-        Answer(solution, energy, 1.0, None, {"centre_deflection": 1e-3 * k}, still, None)
+        Candidate(solution, energy, 1.0, None, {"centre_deflection": 1e-3 * k}, still, None)
         for k, energy in enumerate(energies)
     )
-    solved = Solved(None, (), answers[best], answers, dict)
+    solved = SolvedLevel(None, (), answers[best], answers, dict)
     assert solved.challenged is answers[best]
     assert solved.missed().changes["centre_deflection"] == pytest.approx(told * 1e-3)
 
@@ -163,8 +163,8 @@ def test_the_answer_is_the_regularisation_of_least_certified_energy(monkeypatch,
 @pytest.mark.parametrize("lost", [1e-6, -1e-6, 1e-10])
 def test_challengers_that_lose_certified_energy_are_no_part_of_the_answer(lost):
     """Planted: challengers change the certified energy by so much of what is stored."""
-    first, challenged = (Answer(None, energy, 1.0, None, {}, None, None) for energy in (-1.0, -1.0 + lost))
-    assert Solved(None, (), first, (challenged,) * 3, dict).best is (first if lost == 1e-6 else challenged)
+    first, challenged = (Candidate(None, energy, 1.0, None, {}, None, None) for energy in (-1.0, -1.0 + lost))
+    assert SolvedLevel(None, (), first, (challenged,) * 3, dict).best is (first if lost == 1e-6 else challenged)
 
 
 def test_challengers_that_exploit_their_rule_do_not_make_the_field_worse():
@@ -202,7 +202,7 @@ def test_the_level_of_least_certified_energy_answers(monkeypatch, energies, answ
 def test_a_displacement_that_hardly_changes_by_accident_is_no_surer_than_the_field():
     """Planted: two answers of one level have the same values, and fields that differ."""
     values, field = {"centre_deflection": 0.5, "strain_energy": 2.0}, np.zeros((4, 3))
-    first = Answer(SimpleNamespace(case=named_case("square_plate")), -1.0, 1.0, None, values, field, None)
+    first = Candidate(SimpleNamespace(case=named_case("square_plate")), -1.0, 1.0, None, values, field, None)
     missed = first.missed(replace(first, probed=field + 1e-3))
     scales = {"centre_deflection": 0.5, "strain_energy": 2.0}
     stated = uncertainties(missed, 0.0, values, scales)

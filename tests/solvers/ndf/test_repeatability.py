@@ -14,14 +14,14 @@ from shellbench.bench.catalogue import catalog
 from shellbench.bench.judge.baseline import read_baseline
 from shellbench.problem import Solution
 from shellbench.problems.shell.quantities.measure import measure
-from shellbench.solvers.ndf.field import field
+from shellbench.solvers.ndf.field import ansatz
 from shellbench.solvers.ndf.field.quadrature import Rule
 from shellbench.solvers.ndf.linear import static
-from shellbench.solvers.ndf.linear.solve import JITTER, REFINEMENTS, IndefiniteError, RegularisedInverse
+from shellbench.solvers.ndf.linear.regularised import JITTER, REFINEMENTS, IndefiniteError, RegularisedInverse
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from shellbench.solvers.ndf.training import trainer
-from shellbench.solvers.ndf.training.gauss_newton import JITTER as GAUSS_NEWTON
+from shellbench.solvers.ndf.training.gauss_newton import GRAM_JITTER
 
 ROUNDING = 1e-15  # relative: what another order of the same operations changes
 REPEATS = 1e-7  # of the values, as the obstacle course asks
@@ -86,7 +86,7 @@ def test_where_cholesky_fails_the_level_stays() -> None:
         RegularisedInverse.from_matrix(matrix * float("nan"), level)
 
 
-@pytest.mark.parametrize("level", [JITTER, GAUSS_NEWTON])
+@pytest.mark.parametrize("level", [JITTER, GRAM_JITTER])
 @pytest.mark.parametrize("seed", range(3))
 def test_the_least_energy_does_not_depend_on_rounding(seed: int, level: float) -> None:
     """Perturb the features by rounding: the energy that their best combination reaches stays."""
@@ -139,7 +139,7 @@ def test_values_repeat_when_points_are_off_by_rounding(
 ) -> None:
     primary = next(q for q in catalog.find_case(case).quantities if q.primary)
     values = [measure(answer(case), primary)]
-    for module in (field, static, trainer):
+    for module in (ansatz, static, trainer):
         monkeypatch.setattr(module, "area_rule", perturbed(module.area_rule, 1))
     values.append(measure(answer(case), primary))
     assert len(set(values)) > 1, "the points were not perturbed"

@@ -9,7 +9,8 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from shellbench.problems.shell.quantities.measure import measure
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs, graded_points
+from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs, graded_points
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Placement
 from shellbench.solvers.ndf.field.network import random_features
@@ -18,12 +19,12 @@ from shellbench.solvers.ndf.field.supports import edge_samples, edge_supports
 from shellbench.solvers.ndf.linear.declines import violations, why_declined
 from shellbench.solvers.ndf.motion.motion_solution import load_solution
 from shellbench.solvers.ndf.path import buckling
-from shellbench.solvers.ndf.path.basis import NotConvergedError
 from shellbench.solvers.ndf.path.buckling import NEUTRAL, follow_steps, trust_region_step
-from shellbench.solvers.ndf.path.continuation import PathEndsError, load_steps
+from shellbench.solvers.ndf.path.continuation import load_steps
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.newton import PathState, equilibrium
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
+from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError
 from tests.solvers.ndf.shells import differences, inner_points, shell, support
 
 PLACEMENT = Placement()

@@ -117,13 +117,13 @@ def test_variations_match_automatic_differentiation(measure):
     normal = normal / normal.norm(dim=-1, keepdim=True)
     reference = Reference(base, normal, torch.linalg.inv(base @ base.mT), draw(count, 3))
     gradients, weights = draw(count, 5, 3), draw(count, 6)
-    found = MEASURES[measure].from_gradients(reference, gradients)
+    found = MEASURES[measure](reference, gradients)
     second = found.second_variation(weights)
     for k in range(count):
         here = Reference(base[[k]], normal[[k]], reference.inverse[[k]], reference.curvature[[k]])
 
         def strains(g, here=here):
-            return MEASURES[measure].from_gradients(here, g[None]).strains[0]
+            return MEASURES[measure](here, g[None]).strains[0]
 
         first = torch.func.jacrev(strains)(gradients[k]).reshape(6, 15)
         torch.testing.assert_close(found.variation[k], first, rtol=1e-10, atol=1e-10)

@@ -12,12 +12,13 @@ from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Step
 from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.quantities.measure import measure_all
-from shellbench.solvers.ndf.field.build import FieldSpec, resolution
+from shellbench.solvers.ndf.field.build import usual_resolution
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.network import Network
-from shellbench.solvers.ndf.linear.challenge import joined_features, last_gain
-from shellbench.solvers.ndf.linear.refinement import first_level
-from shellbench.solvers.ndf.linear.solve import point_constraints
+from shellbench.solvers.ndf.linear.challenge import last_gain
+from shellbench.solvers.ndf.linear.constraints import point_constraints
+from shellbench.solvers.ndf.linear.refinement import first_level, joined_features
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from shellbench.solvers.ndf.training import training, training_problem
 from shellbench.solvers.ndf.training.gauss_newton import (
@@ -148,9 +149,9 @@ def test_challengers_leave_the_trained_field_alone(narrow_roof):
 
 
 def test_joined_features_are_the_trained_ones_and_the_challengers(narrow_roof):
-    trained, level = narrow_roof.field.features, first_level(narrow_roof.case, resolution(narrow_roof.case))
+    trained, level = narrow_roof.field.features, first_level(narrow_roof.case, usual_resolution(narrow_roof.case))
     level = replace(level, resolution=replace(level.resolution, neurons=0), challengers=2)
-    both = joined_features(narrow_roof, level, 0)
+    both = joined_features(narrow_roof.field, narrow_roof.spec, level, 0)
     points = narrow_roof.case.surface.domain.grid(3, 4).reshape(-1, 2)
     assert both.count == trained.count + both.beside.count
     assert both.beside.network.width == 2 * len(level.kinds)
@@ -215,7 +216,7 @@ def test_steps_into_nonsense_are_refused(monkeypatch):
 
 def test_an_exploited_quadrature_is_a_failed_run(monkeypatch):
     monkeypatch.setattr(training_problem, "LEAST_POINTS", 16)
-    monkeypatch.setattr(training_problem, "POINTS", 0.5)
+    monkeypatch.setattr(training_problem, "TRAINING_POINTS", 0.5)
     with pytest.raises(SolveFailure, match="quadrature"):
         SOLVER.solve(catalog.named_case("scordelis_lo"), TrainerSettings(widths=(80,)))
 

@@ -3,7 +3,8 @@
 import torch
 
 from shellbench.errors import SolveFailure
-from shellbench.solvers.ndf.field.build import FieldSpec, build_inputs
+from shellbench.solvers.ndf.field.build import build_inputs
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.quadrature import RuleSpec
 from shellbench.solvers.ndf.published.published_network import InputScale, initial_siren, published_ansatz

@@ -30,16 +30,26 @@ Array = NDArray[np.float64]
 Solve = Callable[[Array], Array]
 
 REFINEMENTS = 2  # steps of iterative refinement after the first solve, at most
-CAREFUL = 1e-7  # change of the answer by the last of them from which on the residual is formed by way of the strains
-CAREFUL_CELLS = 1e-9  # the same in degree 4 and 5: their K rounds more, of which a residual by K itself shows 1 to 15 %
+# Change of the answer by the last of them from which on the residual is formed by way of the strains. It lies below
+# the tolerance of smooth cases, 6e-7. Above that rounding would stay in answers; far below, strains would be formed in
+# vain.
+CAREFUL = 1e-7
+# The same in degree 4 and 5: their K rounds more, of which a residual by K itself shows 1 to 15 %.
+CAREFUL_CELLS = 1e-9
 CAREFUL_REFINEMENTS = 4  # at most, then, as long as each is smaller than half the one before
-SETTLED = 1e-10  # change of the answer by a refinement that ends them
+# Change of the answer by a refinement that ends them: a thousandth of what `CAREFUL` lets pass.
+REFINED = 1e-10
 ALIGNED = 0.5  # cosine between two such changes that are no rounding
 CONJUGATE_STEPS = 20  # at most, where such refinements do not lead to the answer
-CONJUGATE_SHARE = 1e-3  # of all that they have changed: a step that ends a pass
+# Of all that conjugate gradients have changed: a step that ends a pass. The next pass forms the residual anew and mends
+# the rest, so that less would only cost products. Came with meshes on which refinement by K creeps.
+CONJUGATE_SHARE = 1e-3
 CONJUGATE_PASSES = 6  # at most, as long as each changes less than half of the one before: the rest is rounding
-LARGEST_BACKWARD_ERROR = 1e-10  # of a solve: rounding leaves 1e-15, and pivots that were perturbed leave far more
-LARGEST_CORRECTION = 1e-5  # relative change of the answer by the last refinement: what rounding may still hide
+# Of a solve: rounding leaves 1e-15, and pivots that were perturbed leave far more.
+LARGEST_BACKWARD_ERROR = 1e-10
+# Relative change of the answer by the last refinement beyond which rounding hides it, and the mesh fails. More than the
+# tolerance of smooth cases, 6e-7, and less than that of forces at points in cubics, 2.5e-5.
+LARGEST_CORRECTION = 1e-5
 
 
 class RoundingError(SolveFailure):
@@ -47,7 +57,7 @@ class RoundingError(SolveFailure):
 
 
 @dataclass(frozen=True)
-class Answer:
+class Solved:
     """A solution of the linear system.
 
     Attributes
@@ -94,7 +104,7 @@ def solve_reduced(
     mesh: TensorMesh,
     method: Method,
     careful: Careful | None = None,
-) -> Answer:
+) -> Solved:
     """Solve K z = f.
 
     Parameters
@@ -139,7 +149,7 @@ def solve_reduced(
             change = backward(left)
             unknowns = unknowns + change
             correction, noise = _ratio(change, unknowns), _energy(left, change)
-            if correction <= SETTLED or (careful and correction > much):
+            if correction <= REFINED or (careful and correction > much):
                 break
         left = right - matrix @ unknowns
         magnitude = matrix.largest * float(np.abs(unknowns).max()) + float(np.abs(right).max())
@@ -155,7 +165,7 @@ def solve_reduced(
             f"the stiffness matrix is singular to working precision on {_cells(mesh)} cells: a mechanism that the"
             " supports leave, or a thickness that is lost in rounding beside the shell's size"
         ) from None
-    answer = Answer(unknowns, relative, backward_error, correction, noise)
+    answer = Solved(unknowns, relative, backward_error, correction, noise)
     # Written so that what is not a number fails.
     if not answer.backward_error <= LARGEST_BACKWARD_ERROR:
         raise RoundingError(
@@ -178,7 +188,7 @@ def _mended(careful: Careful, backward: Solve, unknowns: Array, much: float) -> 
         change = backward(left)
         unknowns = unknowns + change
         correction, noise = _ratio(change, unknowns), _energy(left, change)
-        if correction <= SETTLED:
+        if correction <= REFINED:
             return unknowns, correction, noise, False
         if not correction < before / 2:
             # Rounding goes anywhere. Steps that all go one way approach an answer that K knows nothing of.
@@ -195,7 +205,7 @@ def _mended(careful: Careful, backward: Solve, unknowns: Array, much: float) -> 
         change, settled = _conjugate(careful.product, backward, left)
         unknowns = unknowns + change
         correction, noise = _ratio(change, unknowns), _energy(left, change)
-        if not settled or correction <= SETTLED or not correction < before / 2:
+        if not settled or correction <= REFINED or not correction < before / 2:
             break
         before = correction
     return unknowns, correction, noise, not settled

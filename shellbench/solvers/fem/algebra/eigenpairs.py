@@ -16,9 +16,10 @@ Array = NDArray[np.float64]
 Apply = Callable[[Array], Array]
 
 BLOCK = 8  # vectors at a time: no eigenvalue may occur more often
-MOST_STEPS = 60
-CLOSE = 1e-6  # residual of a pair relative to mu: the error of mu itself is its square over a gap
-LOST = 1e-12  # squared length of what orthogonalisation leaves, relative, that is rounding
+MOST_BLOCKS = 60
+PAIR_FOUND = 1e-6  # residual of a pair relative to mu: the error of mu itself is its square over a gap
+# Squared length of what orthogonalisation leaves, relative, that is rounding.
+LOST = 1e-12
 
 
 class NotFoundError(ArithmeticError):
@@ -57,11 +58,11 @@ def largest(apply: Apply, solve: Apply, start: Array, count: int) -> tuple[Array
     # copies by rounding only. A block sees them all, and many right-hand sides cost a factorisation hardly more than
     # one. B itself is never applied: B W = A Q is known, and linear combinations keep it.
     columns, dual = _first_block(solve(start), start)
-    size, most = len(start), MOST_STEPS * BLOCK
+    size, most = len(start), MOST_BLOCKS * BLOCK
     basis, known = (np.empty((size, most), order="F") for _ in range(2))
     projected = np.zeros((most, most))
     used = 0
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_BLOCKS):
         before, used = used, used + columns.shape[1]
         basis[:, before:used], known[:, before:used] = columns, dual
         forward = apply(columns)
@@ -76,7 +77,7 @@ def largest(apply: Apply, solve: Apply, start: Array, count: int) -> tuple[Array
             gram = vectors.T @ rest
             last = shares[before:]
             residuals = np.sqrt(np.maximum(np.einsum("ij,ik,kj->j", last, gram, last), 0.0))
-            if np.all(residuals <= CLOSE * np.abs(values)):
+            if np.all(residuals <= PAIR_FOUND * np.abs(values)):
                 if not values[0] > LOST * values[-1]:
                     break
                 return values[::-1], basis[:, :used] @ shares[:, ::-1]

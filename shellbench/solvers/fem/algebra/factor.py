@@ -17,7 +17,8 @@ from shellbench.solvers.fem.algebra.dissection import Dissection, Part, Run, pla
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-SINGULAR = 1e-15  # ratio of eigenvalues of a pivot block below which it can't be eliminated
+# Ratio of eigenvalues of a pivot block below which it can't be eliminated: 4.5 eps.
+SINGULAR = 1e-15
 
 
 class NotPositiveDefiniteError(ArithmeticError):
@@ -113,11 +114,6 @@ class Factor:
     pivots: tuple[Triangle | Spectrum, ...]
     coupling: tuple[Array, ...]
     block: int
-
-    @property
-    def nonzeros(self) -> int:
-        """Numbers kept in R."""
-        return sum(p.size for p in self.pivots) + sum(c.size for c in self.coupling)
 
     @property
     def negative(self) -> int:

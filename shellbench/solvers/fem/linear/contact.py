@@ -20,19 +20,20 @@ from shellbench.errors import SolveFailure
 from shellbench.problems.shell.question.contact import gaps
 from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix
 from shellbench.solvers.fem.algebra.cell_matrices import CellMatrices
-from shellbench.solvers.fem.mechanics.contact_points import SETTLED, ContactPoints, Flags
+from shellbench.solvers.fem.mechanics.contact_points import CLOSED, ContactPoints, Flags
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS
 
 if TYPE_CHECKING:
-    from shellbench.solvers.fem.algebra.direct_solve import Answer
-    from shellbench.solvers.fem.mechanics.solution import FemSolution
+    from shellbench.solvers.fem.algebra.direct_solve import Solved
+    from shellbench.solvers.fem.mesh.mesh import ROUNDING
+from shellbench.solvers.fem.mechanics.solution import FemSolution
 
 Array = NDArray[np.float64]
 Matrix = BlockMatrix | CellMatrices
-SolveLinear = Callable[[Matrix, Array], tuple[Array, "Answer"]]
+SolveLinear = Callable[[Matrix, Array], tuple[Array, "Solved"]]
 """Solves K q = f with the supports: the matrix and forces (nodes, 12, 1) to q and how sure it is."""
 
-MOST_STEPS, MOST_SETS = 20, 60  # of the multipliers, and of points in contact between two of them
+MOST_MULTIPLIERS, MOST_SETS = 20, 60  # of the multipliers, and of points in contact between two of them
 FEW_SETS = 5  # while obstacles are soft
 
 
@@ -51,7 +52,7 @@ class Settled:
     """
 
     q: Array
-    answer: Answer
+    answer: Solved
     forces: Array
 
 
@@ -96,7 +97,7 @@ def settle(
     else:
         q, u, pressed, softness = None, near.displacement(points.points), points.pressed(near.touch()), np.zeros(0)
     pressure = np.zeros(len(area))
-    for step in range(MOST_STEPS):
+    for step in range(MOST_MULTIPLIERS):
         gap, normal = gaps(points.case, points.points, u, t)
         plane = _Plane(points, matrix, forces, gap - np.sum(normal * u, axis=-1), normal, solve)
         for soft in softness if step == 0 else ():
@@ -108,7 +109,7 @@ def settle(
         u = points.displacement(q)
         gap, _ = gaps(points.case, points.points, u, t)
         largest = float(np.abs(u).max())
-        if np.all(np.where(pressure > 0, np.abs(gap), -gap) <= SETTLED * largest):
+        if np.all(np.where(pressure > 0, np.abs(gap), -gap) <= CLOSED * largest):
             return Settled(q, answer, (pressure * area)[:, None] * normal)
     raise SolveFailure("the gaps between an obstacle and the shell do not close")
 
@@ -134,7 +135,7 @@ class _Plane:
 
     def minimum(
         self, q: Array | None, pressure: Array, stiff: Array, active: Flags | None, most: int
-    ) -> tuple[Array, Answer, bool]:
+    ) -> tuple[Array, Solved, bool]:
         """Return the minimum with pressures given, and whether it is one; see `settle`.
 
         It starts from points in contact, or from a displacement.
@@ -175,4 +176,4 @@ def _length(matrix: Matrix, forces: Array, q: Array, change: Array, pressed: tup
 
     if work(1.0) <= 0 or work(0.0) >= 0:
         return 1.0
-    return float(brentq(work, 0.0, 1.0, xtol=1e-12))
+    return float(brentq(work, 0.0, 1.0, xtol=ROUNDING))

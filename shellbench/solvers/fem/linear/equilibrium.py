@@ -16,23 +16,24 @@ from shellbench.problems.shell.question.conditions import RIGID_MOTIONS
 from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix
 from shellbench.solvers.fem.algebra.cell_matrices import CellMatrices
 from shellbench.solvers.fem.algebra.choices import Method
-from shellbench.solvers.fem.algebra.direct_solve import Answer, Careful, solve_reduced
+from shellbench.solvers.fem.algebra.direct_solve import Careful, Solved, solve_reduced
 from shellbench.solvers.fem.linear.contact import settle
 from shellbench.solvers.fem.mechanics.assembly import InternalForces, root_operators, spring_blocks, stiffness
 from shellbench.solvers.fem.mechanics.clamping import clamped_edges
+from shellbench.solvers.fem.mechanics.constraints import support_ties
 from shellbench.solvers.fem.mechanics.contact_points import ContactPoints
 from shellbench.solvers.fem.mechanics.loads import Loading
-from shellbench.solvers.fem.mechanics.pins import determinate_pins
-from shellbench.solvers.fem.mechanics.rigid_motions import mean_rigid_motion, nodal_rigid_motions
-from shellbench.solvers.fem.mechanics.solution import FemSolution
-from shellbench.solvers.fem.mechanics.ties import Ties
+from shellbench.solvers.fem.mechanics.rigid_motions import determinate_pins, nodal_rigid_motions
+from shellbench.solvers.fem.mechanics.solution import FemSolution, mean_rigid_motion
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS, TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-BALANCE = 1e-6  # work of the loads on a removed rigid motion that still counts as rounding, relative to all loads
+# Work of the loads on a removed rigid motion, relative to all loads, that still counts as rounding: of formulas whose
+# numbers a file states in decimals. Loads that are not in balance miss it by a share of order one.
+BALANCE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Equilibrium:
     potential_energy
         Energy of strains and springs less the work of the loads at the last state, J.
     residual, correction, noise
-        See `shellbench.solvers.fem.algebra.direct_solve.Answer`.
+        See `shellbench.solvers.fem.algebra.direct_solve.Solved`.
     """
 
     solution: FemSolution
@@ -75,12 +76,12 @@ def solve(
     """
     quadrature = Quadrature.of_order(mesh, quadrature_order)
     loading = Loading.on_mesh(case, mesh, quadrature, states)
-    ties = Ties.from_case(case, mesh, states)
+    ties = support_ties(case, mesh, states)
     # a case that names no rigid motion was checked to have none that is free
     loose = free_motions(case) if case.remove_rigid_motions else np.zeros((len(RIGID_MOTIONS), 0))
     check_balance(loading, loose)
     if loose.size:
-        ties = ties.pinned(*determinate_pins(ties, nodal_rigid_motions(case, mesh) @ loose))
+        ties = ties.pinned(*determinate_pins(ties.nodes, nodal_rigid_motions(case, mesh) @ loose))
 
     roots = root_operators(mesh, case.surface, case.material, quadrature)
     matrix = stiffness(mesh, case.surface, case.material, quadrature, roots)
@@ -104,7 +105,7 @@ def solve(
             return matrix @ nodal
         return careful[0](nodal) + (springs @ nodal if springs else 0.0)
 
-    def solved(system: BlockMatrix | CellMatrices, forces: Array, state: slice = slice(None)) -> tuple[Array, Answer]:
+    def solved(system: BlockMatrix | CellMatrices, forces: Array, state: slice = slice(None)) -> tuple[Array, Solved]:
         particular = ties.particular[..., state]
 
         def resisted(nodal: Array) -> Array:

@@ -45,6 +45,7 @@ from shellbench.solvers.fem.mechanics.assembly import (
     stiffness,
 )
 from shellbench.solvers.fem.mechanics.clamping import clamped_edges
+from shellbench.solvers.fem.mechanics.constraints import support_ties
 from shellbench.solvers.fem.mechanics.kinematics import (
     DERIVATIVES,
     GRADIENT,
@@ -54,10 +55,10 @@ from shellbench.solvers.fem.mechanics.kinematics import (
     stiffness_moduli,
     strain_operator,
 )
-from shellbench.solvers.fem.mechanics.pins import determinate_pins
-from shellbench.solvers.fem.mechanics.rigid_motions import nodal_rigid_motions
+from shellbench.solvers.fem.mechanics.rigid_motions import determinate_pins, nodal_rigid_motions
 from shellbench.solvers.fem.mechanics.solution import FemSolution
 from shellbench.solvers.fem.mechanics.ties import Ties
+from shellbench.solvers.fem.mesh.grading import shell_size
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CORNERS, CUBIC, KINDS, TensorMesh, present_functions, tabulate
 from shellbench.solvers.fem.mesh.quadrature import Quadrature, basis_scales, chunks
 
@@ -66,7 +67,6 @@ Matrix = BlockMatrix | CellMatrices
 
 FULL_LOAD = 1.0
 SHIFT = 1.0  # of the unit B / (rho L^4) of a plate's squared frequencies, by which a shell that may move is held
-SIZE_SAMPLES = 9  # points a side of the grid that gives the size of a shell
 
 
 @dataclass(frozen=True)
@@ -90,11 +90,11 @@ class _Modes:
 
     @cached_property
     def ties(self) -> Ties:
-        ties = Ties.from_case(self.case, self.mesh, (FULL_LOAD,))
+        ties = support_ties(self.case, self.mesh, (FULL_LOAD,))
         if self.vibrates or not self.loose.size:
             return ties
         # Stresses do no work on a translation: held or not, it changes no buckling load.
-        return ties.pinned(*determinate_pins(ties, nodal_rigid_motions(self.case, self.mesh) @ self.loose))
+        return ties.pinned(*determinate_pins(ties.nodes, nodal_rigid_motions(self.case, self.mesh) @ self.loose))
 
     @cached_property
     def plain(self) -> Matrix:
@@ -141,9 +141,7 @@ class _Modes:
         """What is added to squared angular frequencies of a shell that may move freely, 1/s^2."""
         if not self.vibrates or not self.loose.size:
             return 0.0
-        position = self.case.surface.position(self.mesh.domain.grid(SIZE_SAMPLES, SIZE_SAMPLES))
-        size = float(np.ptp(position, axis=(0, 1)).max())
-        material = self.case.material
+        material, size = self.case.material, shell_size(self.case)
         return SHIFT * material.bending_stiffness / (material.areal_density * size**4)
 
     def pairs(self, count: int) -> tuple[Array, Array, Array]:

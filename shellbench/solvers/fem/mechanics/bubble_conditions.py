@@ -1,8 +1,8 @@
-"""What supports ask of the bubbles along an edge, and which degrees of freedom of a node conditions may tie."""
+"""What supports ask of the bubbles along an edge."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +12,12 @@ from shellbench.problems.shell.question.conditions import COMPONENTS, Support
 from shellbench.problems.shell.question.places import Edge, Place
 from shellbench.problems.shell.question.surface import Domain
 from shellbench.solvers.fem.mesh.bubbles import fitted_bubbles, moment_points
-from shellbench.solvers.fem.mesh.mesh import CUBIC, KINDS, Derivative, TensorMesh
+from shellbench.solvers.fem.mesh.mesh import CUBIC, SAME, Derivative, TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import EdgeRule
 
 Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 GAUSS_POINTS = 6  # a cell's side
-STRAIGHT = 1e-10  # change of the unit normal along an edge below which it keeps its direction
 
 Motion = Mapping[Derivative, Array]  # derivative -> (n, 3, states)
 
@@ -42,7 +40,7 @@ def kept_normal(case: Case, mesh: TensorMesh, edge: Edge) -> Array | None:
     x = case.surface.derivatives(np.concatenate([mesh.domain.wrap(edge.points(mesh.domain, line)), between]), order=1)
     normals = np.cross(x[1, 0], x[0, 1])
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    return np.asarray(normals[0]) if np.ptp(normals, axis=0).max() <= STRAIGHT else None
+    return np.asarray(normals[0]) if np.ptp(normals, axis=0).max() <= SAME else None
 
 
 def bubble_conditions(
@@ -84,16 +82,3 @@ def bubble_conditions(
             kind = (slope, number + 2) if edge.axis == 0 else (number + 2, slope)
             rows[:, row, number, :, mesh.kinds.index(kind)] = direction
     return rows.reshape(nodes, -1, len(COMPONENTS) * kinds), values.reshape(nodes, -1, len(states))
-
-
-def tied_together(kinds: Sequence[tuple[int, int]]) -> Iterator[Integers]:
-    """Yield those degrees of freedom of a node that conditions may tie: of the vertex, and of each bubble on a side."""
-    carried = {kind: number for number, kind in enumerate(kinds)}
-    most = max(k for k, _ in kinds)
-    groups = [list(KINDS)]
-    for b in range(2, most + 1):
-        groups += [[(0, b), (1, b)], [(b, 0), (b, 1)]]
-    groups += [[(k, m)] for k, m in kinds if min(k, m) > 1]
-    for group in groups:
-        numbers = np.array([carried[kind] for kind in group])
-        yield (np.arange(len(COMPONENTS))[:, None] * len(kinds) + numbers).ravel()

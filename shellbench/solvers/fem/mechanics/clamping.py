@@ -58,7 +58,9 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 FIRST: tuple[Derivative, Derivative] = ((1, 0), (0, 1))
-GAMMA = 20.0  # above 4, the inverse inequality of a moment that is linear across the cell, with room to spare
+# Of Nitsche's terms. Below 4, the constant of the inverse inequality of a moment that is linear across the cell, the
+# energy has no minimum; far above, K is ill-conditioned. Any value between gives the same rate.
+GAMMA = 20.0
 
 
 @dataclass(frozen=True)

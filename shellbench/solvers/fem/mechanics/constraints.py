@@ -31,15 +31,25 @@ from shellbench.solvers.fem.algebra.block_matrix import NODE_DOFS
 from shellbench.solvers.fem.mechanics.bubble_conditions import Motion, bubble_conditions, motion_at
 from shellbench.solvers.fem.mechanics.kinematics import Midsurface, local_axes
 from shellbench.solvers.fem.mechanics.sharing import RANK_TOLERANCE, Conditions
-from shellbench.solvers.fem.mesh.mesh import CUBIC, KINDS, Derivative, TensorMesh
+from shellbench.solvers.fem.mechanics.ties import Ties
+from shellbench.solvers.fem.mesh.mesh import CUBIC, KINDS, ROUNDING, SAME, Derivative, TensorMesh
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 MIRROR_SAMPLES = 17  # points of an edge at which coordinate lines are compared with a plane of symmetry
-IN_PLANE = 1e-9  # largest sine of the angles by which a shell may miss its plane of symmetry
-OBLIQUE = 1e-12  # |cos| of the angle between the coordinate lines below which they count as orthogonal
+
+
+def support_ties(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Ties:
+    """Return the ties of all supports of a case at load factors.
+
+    Raises
+    ------
+    InputError
+        If a clamp can't be stated node by node, or supports contradict each other where they meet.
+    """
+    return Ties.from_conditions(case, mesh, list(conditions(case, mesh, states)), states)
 
 
 def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterator[Conditions]:
@@ -161,8 +171,8 @@ def why_no_mirror(case: Case) -> str | None:
         across = COMPONENTS.index(support.held[0])
         base = surface.base / np.linalg.norm(surface.base, axis=-1, keepdims=True)
         # The edge lies in the plane, and the shell crosses it at right angles: what is wrong is in the lines alone.
-        inside = np.abs([base[:, 1 - place.axis, across], surface.normal[:, across]]).max() <= IN_PLANE
-        if inside and np.abs(np.delete(base[:, place.axis], across, axis=-1)).max() > IN_PLANE:
+        inside = np.abs([base[:, 1 - place.axis, across], surface.normal[:, across]]).max() <= SAME
+        if inside and np.abs(np.delete(base[:, place.axis], across, axis=-1)).max() > SAME:
             return f"it mirrors shells at coordinate lines alone, and those at '{place.name}' are oblique"
     return None
 
@@ -176,10 +186,7 @@ def _mirror(edge: Edge, x: Mapping[Derivative, Array], support: Support, carried
     fixed, running = ((1, 0), (0, 1)) if edge.axis == 0 else ((0, 1), (1, 0))
     across = COMPONENTS.index(support.held[0])
     tangents = [x[key] / np.linalg.norm(x[key], axis=-1, keepdims=True) for key in (fixed, running)]
-    if (
-        np.abs(np.delete(tangents[0], across, axis=-1)).max() > IN_PLANE
-        or np.abs(tangents[1][:, across]).max() > IN_PLANE
-    ):
+    if np.abs(np.delete(tangents[0], across, axis=-1)).max() > SAME or np.abs(tangents[1][:, across]).max() > SAME:
         raise InputError(
             f"support '{support.name}': the shell does not cross the plane of symmetry along '{edge.name}' at right"
             " angles in its coordinates"
@@ -213,15 +220,15 @@ def _needs_more(edge: Edge, x: Mapping[Derivative, Array], support: Support, nor
     """
     x_k, x_t = (x[(1, 0)], x[(0, 1)]) if edge.axis == 0 else (x[(0, 1)], x[(1, 0)])
     tt, kt = (np.sum(x_t * v, axis=-1, keepdims=True) for v in (x_t, x_k))
-    oblique = np.abs(kt) > OBLIQUE * np.sqrt(tt) * np.linalg.norm(x_k, axis=-1, keepdims=True)
+    oblique = np.abs(kt) > ROUNDING * np.sqrt(tt) * np.linalg.norm(x_k, axis=-1, keepdims=True)
     loose = [number for number, c in enumerate(COMPONENTS) if c not in support.held]
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
     if support.local:
         # A local support gives u,tt . N the motion's value where it holds all, or a normal that does not turn.
-        straight = np.ptp(normal / length, axis=0).max() <= IN_PLANE
+        straight = np.ptp(normal / length, axis=0).max() <= SAME
         known = len(support.held) == len(COMPONENTS) or (straight and "normal" in support.held)
         loose = [] if known else loose
-    return bool(np.any(oblique & (np.abs(normal[:, loose]) > OBLIQUE * length)))
+    return bool(np.any(oblique & (np.abs(normal[:, loose]) > ROUNDING * length)))
 
 
 def _slope(

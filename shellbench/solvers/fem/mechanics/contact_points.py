@@ -22,8 +22,12 @@ Array = NDArray[np.float64]
 Matrix = BlockMatrix | CellMatrices
 
 Flags = NDArray[np.bool_]
-STIFFNESS = 100.0  # of a point in contact, in that of bending between such points: each step divides gaps by that
-SETTLED = 1e-8  # of the largest displacement: gaps that are closed
+# Of a point in contact, in that of bending between such points: each step of the multipliers divides gaps by that. Less
+# takes more steps; more costs K digits.
+STIFFNESS = 100.0
+# Gaps that are closed: of the largest displacement at rest, of the shell's size in motion. Far below the tolerance of
+# contact, 5e-4, and above what a solve leaves.
+CLOSED = 1e-8
 SOFTER = 1 / 40  # of the penalty, while an edge of contact is far from its place; it moves 2.5 times as far
 REACH = 2.0  # cells over which forces make a pressure
 

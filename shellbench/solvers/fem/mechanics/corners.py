@@ -34,23 +34,28 @@ from shellbench.problems.shell.question.conditions import COMPONENTS, LOCAL, Sup
 from shellbench.problems.shell.question.loads import AreaLoad, EdgeLoad, MomentLoad, PointLoad, PressureLoad
 from shellbench.problems.shell.question.places import SIDES, Edge, Side
 from shellbench.solvers.fem.mechanics.kinematics import Midsurface
+from shellbench.solvers.fem.mesh.convergence import ASYMPTOTIC
+from shellbench.solvers.fem.mesh.mesh import ROUNDING
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Determinant = Callable[[Complex], Complex]
 Bending = Literal["clamped", "supported", "free", "mirrored"]
 
-MOST = 2.0  # real part up to which exponents are sought: from there on the element converges at its own rate
-SMOOTH_RATE = 4.0  # of the element's energy where the fields are smooth
-GRADED_RATE = 3.0  # that grading restores; more would cost cells inside, and digits at the corner
+SMOOTH = 2.0  # real part up to which exponents are sought: from there on the element converges at its own rate
+# Of the energy, that grading restores. More would cost cells inside, and digits at the corner.
+GRADED_RATE = 3.0
 STEEPEST = 6.0  # grading: from here on the finest meshes gain nothing, and cells at the corner lose digits
 INFINITE = 1.0  # below it moments or forces are infinite
 WHOLE = 1e-5  # distance of an exponent from a whole number that is rounding of a double root
+STARTS = 0.05  # between the real parts from which roots are sought: the starts of one root are many
+FARTHEST = 0.2  # step of the secant method: longer ones would leave the strip, and all find the same root
 ITERATIONS = 40  # of the secant method
-CLOSE = 1e-7  # last step toward a root that was found; double ones are approached slowly
+ROOT_FOUND = 1e-7  # last step toward a root that was found; double ones are approached slowly
 ALONG = 0.5  # square of the cosine between a held direction and the normal, or an edge, above which it is held along it
-NEARBY = 1e-7  # of an edge: so far from a corner, or from where supports change, one looks at what holds the edge
-FLAT = 1e-12  # change of the normal over a plate
+# Of an edge: so far from a corner, or from where supports change, one looks at what holds the edge. More than the
+# rounding of coordinates, and less than any part of an edge.
+NEARBY = 1e-7
 
 
 @dataclass(frozen=True)
@@ -70,7 +75,9 @@ class Rim:
 
 
 @lru_cache(maxsize=256)
-def bending_exponent(angle: float, first: Bending, second: Bending, poissons_ratio: float, most: float = MOST) -> float:
+def bending_exponent(
+    angle: float, first: Bending, second: Bending, poissons_ratio: float, most: float = SMOOTH
+) -> float:
     """Return the least real part of s in w = r^(s+1) F(theta) at a corner of this angle, rad; `most` if beyond."""
     nu = poissons_ratio
 
@@ -94,7 +101,7 @@ def bending_exponent(angle: float, first: Bending, second: Bending, poissons_rat
 
 
 @lru_cache(maxsize=256)
-def membrane_exponent(angle: float, first: Rim, second: Rim, poissons_ratio: float, most: float = MOST) -> float:
+def membrane_exponent(angle: float, first: Rim, second: Rim, poissons_ratio: float, most: float = SMOOTH) -> float:
     """Return the least real part of s in u = r^s (U, V) at a corner of this angle, rad; `most` if beyond."""
     nu = poissons_ratio
     kolosov = (3 - nu) / (1 + nu)  # of plane stress
@@ -145,7 +152,7 @@ def least_exponent(determinant: Determinant, most: float) -> float:
     """Return the least real part of a determinant's roots that are not whole; `most` if it has none below."""
     # Secant steps from starts all over the strip 0 < Re s < most, all at once. The textbook follows a root as the angle
     # grows from one with a known exponent. That needs no starts, but loses roots where two meet and become complex.
-    real, imaginary = np.meshgrid(np.arange(0.05, most, 0.05), [0.0, 0.4, 1.0])
+    real, imaginary = np.meshgrid(np.arange(STARTS, most, STARTS), [0.0, 0.4, 1.0])
     before = (real + 1j * imaginary).ravel()
     at = before + (0.01 + 0.004j * (imaginary.ravel() > 0))
     value = determinant(before)
@@ -156,13 +163,13 @@ def least_exponent(determinant: Determinant, most: float) -> float:
             slope = (new - value) / step
             step = np.where(np.abs(new) > 0, -new / slope, 0.0)
             step = np.where(np.isfinite(step), step, 0.0)
-            large = np.abs(step) > 0.2  # far steps would leave the strip, and all find the same root
-            step = np.where(large, 0.2 * step / np.maximum(np.abs(step), 1.0), step)
+            large = np.abs(step) > FARTHEST
+            step = np.where(large, FARTHEST * step / np.maximum(np.abs(step), 1.0), step)
             value, at = new, at + step
-            if np.all((np.abs(step) < CLOSE) | (np.abs(at.real - most / 2) > most)):
+            if np.all((np.abs(step) < ROOT_FOUND) | (np.abs(at.real - most / 2) > most)):
                 break
-            step = np.where(step == 0.0, 1e-300, step)
-    found = at[np.abs(step) < CLOSE]
+            step = np.where(step == 0.0, np.finfo(float).tiny, step)
+    found = at[np.abs(step) < ROOT_FOUND]
     whole = np.abs(found - np.round(found.real)) < WHOLE
     candidates = found.real[~whole & (found.real > WHOLE) & (found.real < most)]
     return float(candidates.min(initial=most))
@@ -274,7 +281,7 @@ def _rim(supports: list[Support], tangent: Array, normal: Array) -> Rim:
     held = np.array([axes[name] for s in supports for name in s.held])
     slope = any(s.holds_slope for s in supports)
     _, values, directions = np.linalg.svd(held.reshape(-1, 3))
-    directions = directions[: np.count_nonzero(values > FLAT)]
+    directions = directions[: np.count_nonzero(values > ROUNDING)]
     lifted = float(np.sum((directions @ normal) ** 2)) > ALONG
     bending: Bending = ("clamped" if slope else "supported") if lifted else ("mirrored" if slope else "free")
     # What the held directions are in the surface. Directions that also lift it count where they mostly do not.
@@ -312,14 +319,14 @@ def slowest_rate(case: Case) -> float:
     """Return the rate, in the mesh size, at which the energy converges on meshes that are graded so."""
     exponents = [*corner_exponents(case).values(), *break_exponents(case).values()]
     rates = [2 * s * _grading(s) for s in exponents]
-    return min(rates, default=SMOOTH_RATE)
+    return min(rates, default=ASYMPTOTIC)
 
 
 def excited(case: Case) -> tuple[bool, bool]:
     """Return whether a case may bend, and whether it may stretch: a plate does not do both under any load."""
     domain = case.surface.domain
     normals = Midsurface.at(case.surface.derivatives(domain.grid(5, 5).reshape(-1, 2), order=2)).normal
-    if np.ptp(normals, axis=0).max() > FLAT or any(s.motion is not None for s in case.supports):
+    if np.ptp(normals, axis=0).max() > ROUNDING or any(s.motion is not None for s in case.supports):
         return True, True
     if case.modal:
         return True, False  # the first modes of a plate bend it
@@ -337,6 +344,6 @@ def excited(case: Case) -> tuple[bool, bool]:
                     return True, True
                 vector = np.array(numbers, dtype=float)
                 size = max(float(np.linalg.norm(vector)), float(np.finfo(float).tiny))
-                across |= abs(vector @ normal) > FLAT * size
-                within |= float(np.linalg.norm(vector - (vector @ normal) * normal)) > FLAT * size
+                across |= abs(vector @ normal) > ROUNDING * size
+                within |= float(np.linalg.norm(vector - (vector @ normal) * normal)) > ROUNDING * size
     return across, within

@@ -34,10 +34,13 @@ Array = NDArray[np.float64]
 
 SIDES: tuple[Side, Side] = ("min", "max")
 
-THIN = 0.05  # of the way from an edge to the middle: meshes that settle without grading have cells about so long
-SHARE = 0.25  # of the cells from an edge to the middle that lie in a layer
+# Of the way from an edge to the middle: meshes that settle without grading have cells about so long.
+THIN = 0.05
+# Of the cells from an edge to the middle that lie in a layer. Less leaves it unresolved, more coarsens the middle.
+# Came with layers along held edges and at the ends of slender plates; what other values cost is not recorded.
+SHARE = 0.25
 STEEPEST = 4.5  # grading: layers of 1/500 of the way; more would cost digits at the edge
-SAMPLES = 33  # points along an edge at which the layer's thickness is looked at
+EDGE_SAMPLES = 33  # points along an edge at which the layer's thickness is looked at
 
 
 def layer_gradings(case: Case) -> Ends:
@@ -66,14 +69,14 @@ def _steepness(relative: float) -> float:
 def relative_layer(case: Case, edge: Edge, clamped: bool) -> float:
     """Return the length l of the thinnest layer along an edge over the way to the middle, in the coordinate across."""
     domain, axis, along = case.surface.domain, edge.axis, 1 - edge.axis
-    points = domain.wrap(edge.samples(domain, SAMPLES))
+    points = domain.wrap(edge.samples(domain, EDGE_SAMPLES))
     surface = Midsurface.at(case.surface.derivatives(points, order=2))
     tangent = np.linalg.norm(surface.base[:, along], axis=-1)
     across = surface.area / tangent  # m a unit of the coordinate, normal to the edge
     curvature = np.abs(np.sum(surface.second[:, along] * surface.normal, axis=-1)) / tangent**2
     membrane, bending = stiffness_moduli(case.surface, case.material, points).T
     stretching = membrane * (1 - case.material.poissons_ratio**2)  # E h
-    decay = (stretching * curvature**2 / (4 * bending)) ** 0.25
+    decay = (stretching * curvature**2 / (4 * bending)) ** (1 / 4)
     width = float(tangent.mean()) * domain.size[along]
     thinnest = 1 / np.maximum(decay if clamped else 0.0, math.pi / width) * np.ones(len(points))
     return float((thinnest / across).min()) / (domain.size[axis] / 2)

@@ -34,8 +34,8 @@ from shellbench.solvers.fem.mechanics.kinematics import (
     stiffness_moduli,
     strain_operator,
 )
-from shellbench.solvers.fem.mesh.grading import SAME, break_coordinates
-from shellbench.solvers.fem.mesh.mesh import Derivative, TensorMesh, gauss_rule
+from shellbench.solvers.fem.mesh.grading import break_coordinates
+from shellbench.solvers.fem.mesh.mesh import SAME, Derivative, TensorMesh, gauss_rule
 
 if TYPE_CHECKING:
 

@@ -1,4 +1,4 @@
-"""Rigid motions of a mesh: their nodal interpolants, and how to take their mean away.
+"""Rigid motions of a mesh: their nodal interpolants, and pins against them.
 
 Waves that may travel around a shell of revolution: the direction in which a buckled state has no stiffness.
 
@@ -15,19 +15,21 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import qr
 from scipy.spatial.transform import Rotation
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.posed.rigid import middle_and_size, motions_of
 from shellbench.problems.shell.symmetry.symmetry import axis_of_revolution
-from shellbench.solvers.fem.mechanics.assembly import derivatives_on_cells
-from shellbench.solvers.fem.mechanics.kinematics import cross
 from shellbench.solvers.fem.mesh.bubbles import interpolated
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CUBIC, KINDS, Derivative, TensorMesh
-from shellbench.solvers.fem.mesh.quadrature import Quadrature, chunks
+from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CUBIC, KINDS, SAME, Derivative, TensorMesh
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+# Largest change of a state by a turn, relative to its displacements, by which it is symmetric. Newton's method leaves
+# less, and waves of a buckled shell change by more.
+SYMMETRIC_STATE = 1e-6
 
 
 def nodal_rigid_motions(case: Case, mesh: TensorMesh) -> Array:
@@ -50,27 +52,19 @@ def nodal_rigid_motions(case: Case, mesh: TensorMesh) -> Array:
     return np.asarray(scaled.reshape(mesh.node_count, COMPONENTS * len(mesh.kinds), -1))
 
 
-def mean_rigid_motion(case: Case, mesh: TensorMesh, quadrature: Quadrature, coefficients: Array, loose: Array) -> Array:
-    """Return the part of a field (nodes, 3, 4, states) that is a loose rigid motion in the mean over the area."""
-    motions = (nodal_rigid_motions(case, mesh) @ loose).reshape(*coefficients.shape[:-1], -1)
-    motions = motions / mesh.node_scales[:, None, :, None]
-    fields = np.concatenate([coefficients, motions], axis=-1)
-    products = np.zeros((loose.shape[1], fields.shape[-1]))
-    centre, size = middle_and_size(case.surface)
-    for cells in chunks(mesh):
-        points, weights = quadrature.on_cells(mesh, cells)
-        x = case.surface.derivatives(points.reshape(-1, 2), order=1)
-        area = weights.ravel() * np.linalg.norm(cross(x[1, 0], x[0, 1]), axis=-1)
-        exact = motions_of((x[0, 0] - centre) / size, True) @ loose
-        values = derivatives_on_cells(mesh, cells, quadrature, fields, ((0, 0),))
-        weighted = (exact * area[:, None, None]).reshape(-1, loose.shape[1])
-        products += weighted.T @ values.reshape(-1, fields.shape[-1])
-    overlap, gram = np.split(products, [coefficients.shape[-1]], axis=1)
-    return np.asarray(motions @ np.linalg.solve(gram, overlap))
+def determinate_pins(tied: Integers, motions: Array) -> tuple[Integers, Integers]:
+    """Choose as many displacements as there are loose motions, so that holding them holds the shell.
 
+    None are at the nodes that supports have `tied`.
 
-UNIFORM = 1e-9  # relative difference of the mesh's steps that is rounding
-STILL = 1e-6  # largest change of a state by a turn, relative to its displacements, by which it is symmetric
+    They are the pivots of a QR factorisation: the displacements that resist the motions best.
+    """
+    untied = np.setdiff1d(np.arange(len(motions)), tied)
+    dofs = np.arange(COMPONENTS) * (motions.shape[1] // COMPONENTS)
+    candidates = motions[untied][:, dofs].reshape(-1, motions.shape[-1])
+    _, _, pivots = qr(candidates.T, mode="economic", pivoting=True)
+    chosen = pivots[: motions.shape[-1]]
+    return untied[chosen // COMPONENTS], dofs[chosen % COMPONENTS]
 
 
 @dataclass(frozen=True)
@@ -93,7 +87,7 @@ class Revolution:
         """Return what is symmetric about a case; None if its waves could not travel."""
         steps = np.diff(mesh.lines[0])
         axis = axis_of_revolution(case) if case.surface.domain.periodic[0] else None
-        if axis is None or np.ptp(steps) > UNIFORM * steps.max():
+        if axis is None or np.ptp(steps) > SAME * steps.max():
             return None
         return cls(mesh, Rotation.from_rotvec(steps[0] * axis).as_matrix())
 
@@ -103,4 +97,4 @@ class Revolution:
         on = np.einsum("cd,ijdk->ijck", self.turn, np.roll(fields, 1, axis=0))
         back = np.einsum("dc,ijdk->ijck", self.turn, np.roll(fields, -1, axis=0))
         change = (on - back).reshape(q.shape)
-        return change if np.abs(change).max() > STILL * np.abs(q).max() else None
+        return change if np.abs(change).max() > SYMMETRIC_STATE * np.abs(q).max() else None

@@ -21,8 +21,9 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-RANK_TOLERANCE = 1e-8  # a condition this close to a combination of the others adds nothing, and must agree with them
-CENTROID = 0.3  # of the Hermite cubic that is 1 at 0 and 0 at 1, from 0
+# A condition this close to a combination of the others adds nothing, and must agree with them: the root of rounding.
+RANK_TOLERANCE = 1e-8
+CENTROID = 3 / 10  # of the Hermite cubic that is 1 at 0 and 0 at 1, from 0
 
 
 @dataclass(frozen=True)

@@ -12,18 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.posed.rigid import middle_and_size, motions_of
 from shellbench.problems.shell.question.contact import Touch, kept_touch, restored_touch
-from shellbench.problems.shell.solution import (
-    Arrays,
-    ShellSolution,
-    Words,
-    state_number,
-)
+from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, state_number
 from shellbench.solvers.fem.mechanics.assembly import derivatives_on_cells
 from shellbench.solvers.fem.mechanics.kinematics import (
     DERIVATIVES,
     Deformation,
     Midsurface,
+    cross,
     dot,
     elasticities,
     linear_strains,
@@ -31,6 +28,7 @@ from shellbench.solvers.fem.mechanics.kinematics import (
     stiffness_moduli,
 )
 from shellbench.solvers.fem.mechanics.resultants import resultants
+from shellbench.solvers.fem.mechanics.rigid_motions import nodal_rigid_motions
 from shellbench.solvers.fem.mesh.bubbles import interpolated
 from shellbench.solvers.fem.mesh.mesh import (
     COMPONENTS,
@@ -42,7 +40,7 @@ from shellbench.solvers.fem.mesh.mesh import (
     cell_functions,
     kind_scales,
 )
-from shellbench.solvers.fem.mesh.quadrature import CHUNK, Quadrature
+from shellbench.solvers.fem.mesh.quadrature import CHUNK, Quadrature, chunks
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -307,3 +305,22 @@ class FemSolution(ShellSolution):
         order, unknowns = int(words["quadrature_order"]), int(words["parameters"])
         images = (int(first), int(second))
         return cls(case, mesh, coefficients, states, nodes, forces, order, unknowns, images, restored_touch(arrays))
+
+
+def mean_rigid_motion(case: Case, mesh: TensorMesh, quadrature: Quadrature, coefficients: Array, loose: Array) -> Array:
+    """Return the part of a field (nodes, 3, 4, states) that is a loose rigid motion in the mean over the area."""
+    motions = (nodal_rigid_motions(case, mesh) @ loose).reshape(*coefficients.shape[:-1], -1)
+    motions = motions / mesh.node_scales[:, None, :, None]
+    fields = np.concatenate([coefficients, motions], axis=-1)
+    products = np.zeros((loose.shape[1], fields.shape[-1]))
+    centre, size = middle_and_size(case.surface)
+    for cells in chunks(mesh):
+        points, weights = quadrature.on_cells(mesh, cells)
+        x = case.surface.derivatives(points.reshape(-1, 2), order=1)
+        area = weights.ravel() * np.linalg.norm(cross(x[1, 0], x[0, 1]), axis=-1)
+        exact = motions_of((x[0, 0] - centre) / size, True) @ loose
+        values = derivatives_on_cells(mesh, cells, quadrature, fields, ((0, 0),))
+        weighted = (exact * area[:, None, None]).reshape(-1, loose.shape[1])
+        products += weighted.T @ values.reshape(-1, fields.shape[-1])
+    overlap, gram = np.split(products, [coefficients.shape[-1]], axis=1)
+    return np.asarray(motions @ np.linalg.solve(gram, overlap))

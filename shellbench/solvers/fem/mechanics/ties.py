@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,10 +13,8 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.conditions import COMPONENTS
 from shellbench.solvers.fem.algebra.block_matrix import NEIGHBOURS, BlockMatrix
 from shellbench.solvers.fem.algebra.cell_matrices import CellMatrices
-from shellbench.solvers.fem.mechanics.bubble_conditions import tied_together
-from shellbench.solvers.fem.mechanics.constraints import Flags, Integers, conditions
-from shellbench.solvers.fem.mechanics.sharing import RANK_TOLERANCE, Conditions, Sharing
-from shellbench.solvers.fem.mesh.mesh import TensorMesh
+from shellbench.solvers.fem.mechanics.sharing import RANK_TOLERANCE, Conditions, Flags, Integers, Sharing
+from shellbench.solvers.fem.mesh.mesh import KINDS, TensorMesh
 
 Array = NDArray[np.float64]
 
@@ -46,8 +44,10 @@ class Ties:
     sharing: Sharing
 
     @classmethod
-    def from_case(cls, case: Case, mesh: TensorMesh, states: Sequence[float]) -> Ties:
-        """Resolve all supports of a case.
+    def from_conditions(
+        cls, case: Case, mesh: TensorMesh, stated: Sequence[Conditions], states: Sequence[float]
+    ) -> Ties:
+        """Resolve what all supports of a case state.
 
         Raises
         ------
@@ -61,7 +61,6 @@ class Ties:
         # Textbooks eliminate a slave by a master, and must choose which and in what order. The decomposition chooses by
         # itself, B is orthogonal, and K keeps its condition. Penalties and multipliers would cost it or its
         # definiteness.
-        stated = list(conditions(case, mesh, states))
         nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(c.nodes for c in stated)]))
         counts = np.zeros(len(nodes), dtype=np.int64)
         starts = []
@@ -83,7 +82,7 @@ class Ties:
         free = np.tile(mesh.carried, len(COMPONENTS))
         particular = np.zeros((mesh.node_count, carried, len(states)))
         basis = np.zeros((len(nodes), carried, carried))
-        for group in tied_together(mesh.kinds):
+        for group in _tied_together(mesh.kinds):
             stating = np.flatnonzero(np.any(rows[:, :, group], axis=(0, 2)))
             several = max(len(stating), len(group))
             part, asked = np.zeros((len(nodes), several, len(group))), np.zeros((len(nodes), several, len(states)))
@@ -164,6 +163,19 @@ class Ties:
         node, dof = np.nonzero(~self.free)
         blocks[node, NEIGHBOURS.index((0, 0)), dof, dof] = 1.0
         return BlockMatrix(blocks, matrix.columns)
+
+
+def _tied_together(kinds: Sequence[tuple[int, int]]) -> Iterator[Integers]:
+    """Yield those degrees of freedom of a node that conditions may tie: of the vertex, and of each bubble on a side."""
+    carried = {kind: number for number, kind in enumerate(kinds)}
+    most = max(k for k, _ in kinds)
+    groups = [list(KINDS)]
+    for b in range(2, most + 1):
+        groups += [[(0, b), (1, b)], [(b, 0), (b, 1)]]
+    groups += [[(k, m)] for k, m in kinds if min(k, m) > 1]
+    for group in groups:
+        numbers = np.array([carried[kind] for kind in group])
+        yield (np.arange(len(COMPONENTS))[:, None] * len(kinds) + numbers).ravel()
 
 
 def _contradiction(case: Case, mesh: TensorMesh, stated: Sequence[Conditions], node: int) -> str:

@@ -12,17 +12,17 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.features import quickness
 from shellbench.problems.shell.question.loads import PointLoad
 from shellbench.problems.shell.question.places import Edge, Point
-from shellbench.solvers.fem.mesh.mesh import CUBIC, Degree, TensorMesh
+from shellbench.solvers.fem.mesh.mesh import CUBIC, ROUNDING, SAME, Degree, TensorMesh
 
 Array = NDArray[np.float64]
 Cells = tuple[int, int]
 
 FEWEST = 2  # cells of a part that is graded toward one end, or half of another
-SAME = 1e-9  # coordinates that differ by less of the side are the same
 USUAL = 8  # cells a side of meshes that take just the cells which tell a stiffness
 MOST_ADDED = 1600  # of these where all are in one mesh: what would add more is left to even meshes
 COARSE = 4  # times as long as cells that tell a stiffness: such cells of a mesh do not resolve it
 APART = 1 / 16  # of the side: cells further from each other are of two places
+SIZE_POINTS = 9  # a side of the grid on which the size of a shell, and its mean sides, are measured
 NEAR = 0.5  # of the cells beside it: a line that is nearer to another is left out
 
 
@@ -145,7 +145,7 @@ def _resolving(case: Case, axis: int, cells: int, lines: Array) -> Array:
             near = np.abs(lines - at[nearest]) < NEAR * np.minimum(np.r_[gaps, gaps[-1]], np.r_[gaps[0], gaps])[nearest]
             fixed = [lines[0], lines[-1], *break_coordinates(case, axis), *marked_coordinates(case, axis)]
             kept = ~near | (np.abs(lines[:, None] - fixed).min(axis=1) <= SAME * case.surface.domain.size[axis])
-            taken = np.abs(lines[kept][:, None] - at).min(axis=0) > SAME**1.5 * case.surface.domain.size[axis]
+            taken = np.abs(lines[kept][:, None] - at).min(axis=0) > ROUNDING * case.surface.domain.size[axis]
             lines = np.sort(np.concatenate([lines[kept], at[taken]]))
     return lines
 
@@ -163,6 +163,12 @@ def unresolved(case: Case, mesh: TensorMesh) -> str | None:
             if np.any(cells > COARSE * needed):
                 return f"{feature.what} {quickness(case, feature, axis)}, and the mesh does not resolve it"
     return None
+
+
+def shell_size(case: Case) -> float:
+    """Return the longest side of the box around the midsurface, m."""
+    position = case.surface.position(case.surface.domain.grid(SIZE_POINTS, SIZE_POINTS))
+    return float(np.ptp(position, axis=(0, 1)).max())
 
 
 def graded_mesh(

@@ -34,6 +34,12 @@ from shellbench.problems.shell.question.surface import Domain
 Array = NDArray[np.float64]
 Derivative = tuple[int, int]
 
+# What counts as rounding, under one name for each kind of number that is compared. None is tuned to an answer: each
+# lies between what rounding makes of such numbers and the least difference that has a meaning.
+SAME = 1e-9  # coordinates and times, relative to the whole; components of unit vectors of a surface
+ROUNDING = 1e-12  # sums, products and solves, relative to the largest of what they are made of: 4,500 eps
+UNSTRAINED = 1e-14  # strain of a shell that is only moved, relative to its displacements: 45 eps
+
 COMPONENTS = 3  # of a displacement
 KINDS: tuple[Derivative, ...] = ((0, 0), (1, 0), (0, 1), (1, 1))  # derivatives of u that a node carries
 CORNERS: tuple[Derivative, ...] = ((0, 0), (0, 1), (1, 1), (1, 0))  # of a cell, as MeshQuad.init_tensor orders them
@@ -279,7 +285,7 @@ class TensorMesh:
         """Return the cells along an edge, or a part of one, in the order of the running coordinate."""
         at = self.origins[:, edge.axis] + (self.sizes[:, edge.axis] if edge.side == "max" else 0.0)
         bound = self.lines[edge.axis][0 if edge.side == "min" else -1]
-        found = np.flatnonzero(np.abs(at - bound) <= 1e-12 * self.domain.size[edge.axis])
+        found = np.flatnonzero(np.abs(at - bound) <= ROUNDING * self.domain.size[edge.axis])
         found = found[np.argsort(self.origins[found, 1 - edge.axis])]
         middle = (self.origins + self.sizes / 2)[found, 1 - edge.axis]
         return np.asarray(found[edge.covers(self.domain, middle)])
@@ -290,7 +296,7 @@ class TensorMesh:
         index = []
         for axis, line in enumerate(self.lines):
             nearest = int(np.argmin(np.abs(line - point[axis])))
-            if abs(line[nearest] - point[axis]) > 1e-9 * self.domain.size[axis]:
+            if abs(line[nearest] - point[axis]) > SAME * self.domain.size[axis]:
                 raise ValueError(f"no node at {xi}")
             index.append(nearest % self.shape[axis])
         return index[0] * self.shape[1] + index[1]

@@ -18,15 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS
-from shellbench.solvers.fem.path.finite_state import NotConvergedError
+from shellbench.solvers.fem.mesh.mesh import COMPONENTS, ROUNDING
+from shellbench.solvers.stepping.control import NotConvergedError
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-ROUNDING = 1e-12  # of what gaps and forces are compared with
-HELD = 1e-9  # of the largest compliance of a point: one that supports hold
-TURNED = 1e-6  # change of the direction of friction that ends rounds
+# Of the largest compliance of a point: one that supports hold. Such a point has a compliance that is rounding.
+HELD = 1e-9
+# Change of the direction of friction, rad, that ends rounds.
+TURNED = 1e-6
 MOST_ROUNDS = 100  # of the sets of points in contact
 PATIENCE = 10  # rounds without fewer wrong points, after which one point a round changes
 APART, SLIPS, STICKS = 0, 1, 2

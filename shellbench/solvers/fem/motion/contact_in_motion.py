@@ -31,16 +31,15 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.contact import Touch, nearest_obstacle
 from shellbench.solvers.fem.mechanics.contact_points import REACH
 from shellbench.solvers.fem.mechanics.kinematics import Midsurface
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS, TensorMesh, gauss_rule, tabulate
+from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS, ROUNDING, TensorMesh, gauss_rule, tabulate
 from shellbench.solvers.fem.mesh.quadrature import basis_scales
-from shellbench.solvers.fem.motion.contact_balance import ROUNDING, Balance, Framed
+from shellbench.solvers.fem.motion.contact_balance import Balance, Framed
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Solve = Callable[[Array], Array]
 """Solves with the kept tangent and the supports: forces (nodes, 12, n) to displacements."""
 
-CLOSED = 1e-8  # of the shell's size: depths that are rounding
 STEEPER = 2.0  # weight of depths in the merit, in the largest force: more than one makes the least merit feasible
 PORTION = 300  # unit forces that are solved for at once
 
@@ -49,10 +48,10 @@ def _rule(first: bool, last: bool) -> tuple[Array, Array]:
     """Return points and weights on the unit cell: Gauss's two, and with the edges of the shell Radau's or Lobatto's."""
     # All are exact for cubics: what lies on a flat floor is pressed evenly, and nothing bends. As many points as a C1
     # cubic spline has freedom: Gauss's alone would leave out the edges, which are what hits in the shell's own plane.
-    root = np.sqrt(6.0)
-    radau = np.array([0.0, (6 - root) / 10, (6 + root) / 10]), np.array([4.0, 16 + root, 16 - root]) / 36
+    root = np.sqrt(6)
+    radau = np.array([0.0, (6 - root) / 10, (6 + root) / 10]), np.array([4, 16 + root, 16 - root]) / 36
     if first and last:
-        return np.array([0.0, 0.5, 1.0]), np.array([1.0, 4.0, 1.0]) / 6
+        return np.array([0.0, 0.5, 1.0]), np.array([1, 4, 1]) / 6
     if first:
         return radau
     if last:

@@ -31,33 +31,39 @@ from shellbench.problems.shell.question.conditions import Rotation, Value
 from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.problems.shell.records.history import moving_uncertainty
 from shellbench.solvers.fem.mesh.convergence import Estimate, estimate
-from shellbench.solvers.fem.mesh.grading import FEWEST, Cells, axis_lines, graded_mesh
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS, Derivative, TensorMesh
+from shellbench.solvers.fem.mesh.grading import FEWEST, SIZE_POINTS, Cells, axis_lines, graded_mesh, shell_size
+from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS, SAME, Derivative, TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.motion.generalised_alpha import Instant, Scheme
 from shellbench.solvers.fem.motion.motion_solution import MotionSolution
 from shellbench.solvers.fem.motion.time_step import MovingShell
-from shellbench.solvers.fem.path.finite_state import NotConvergedError
 from shellbench.solvers.fem.path.problem import FiniteProblem
+from shellbench.solvers.stepping.control import NotConvergedError
 
 Array = NDArray[np.float64]
 
 FIRST: tuple[Derivative, Derivative] = ((1, 0), (0, 1))
 BASE = 12  # cells of the coarsest mesh along the longer side
-COURANT = 0.3  # of a cell of the coarsest mesh that a membrane wave crosses in one step
+# Of a cell of the coarsest mesh that a membrane wave crosses in one step. A longer step does not follow such waves; a
+# shorter one costs time.
+COURANT = 0.3
 FEWEST_STEPS, MOST_STEPS = 100, 1000  # of the coarsest level, whatever the speed of waves
 ORDER = 2.0  # of the errors in the number of cells: the fourth in the size of one
-WHOLE = 0.1  # in log2 of a growth: what whole numbers of cells may miss of the root of two a side that a level asks for
+# In log2 of a growth: what whole numbers of cells may miss of the root of two a side that a level asks for. Set with
+# `contact_bar`, whose meshes grow unevenly; where no rate is observed it states 34 % instead of 3 %.
+WHOLE = 0.1
 MOST_LEVELS = 3  # from three values on the rate is observed
 MOST_WORK = 400_000  # cells times steps: no level that takes more is begun
-UNPREDICTABLE = 0.05  # relative uncertainty after two levels beyond which a third one would tell no more
-HARDLY = 1e-2  # of its size that a shell moves, at most, for its motion to be compared with itself
+# Relative uncertainty after two levels beyond which a third one would tell no more: the motion depends on its meshes.
+UNPREDICTABLE = 0.05
+# Of its size that a shell moves, at most, for its motion to be compared with itself.
+HARDLY = 1e-2
 SHORTEST = 2.0**-8  # of the usual step: where a shorter one were needed, the run ends
-SMOOTH = 1e-3  # local error of a step in the displacement, relative to the size of the shell, beyond which it is cut
+# Local error of a step in the displacement, relative to the size of the shell, beyond which it is cut. Less costs
+# steps.
+SMOOTH = 1e-3
 ROOM = 1 / 16  # of that error, below which the next step may be twice as long, up to the usual one
 FRAMES = 240  # instants that are kept of a run, evenly; between them the motion is interpolated
-SLACK = 1e-9  # relative difference of two times that is rounding
-SIZE_SAMPLES = 9  # points a side of the grid that gives the size of a shell
 
 
 def declined(case: Case) -> str | None:
@@ -77,7 +83,7 @@ def declined(case: Case) -> str | None:
 def usual_cells(case: Case, level: int, grading: float) -> Cells:
     """Return the cells of a level, as `mesh.axis_lines` counts them: fewer along the shorter coordinate lines."""
     domain = case.surface.domain
-    x = case.surface.derivatives(domain.grid(SIZE_SAMPLES, SIZE_SAMPLES), order=1)
+    x = case.surface.derivatives(domain.grid(SIZE_POINTS, SIZE_POINTS), order=1)
     sides = [size * float(np.linalg.norm(x[key], axis=-1).mean()) for size, key in zip(domain.size, FIRST, strict=True)]
     counts = []
     for axis, side in enumerate(sides):
@@ -95,16 +101,10 @@ def usual_step(case: Case) -> float:
     assert case.dynamics is not None
     speed = math.sqrt(case.material.membrane_stiffness / case.material.areal_density)
     # An implicit step need not obey Courant's number to be stable. It does so to follow the wave.
-    crossing = _size(case) / BASE / speed
+    crossing = shell_size(case) / BASE / speed
     until = case.dynamics.until
     steps = math.ceil(until / (COURANT * crossing))
     return until / min(max(steps, FEWEST_STEPS), MOST_STEPS)
-
-
-def _size(case: Case) -> float:
-    """Return the largest side of the box that holds the midsurface, m."""
-    position = case.surface.position(case.surface.domain.grid(SIZE_SAMPLES, SIZE_SAMPLES))
-    return float(np.ptp(position, axis=(0, 1)).max())
 
 
 def solve(
@@ -214,7 +214,7 @@ def _scale(solution: MotionSolution, quantity: QuantityModel, quantities: Mappin
     Of a shell that hardly moves it is how far it does, and its own energies: to its size all of that is nothing.
     """
     case = solution.case
-    value, size = abs(quantities[quantity.name]), _size(case)
+    value, size = abs(quantities[quantity.name]), shell_size(case)
     farthest = float(np.linalg.norm(solution.coefficients[:, :, 0], axis=1).max())
     hardly = farthest < HARDLY * size
     assert case.dynamics is not None
@@ -294,9 +294,9 @@ def follow(
     # Textbooks scale a step by a root of its error. Here it is halved and doubled only: lengths repeat, and a
     # factorised tangent serves one length (`time_step`).
     shell = MovingShell(FiniteProblem.on_mesh(case, mesh, Quadrature.of_order(mesh, quadrature_order)), scheme)
-    allowed = SMOOTH * _size(case)
+    allowed = SMOOTH * shell_size(case)
     # A whole number of equal steps, so that the last one is not a short one.
-    usual = until / math.ceil(until / usual * (1 - SLACK))
+    usual = until / math.ceil(until / usual * (1 - SAME))
     h, now = usual, shell.at_rest(usual)
     kept, drift = [now], 0.0
     reactions: list[tuple[float, Array]] = []
@@ -304,7 +304,7 @@ def follow(
     unknowns = int(np.count_nonzero(shell.problem.ties(until).free))
     every = math.ceil(until / usual / FRAMES)
     reason: str | None = None
-    while now.t < until * (1 - SLACK):
+    while now.t < until * (1 - SAME):
         h = min(h, until - now.t)
         try:
             found = shell.step(now, h)
@@ -337,7 +337,7 @@ def follow(
         steps.append(
             Step(number, time.perf_counter() - began, balance, unknowns, now.t, phase="time", iterations=now.iterations)
         )
-        last = now.t >= until * (1 - SLACK)
+        last = now.t >= until * (1 - SAME)
         if last or not whole or (number + 1) % every == 0:
             kept.append(now)
             reactions.append((middle, now.reaction))

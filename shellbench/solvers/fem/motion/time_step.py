@@ -30,27 +30,28 @@ from numpy.typing import NDArray
 from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix
 from shellbench.solvers.fem.algebra.factor import Factor, NotPositiveDefiniteError, factorise
 from shellbench.solvers.fem.mechanics.assembly import mass_matrix, spring_matrix
+from shellbench.solvers.fem.mechanics.contact_points import CLOSED
 from shellbench.solvers.fem.mechanics.strain_energy import Strained
 from shellbench.solvers.fem.mechanics.ties import Ties
-from shellbench.solvers.fem.motion.contact_in_motion import (
-    CLOSED,
-    STEEPER,
-    Compliance,
-    Pushed,
-    StepContact,
-    TouchingPoints,
-)
+from shellbench.solvers.fem.motion.contact_in_motion import STEEPER, Compliance, Pushed, StepContact, TouchingPoints
 from shellbench.solvers.fem.motion.generalised_alpha import Instant, Scheme
-from shellbench.solvers.fem.path.finite_state import NotConvergedError
+from shellbench.solvers.fem.path.finite_state import on_free
 from shellbench.solvers.fem.path.problem import FiniteProblem
+from shellbench.solvers.stepping.control import NotConvergedError
 
 Array = NDArray[np.float64]
 
-CONVERGED = 1e-11  # work of the residual on the last correction, relative to the energies: its square is what is left
-STILL = 1e-3  # of that work: a step that does not move the shell by more is not made
+# Work of the residual on the last correction, relative to the energies: with a new tangent its square is what is left.
+CONVERGED = 1e-11
+# Of that work: a step that does not move the shell by more is not made, as strains are dear.
+UNMOVED = 1e-3
 MOST_ITERATIONS = 20  # a step that takes more is cut
-SLOW = 0.04  # ratio of that work from iteration to iteration beyond which an old tangent is replaced: 0.2 of the error
-SUFFICIENT = 1e-4  # share of the linear prediction by which a step along the search direction must lower the potential
+# Ratio of that work from iteration to iteration beyond which an old tangent is replaced: 0.2 of the error. Less
+# factorises more often; more iterates longer with an old tangent. It costs time only: what ends a step is `CONVERGED`.
+SLOW = 0.04
+# Armijo's constant as textbooks have it (Nocedal & Wright 2006, section 3.1): the share of the linear prediction by
+# which a step along the search direction must lower the potential.
+SUFFICIENT = 1e-4
 SHORTEST_SEARCH = 2.0**-10  # of the Newton step
 
 
@@ -119,7 +120,7 @@ class MovingShell:
         # acceleration, u0 = a h^2 / 2.
         moved = 2 / h**2 * problem.ties(h).particular[..., 0]
         right = problem.loads(0.0) - self.momentum(moved)
-        a = moved + _on_free(ties, self._inertia, right)
+        a = moved + on_free(ties, self._inertia, right)
         reaction = np.zeros_like(q)
         reaction[ties.nodes] = (self.momentum(a) - problem.loads(0.0))[ties.nodes]
         return Instant(0.0, q, np.zeros_like(q), a, reaction)
@@ -171,7 +172,7 @@ class MovingShell:
         supplied, lost = start.supplied, start.lost
         if contact is not None:
             nodal = contact.points.nodal(forces)
-            push = _on_free(ties, self._inertia, nodal)
+            push = on_free(ties, self._inertia, nodal)
             touched = {"touch": forces, "impulse": h * push}
             supplied += contact.work(forces)
             # impulses change the kinetic energy by their work on the velocity in their middle
@@ -256,12 +257,12 @@ class _Minimum:
             if kept.factor is None:
                 kept.factor, kept.compliance = self._factorised(x, strained), None
                 before = np.inf
-            step = _on_free(self.ties, kept.factor, residual)
+            step = on_free(self.ties, kept.factor, residual)
             touch = Pushed(np.zeros((0, 3)), np.zeros(x.shape), np.zeros(x.shape), 0.0)
             if self.contact is not None:
                 touch, step = self._pushed(self.contact, x, step, kept)
             decrement = float(np.sum((residual + touch.nodal) * step))
-            if self.contact is None and iteration > 1 and share == 1.0 and abs(decrement) <= STILL * CONVERGED * size:
+            if self.contact is None and iteration > 1 and share == 1.0 and abs(decrement) <= UNMOVED * CONVERGED * size:
                 return x, residual, touch.forces, iteration - 1
             # Near the minimum a difference of potentials is rounding: without the floor the search would fail there.
             # The floor's energies include the kinetic one, since a shell in free fall has hardly another.
@@ -337,10 +338,6 @@ class _Minimum:
             return factorise(reduced, self.shell.problem.dissection, "imposed")
         except NotPositiveDefiniteError:
             raise NotConvergedError from None
-
-
-def _on_free(ties: Ties, factor: Factor, right: Array) -> Array:
-    return _solved(ties, factor, right[..., None])[..., 0]
 
 
 def _solved(ties: Ties, factor: Factor, right: Array) -> Array:

@@ -31,23 +31,26 @@ from shellbench.solvers.fem.algebra.factor import Factor, NotPositiveDefiniteErr
 from shellbench.solvers.fem.mechanics.assembly import weighted_products
 from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS
-from shellbench.solvers.fem.path.continuation import CUT, EASY, GROWTH, PathEndsError
-from shellbench.solvers.fem.path.finite_state import FiniteState, Hold, NotConvergedError, TangentFactor, on_free
+from shellbench.solvers.fem.path.finite_state import FiniteState, Hold, TangentFactor, on_free
+from shellbench.solvers.fem.path.newton import carried, equilibrium
 from shellbench.solvers.fem.path.problem import FiniteProblem
+from shellbench.solvers.stepping.control import CUT, EASY, GROWTH, Illinois, NotConvergedError, PathEndsError, landing
 
 Array = NDArray[np.float64]
 
+# All of these came with the sleeves (`sleeve_compression`, `sleeve_twist`) and a column; what other values cost was
+# not recorded. Only `BRACKET` is in an answer: the others say how a minimum is found, and a minimum is what is taken.
 NEUTRAL = 1e-3  # least mu, relative to the stiffness of the softest mode at rest
 BRACKET = 1e-6  # of the load factor: how closely the critical state is bracketed
 EASY_WITH_OLD = 2  # times as many iterations count as easy as by new tangents: old ones make more, and cheaper ones
 BEYOND = 0.01  # of the critical load factor: how far beyond it the shell is left to itself
 INVERSE_STEPS = 12  # of inverse iteration for the softest mode, at most
-SETTLED = 1e-6  # relative change of its stiffness that ends them: its square root is the error of the mode
+MODE_SETTLED = 1e-6  # relative change of its stiffness that ends them: its square root is the error of the mode
 PUSH = 0.05  # of the thickness: how far a state is pushed along its softest mode
 SADDLES = 5  # that are left again before a relaxation gives up
 EASIER, HARDER = 0.2, 8.0  # of mu after a step that lowers the energy as it should, and after one that does not
 GAINED = 0.25  # share of the predicted gain of energy below which mu does not fall
-MOST_STEPS = 400  # of a relaxation
+MOST_RELAXING_STEPS = 400  # of a relaxation
 RELAXED = (1e-7, 1e-9, 1e-11)  # predicted gain, relative to the energy, at which Newton's method tries to take over
 
 
@@ -81,9 +84,7 @@ def following_steps(
     state, step, buckled = problem.rest(), first, False
     for mark in marks:
         while state.t < mark:
-            remaining = mark - state.t
-            parts = np.ceil(remaining / step * (1 - 1e-9))
-            target = mark if parts <= 1 else state.t + remaining / parts
+            target = landing(state.t, mark, step)
             try:
                 found = buckling.equilibrium(state, target, holding=buckled)
                 stable = found.stable
@@ -160,7 +161,7 @@ class Buckling:
             stiffness = work / float(np.sum(mode * weighted))
             size = np.abs(mode[:, :: len(KINDS)]).max()
             mode, weighted = mode / size, weighted / size
-            if abs(stiffness - before) <= SETTLED * abs(stiffness):
+            if abs(stiffness - before) <= MODE_SETTLED * abs(stiffness):
                 break
         return mode, stiffness
 
@@ -195,26 +196,26 @@ class Buckling:
         PathEndsError
             If the path can't be followed between them.
         """
-        # Illinois: regula falsi for the root of the least stiffness, the value at an end that stays twice halved
-        # (Dowell & Jarratt 1971, BIT 11). From stable states only. The textbook solves K + dt dK for its eigenvalue
-        # instead, which is linear in t, and thin shells are not.
-        low, high, unstable, side = below, above.t, above.t, 0
-        at_low, at_high = self._least_stiffness(below), self._least_stiffness(above)
+        # Regula falsi for the root of the least stiffness, from stable states only. The textbook solves K + dt dK for
+        # its eigenvalue instead, which is linear in t, and thin shells are not.
+        low, high, unstable = below, above.t, above.t
+        root = Illinois(self._least_stiffness(below), self._least_stiffness(above))
         while high - low.t > BRACKET * high:
             # Beside the root, where the tangent is singular, on the side of the end that is farther away.
-            share = at_low / (at_low - at_high) if high == unstable else 0.5
+            share = root.share
             trial = low.t + share * (high - low.t) + math.copysign(BRACKET / 4 * high, 0.5 - share)
             try:
                 middle = self.equilibrium(low, trial)
                 value = self._least_stiffness(middle)
             except NotConvergedError:
-                high = trial  # too long a step, or beyond buckling: a shorter one tells
+                high, root.at_high = trial, None  # too long a step, or beyond buckling: a shorter one tells
                 continue
             if value > 0:
-                low, at_low, at_high, side = middle, value, at_high / 2 if side > 0 else at_high, 1
+                low = middle
+                root.raise_low(value)
             else:
                 high = unstable = trial
-                at_high, at_low, side = value, at_low / 2 if side < 0 else at_low, -1
+                root.lower_high(value)
         if high != unstable:  # failures of Newton's method are no evidence of buckling
             raise PathEndsError(f"no equilibrium was found between {low.t:.6g} and {unstable:.6g}")
         return low
@@ -230,7 +231,7 @@ class Buckling:
         # Newton's method leaves a tangent of some earlier iteration. Beside a critical state that is too early. The own
         # one is also that by which the next step begins.
         problem = self.holding if holding else self.problem
-        found = problem.equilibrium(start, t, frugal=True)
+        found = equilibrium(problem, start, t, frugal=True)
         tangent = self.tangent(found)
         factor = self.stiffness(tangent, t)
         forgiven = int(Hold.from_ties(problem.ties(t), factor, problem.travelling(found.q)).negative)
@@ -273,7 +274,7 @@ class Buckling:
         ties = self.problem.ties(t)
         moved = ties.particular[..., 0] + ties.to_nodal(ties.to_free(start.q[..., None]))[..., 0] - start.q
         if np.any(moved):
-            moved, _ = self.holding.carried(start, t, ties, moved)
+            moved, _ = carried(self.holding, start, t, ties, moved)
         return self.problem.state_at(t, start.q + moved, start)
 
     def _pushed(self, state: FiniteState) -> FiniteState:
@@ -295,7 +296,7 @@ class Buckling:
         # Kelley and Keyes set mu by the residual's norm, which may well rise where the energy falls.
         # Steps are judged by the energy instead, as in a trust region, whose radius 1 / mu stands for.
         mu, value, tangent = self.softest, problem.potential(state), self.tangent(state)
-        for _ in range(MOST_STEPS):
+        for _ in range(MOST_RELAXING_STEPS):
             factor = self.stiffness(tangent, state.t, mu)
             if factor.negative:
                 mu *= HARDER

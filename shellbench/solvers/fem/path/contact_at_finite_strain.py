@@ -18,12 +18,14 @@ from numpy.typing import NDArray
 
 from shellbench.problems.shell.question.contact import Touch, gaps
 from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix, add_cell_matrices
-from shellbench.solvers.fem.mechanics.contact_points import SETTLED, ContactPoints, Flags
+from shellbench.solvers.fem.mechanics.contact_points import CLOSED, ContactPoints, Flags
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS
 
 Array = NDArray[np.float64]
 
-DIFFERENCE = 1e-6  # of the shell's size: over which normals of obstacles are compared
+# Of the shell's size: over which normals of obstacles are compared. About the cube root of eps, where truncation and
+# rounding of a central difference are alike.
+DIFFERENCE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ class Pressed:
     def closed(self) -> bool:
         """Whether no point is inside an obstacle, and none that is pressed is apart from it."""
         gap = np.where(self.pressure > 0, np.abs(self.gap), -self.gap)
-        return bool(np.all(gap <= SETTLED * np.abs(self.displacement).max()))
+        return bool(np.all(gap <= CLOSED * np.abs(self.displacement).max()))
 
 
 @dataclass(frozen=True)

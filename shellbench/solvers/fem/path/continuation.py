@@ -13,39 +13,45 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.measure import unit
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.problems.shell.question.places import Point
 from shellbench.problems.shell.records.path_end import branch_passed
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS, kind_scales, tabulate
-from shellbench.solvers.fem.path.finite_state import Constraint, FiniteState, NotConvergedError
+from shellbench.solvers.fem.path.finite_state import Constraint, FiniteState
+from shellbench.solvers.fem.path.newton import equilibrium, on_path
 from shellbench.solvers.fem.path.problem import FiniteProblem
+from shellbench.solvers.stepping import paths
+from shellbench.solvers.stepping.control import (
+    ARC_CUT,
+    ARC_GROWTH,
+    CLOSE,
+    CUT,
+    EASY,
+    LONGEST_ARC,
+    SAME,
+    SMALLEST_STEP,
+    STRAIGHT,
+    NotConvergedError,
+    PathEndsError,
+    checked_rate,
+    same,
+)
+from shellbench.solvers.stepping.paths import Marks
 
 Array = NDArray[np.float64]
 
-EASY = 6  # iterations after which the next step may be longer
-VERY_EASY, SPEEDING = 2, 3.0  # the same by arc length, and how much longer the next step may be
-EASY_IN_CONTACT = 20  # the same where points come into contact, a few in each iteration
-GROWTH, CUT = 2.0, 0.5  # of a step after an easy one, and after one that did not converge
-SMALLEST_STEP = 1e-4  # of the whole path
+VERY_EASY, SPEEDING = 2, 3.0  # iterations after which an arc may be longer by far, and by how much
+EASY_IN_CONTACT = 20  # iterations of an easy load step where points come into contact, a few in each of them
 STEP_SHARE = 1 / 24  # of the path: the longest step by displacement, and the first one by arc length
-LONGEST_ARC = 1.5  # arc in units of the first one
-MOST_STEPS = 2000  # of a path that is followed by arc length
-STRAIGHT = 0.7  # least share of a step that lies along the path's tangent: less is another branch
-CLOSE, CLOSER = 1 / 8, 1 / 4  # of the longest step: one over a turning point, and what it is cut to if it is longer
-CROWDED = 1 / 12  # of that is the distance of the states before and behind a turning point
+MOST_ARCS = 2000  # of a path that is followed by arc length
+CROWDED = 1 / 12  # of `CLOSE` is the distance of the states before and behind a turning point
 NEAR = 4  # times as long may one be where stations lead: their tangents may tell late that they are over it
-ROUNDING = 1e-9  # relative, of arcs and marks
-UNMOVED = 1e-12  # rate of a displacement, relative to what it could be, that is rounding
-
-
-class PathEndsError(Exception):
-    """The path can't be followed further; the message is a clause that says why."""
 
 
 @dataclass(frozen=True)
@@ -64,58 +70,45 @@ class Station:
     t: float
     value: float
 
-    def marks(self, mark: float) -> bool:
-        """Whether it is the state at a mark."""
-        return abs(self.value - mark) <= ROUNDING * abs(mark)
+
+@dataclass(frozen=True)
+class ByDisplacement:
+    """A problem whose path is followed by the displacement row . q."""
+
+    problem: FiniteProblem
+    row: Array
+
+    def rate(self, state: FiniteState) -> float:
+        """Return the rate of the displacement in the load factor."""
+        return float(np.sum(self.row * self.problem.drift(state)))
+
+    def first_rate(self, drift: Array) -> float:
+        """Return the rate of the displacement at rest, of dq/dt there; PathEndsError if the loads don't move it."""
+        return checked_rate(float(np.sum(self.row * drift)), float(np.linalg.norm(self.row) * np.linalg.norm(drift)))
+
+    def to_displacement(self, state: FiniteState, value: float, target: float) -> FiniteState:
+        """Return the state at a displacement, predicted along the tangent at another."""
+        drift = self.problem.drift(state)
+        rate = float(np.sum(self.row * drift))
+        if rate == 0.0:
+            raise NotConvergedError
+        change = (target - value) / rate
+        return on_path(self.problem, state, Constraint(self.row, 0.0, target), (change * drift, change))
+
+    def check_branch(self, found: FiniteState, rises: bool) -> None:
+        """Check that only limit points were passed: these change the tangent's inertia by one, and the load's way."""
+        # At a limit point one eigenvalue changes its sign, and so does dt along the path. At a branch dt does not. An
+        # even number of negative ones therefore goes with a load that rises. Two branches in one step go unseen.
+        if found.factor is not None and (found.factor.negative % 2 == 0) != rises:
+            raise PathEndsError(branch_passed(self.problem.case, found.t))
 
 
 def load_steps(
     problem: FiniteProblem, marks: Sequence[float], first: float, shortest: float, start: FiniteState | None = None
 ) -> Iterator[FiniteState]:
-    """Yield the states of equilibrium on the way from rest to the last of increasing load factors.
-
-    Parameters
-    ----------
-    problem
-        What is solved.
-    marks
-        Load factors that are landed on.
-    first, shortest
-        Length of the first step, and of the shortest one.
-    start
-        A state to go on from; rest if None.
-
-    Raises
-    ------
-    PathEndsError
-        If a step can't be cut further, or a state is no minimum.
-    """
-    # Load control: equal parts of at most `step` up to the next mark. They are longer after an easy step, and half
-    # after a failure. A state that is found but not stable counts as a failure. A shorter step may stay on the stable
-    # branch. Growth is judged by the step made, not by the one wanted. A short one before a mark leaves `step` as it
-    # is.
-    state, step = start or problem.rest(), first
-    for mark in (m for m in marks if m > (start.t if start else 0.0)):
-        while state.t < mark:
-            remaining = mark - state.t
-            # Equal parts instead of full steps and a rest, which would be short. The factor forgives rounding in the
-            # count.
-            parts = np.ceil(remaining / step * (1 - 1e-9))
-            target = mark if parts <= 1 else state.t + remaining / parts
-            try:
-                found = problem.equilibrium(state, target)
-                reason = "" if found.stable else f"the state at load factor {target:.6g} is not stable"
-            except NotConvergedError:
-                found, reason = state, f"no equilibrium was found at load factor {target:.6g}"
-            if reason:
-                step = (target - state.t) * CUT
-                if step < shortest:
-                    raise PathEndsError(reason)
-                continue
-            if found.iterations <= (EASY if problem.points is None else EASY_IN_CONTACT):
-                step = max(step, (target - state.t) * GROWTH)
-            state = found
-            yield state
+    """Yield the states of equilibrium under load from rest, or from `start`; see `stepping.paths.load_steps`."""
+    easy = EASY if problem.points is None else EASY_IN_CONTACT
+    yield from paths.load_steps(partial(equilibrium, problem), start or problem.rest(), marks, first, shortest, easy)
 
 
 def functional(problem: FiniteProblem, quantity: DisplacementQuantity) -> Array:
@@ -135,72 +128,10 @@ def functional(problem: FiniteProblem, quantity: DisplacementQuantity) -> Array:
 def displacement_steps(
     problem: FiniteProblem, row: Array, marks: Sequence[float], end: float, share: float = STEP_SHARE
 ) -> Iterator[FiniteState]:
-    """Yield the states at increasing values of the displacement row . q, the load factor unknown.
-
-    No step is longer than this share of the path.
-
-    Raises
-    ------
-    PathEndsError
-        If the loads do not move it, a step can't be cut further, or the path has passed a branch.
-    """
-    # Displacement control: row . q is given and t unknown, so that limit points of the load are passed.
-    # 1. Predict along the tangent dq/dt to the next value, and correct by Newton's method.
-    # 2. Where the load turns between two states, repeat the step shorter.
-    # 3. Compare the direction of the load with the inertia of the tangent, which tells a branch from a limit point.
-    state, value, rising = problem.rest(), 0.0, True
-    first = _first_rate(row, problem.drift(state))
-    step = longest = end * share
-    for mark in sorted({*marks, end}):
-        while value < mark:
-            remaining = mark - value
-            parts = np.ceil(remaining / step * (1 - 1e-9))
-            target = mark if parts <= 1 else value + remaining / parts
-            try:
-                found = _to_displacement(problem, state, row, value, target)
-                rises = float(np.sum(row * problem.drift(found))) * first > 0
-            except NotConvergedError:
-                step = (target - value) * CUT
-                if step < SMALLEST_STEP * end:
-                    raise PathEndsError(f"no equilibrium was found at a displacement of {target:.6g}") from None
-                continue
-            # A turning point and a branch that one step passes together hide each other. Over a short step that is less
-            # likely.
-            if rises != rising and target - value > CLOSE * longest:
-                step = CLOSER * (target - value)
-                continue
-            _check_branch(problem.case, found, rises)
-            state, value, rising = found, target, rises
-            yield state
-            step = min(longest, step * GROWTH) if state.iterations <= EASY else step
-
-
-def _to_displacement(
-    problem: FiniteProblem, state: FiniteState, row: Array, value: float, target: float
-) -> FiniteState:
-    drift = problem.drift(state)
-    rate = float(np.sum(row * drift))
-    if rate == 0.0:
-        raise NotConvergedError
-    change = (target - value) / rate
-    return problem.on_path(state, Constraint(row, 0.0, target), (change * drift, change))
-
-
-def _first_rate(row: Array, drift: Array) -> float:
-    """Return the controlled displacement's rate at rest."""
-    rate = float(np.sum(row * drift))
-    # The product is at most that of the lengths, by Cauchy and Schwarz. So far below that it is rounding.
-    if not abs(rate) > UNMOVED * float(np.linalg.norm(row) * np.linalg.norm(drift)):
-        raise PathEndsError("the loads do not move the displacement that the path is followed to")
-    return rate
-
-
-def _check_branch(case: Case, found: FiniteState, rises: bool) -> None:
-    """Check that only limit points were passed: each changes the tangent's inertia by one, and the load's direction."""
-    # At a limit point one eigenvalue changes its sign, and so does dt along the path. At a branch dt does not. An even
-    # number of negative ones therefore goes with a load that rises. Two branches in one step go unseen.
-    if found.factor is not None and (found.factor.negative % 2 == 0) != rises:
-        raise PathEndsError(branch_passed(case, found.t))
+    """Yield the states at increasing values of the displacement row . q; see `stepping.paths.displacement_steps`."""
+    path, rest = ByDisplacement(problem, row), problem.rest()
+    first = path.first_rate(problem.drift(rest))
+    yield from paths.displacement_steps(path, rest, first, marks, end, share)
 
 
 def arc_length_steps(
@@ -246,10 +177,10 @@ def arc_length_steps(
         sign = float(np.sign(np.sum(weights * (found.q - start.q) * drift)))
         return drift, sign, sign / size(drift) * np.array([1.0, np.sum(row * drift)])
 
-    state, value, highest = problem.rest(), 0.0, 0.0
-    waiting = sorted({*marks, end})
+    state, value, path = problem.rest(), 0.0, ByDisplacement(problem, row)
+    landings = Marks(path, marks, end)
     drift = problem.drift(state)
-    first = _first_rate(row, drift)
+    first = path.first_rate(drift)
     sign = float(np.sign(first))
     rates = sign / size(drift) * np.array([1.0, first])
     arc = end * share / abs(first) * size(drift)
@@ -258,13 +189,13 @@ def arc_length_steps(
     planned: list[float] = []  # arcs on the way to a turning point and over it; the stations wait
     landing = False  # whether they lead exactly there
     leading, astray, behind = deque(stations), np.zeros_like(row), 0.0
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_ARCS):
         row_of_arc = weights * drift * sign / size(drift)
         along = float(np.sum(row_of_arc * state.q))
         while leading and not planned and np.sum(row_of_arc * (leading[0].q + astray)) <= along:
             leading.popleft()
         station = leading[0] if leading and not planned else None
-        on_mark = station is not None and station.marks(waiting[0])
+        on_mark = station is not None and same(station.value, landings.waiting[0])
         if station is None:
             arc = planned[0] if planned else arc
             change = sign * arc / size(drift)
@@ -273,9 +204,9 @@ def arc_length_steps(
             start = problem.state_at(station.t + behind, station.q + astray, state)
             arc = float(np.sum(row_of_arc * start.q)) - along
             guess = np.zeros_like(row), 0.0
-        constraint = Constraint(row, 0.0, waiting[0]) if on_mark else Constraint(row_of_arc, 0.0, along + arc)
+        constraint = Constraint(row, 0.0, landings.waiting[0]) if on_mark else Constraint(row_of_arc, 0.0, along + arc)
         try:
-            found = problem.on_path(start, constraint, guess, state.factor if station and arc <= short else None)
+            found = on_path(problem, start, constraint, guess, state.factor if station and arc <= short else None)
             arc = float(np.sum(row_of_arc * found.q)) - along
             # The arc is the step's component along the tangent, so that this ratio is a cosine.
             if arc < STRAIGHT * size(found.q - state.q):
@@ -294,39 +225,29 @@ def arc_length_steps(
         turns = rates * rates_found < 0
         if np.any(turns) and not landing and (station is None or arc > NEAR * short):
             there = arc * float(np.min((rates / (rates - rates_found))[turns]))  # rates are nearly linear in the arc
-            landing = arc <= short * (1 + ROUNDING)
+            landing = arc <= short * (1 + SAME)
             planned = (
                 _crowded(there, short * CROWDED) if landing else [min(max(there - short, short), CUT * arc), short]
             )
             continue
-        _check_branch(problem.case, found, sign_found * first > 0)
-        reached = waiting[0] if on_mark else float(np.sum(row * found.q))
-        # A mark counts at the displacement's first passage only. After a snap-back the same value belongs to another
-        # state.
-        near, at = state, value
-        while waiting and reached >= waiting[0] > highest:
-            try:
-                near = found if on_mark else _to_displacement(problem, near, row, at, waiting[0])
-            except NotConvergedError:
-                raise PathEndsError(f"the state at a displacement of {waiting[0]:.6g} was not found") from None
-            at = waiting.pop(0)
-            yield near
-        if not waiting:
+        path.check_branch(found, sign_found * first > 0)
+        reached = landings.waiting[0] if on_mark else float(np.sum(row * found.q))
+        yield from landings.passed(state, value, found, reached)
+        if not landings.waiting:
             return
-        if reached != at:
-            yield found
         if station is not None:
             astray, behind = found.q - station.q, found.t - station.t
             leading.popleft()
         planned = planned[1:]
         landing = landing and bool(planned)
-        state, value, highest = found, reached, max(highest, reached)
+        state, value = found, reached
         drift, sign, rates = drift_found, sign_found, rates_found
         # Unlike a load step an arc is also cut after a slow step that converged. The cut is milder than after a
         # failure.
-        growth = SPEEDING if found.iterations <= VERY_EASY else GROWTH**0.5 if found.iterations <= EASY else CUT**0.5
+        growth = ARC_GROWTH if found.iterations <= EASY else ARC_CUT
+        growth = SPEEDING if found.iterations <= VERY_EASY else growth
         arc = min(longest, arc * growth)
-    raise PathEndsError(f"the path did not reach a displacement of {end:.6g} in {MOST_STEPS} steps")
+    raise PathEndsError(f"the path did not reach a displacement of {end:.6g} in {MOST_ARCS} steps")
 
 
 def _crowded(there: float, close: float) -> list[float]:

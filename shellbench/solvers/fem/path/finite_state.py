@@ -12,10 +12,10 @@ from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix
 from shellbench.solvers.fem.algebra.factor import Factor
 from shellbench.solvers.fem.mechanics.strain_energy import Strained
 from shellbench.solvers.fem.mechanics.ties import Ties
+from shellbench.solvers.fem.mesh.mesh import ROUNDING
 
 Array = NDArray[np.float64]
 
-SOLVED = 1e-12  # residual of a step, relative to its right-hand side
 KRYLOV = 60  # products of a step; one that takes more is used as it is, and makes Newton's method an inexact one
 
 
@@ -69,7 +69,7 @@ class PressedFactor:
 
         start = backward(right)
         operator = LinearOperator((right.size, right.size), matvec=product, dtype=float)
-        found, _ = gmres(operator, start.ravel(), x0=start.ravel(), rtol=SOLVED, atol=0.0, restart=KRYLOV, maxiter=1)
+        found, _ = gmres(operator, start.ravel(), x0=start.ravel(), rtol=ROUNDING, atol=0.0, restart=KRYLOV, maxiter=1)
         return np.asarray(found).reshape(shape)
 
 
@@ -208,7 +208,3 @@ def on_free(ties: Ties, factor: TangentFactor, right: Array) -> Array:
     """Return what the shell answers to forces (nodes, 12) where the supports leave it free."""
     free = ties.to_free(right[..., None])
     return np.asarray(ties.to_nodal(factor.solve(free) * ties.free[..., None])[..., 0])
-
-
-class NotConvergedError(ArithmeticError):
-    """Newton's method did not converge from here: the step was too long, or there is no equilibrium."""

@@ -19,31 +19,32 @@ from shellbench.problems.shell.question.conditions import RIGID_MOTIONS, Value
 from shellbench.problems.shell.variants.edit import between
 from shellbench.solvers.fem.linear.equilibrium import Equilibrium, check_balance
 from shellbench.solvers.fem.mechanics.loads import Loading
-from shellbench.solvers.fem.mechanics.rigid_motions import mean_rigid_motion
-from shellbench.solvers.fem.mechanics.solution import FemSolution
+from shellbench.solvers.fem.mechanics.solution import FemSolution, mean_rigid_motion
 from shellbench.solvers.fem.mesh.bubbles import interpolated
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CUBIC, KINDS, Derivative, TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.path.buckling import following_steps
 from shellbench.solvers.fem.path.contact_at_finite_strain import carried_pressure
 from shellbench.solvers.fem.path.continuation import (
-    EASY,
     STEP_SHARE,
-    PathEndsError,
     Station,
     arc_length_steps,
     displacement_steps,
     functional,
     load_steps,
 )
-from shellbench.solvers.fem.path.finite_state import FiniteState, NotConvergedError
+from shellbench.solvers.fem.path.finite_state import FiniteState
+from shellbench.solvers.fem.path.newton import equilibrium
 from shellbench.solvers.fem.path.problem import FiniteProblem
+from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError, same, state_at
+from shellbench.solvers.stepping.paths import over_edit
 
 Array = NDArray[np.float64]
 
-SHORTEST_EDIT = 1 / 32  # of the way of an edit: where a shorter step were needed, the path is followed from rest
-SHORTEST = 1e-2  # of the way from one state of a trail to the next: the shortest step in between
-RIGID = 1e-6  # component of a rotation among the loose rigid motions that is rounding
+# Of the way from one state of a trail to the next: the shortest step in between.
+SHORTEST = 1e-2
+# Component of a rotation among the loose rigid motions that is rounding: others are of order one.
+RIGID = 1e-6
 
 
 class PathEndedError(SolveFailure):
@@ -213,17 +214,17 @@ def _path(
     trail: FemSolution | None,
 ) -> Iterator[FiniteState]:
     case = problem.case
+    lengths = steps[0] * case.path.until, steps[1] * case.path.until
     match case.path.control:
         # Each control has its own parameter: t itself, a displacement, or the arc. Only under load control is t given,
         # so that states of a coarser mesh can be corrected one by one.
         case "load":
             if case.buckles:
-                yield from following_steps(problem, case.path_marks, *(step * case.path.until for step in steps))
+                yield from following_steps(problem, case.path_marks, *lengths)
             elif trail is None:
-                first, shortest = (step * case.path.until for step in steps)
-                yield from load_steps(problem, case.states, first, shortest)
+                yield from load_steps(problem, case.states, *lengths)
             elif trail.case != case:
-                yield from _edited(problem, trail, steps)
+                yield from _edited(problem, trail, lengths)
             else:
                 yield from _corrected(problem, trail)
         case "displacement":
@@ -246,7 +247,7 @@ def _corrected(problem: FiniteProblem, trail: FemSolution) -> Iterator[FiniteSta
         if problem.points is not None:
             guess = replace(guess, pressure=carried_pressure(problem.points, trail.touch(t)))
         try:
-            state = problem.equilibrium(guess, t, frugal=True)
+            state = equilibrium(problem, guess, t, frugal=True)
         except NotConvergedError:
             state = guess
         if state is guess or not state.stable:
@@ -256,39 +257,26 @@ def _corrected(problem: FiniteProblem, trail: FemSolution) -> Iterator[FiniteSta
         yield state
 
 
-def _edited(problem: FiniteProblem, earlier: FemSolution, steps: tuple[float, float]) -> Iterator[FiniteState]:
-    """Yield the states that are asked for, from those of an earlier shell, or from rest where that fails.
-
-    The edit comes in one step where Newton's method takes it easily, else in shorter ones. All states on the way are
-    stable, so that the branch is that of the earlier path, as far as continuation can tell.
-    """
+def _edited(problem: FiniteProblem, earlier: FemSolution, lengths: tuple[float, float]) -> Iterator[FiniteState]:
+    """Yield the states that are asked for, from those of an earlier shell, or from rest where that fails."""
     case, mesh, rest = problem.case, problem.mesh, problem.undeformed()
-    states: list[FiniteState] = []
-    for t in case.states:
-        nearest = int(np.argmin(np.abs(np.asarray(earlier.states) - t)))
-        known = abs(earlier.states[nearest] - t) <= 1e-9 * abs(t)
-        q = _interpolated(mesh, earlier, earlier.states[nearest])
-        share, step, iterations = 0.0, 1.0, 0
-        while known and share < 1.0 and step >= SHORTEST_EDIT:
-            target = min(1.0, share + step)
-            part = problem
-            if target < 1.0:
-                part = FiniteProblem.on_mesh(between(earlier.case, case, target), mesh, problem.quadrature)
-            try:
-                found = part.equilibrium(part.state_at(t, q, rest), t)
-                iterations += found.iterations
-                easy = found.stable and (found.iterations <= EASY or step <= 2 * SHORTEST_EDIT)
-            except NotConvergedError:
-                easy = False
-            if not easy:
-                step /= 2
-                continue
-            q, share, step = found.q, target, 2 * step
+
+    def found_at(t: float, q: Array, share: float) -> tuple[FiniteState, Array]:
+        part = problem
         if share < 1.0:
-            first, shortest = (length * case.path.until for length in steps)
-            yield from load_steps(problem, case.states, first, shortest)
-            return
-        states.append(replace(found, iterations=iterations))
+            part = FiniteProblem.on_mesh(between(earlier.case, case, share), mesh, problem.quadrature)
+        found = equilibrium(part, part.state_at(t, q, rest), t)
+        return found, found.q
+
+    states: list[FiniteState] = []
+    try:
+        for t in case.states:
+            q = _interpolated(mesh, earlier, earlier.states[state_at(earlier.states, t)])
+            found, iterations = over_edit(partial(found_at, t), q)
+            states.append(replace(found, iterations=iterations))
+    except PathEndsError:
+        yield from load_steps(problem, case.states, *lengths)
+        return
     yield from states
 
 
@@ -311,7 +299,7 @@ def _kept(case: Case, marks: Sequence[float], complete: bool) -> list[int]:
     kept = []
     for mark in case.states:
         # Marks are landed on but for rounding. On a path that turns, the first passage counts.
-        there = [k for k, value in enumerate(marks) if abs(value - mark) <= 1e-9 * abs(mark)]
+        there = [k for k, value in enumerate(marks) if same(value, mark)]
         kept += there[:1]
     if not complete and len(marks) - 1 not in kept:
         kept.append(len(marks) - 1)

@@ -26,16 +26,16 @@ from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.solvers.ndf.bspline.bspline_settings import SplineSettings
 from shellbench.solvers.ndf.bspline.bspline_solution import SPEC, SplineSolution, solved_part, splines_of
 from shellbench.solvers.ndf.bspline.splines import Splines
+from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.build import build_ansatz, focal_points, joints_of
-from shellbench.solvers.ndf.field.field import Ansatz
 from shellbench.solvers.ndf.field.inputs import edge_layers, foci
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Integers
 from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import check_balance, point_supports
+from shellbench.solvers.ndf.linear.constraints import SAME_ROW, point_constraints, slope_constraints
 from shellbench.solvers.ndf.linear.declines import why_declined
 from shellbench.solvers.ndf.linear.refinement import Miss, scale, uncertainties, unsettled
 from shellbench.solvers.ndf.linear.signs import rounding_energy
-from shellbench.solvers.ndf.linear.solve import point_constraints, slope_constraints
 from shellbench.solvers.ndf.strains.energy import Table, concentrated, surface_area, tabulate
 from shellbench.solvers.ndf.strains.reaction import edge_moments
 from shellbench.solvers.ndf.strains.strain_measures import GRADIENTS
@@ -43,11 +43,10 @@ from shellbench.solvers.ndf.strains.strain_measures import GRADIENTS
 Sparse = Any  # scipy's matrices have no types
 
 LEVELS = (4, 8, 16, 32, 64)  # cells along a side
-POINTS = 2  # Gauss points of a cell along a side beyond the degree: boundary factors and surfaces are no splines
-FINER = 2  # more of them, for the certificate
-BATCH = 2048  # points whose strain rows are held at once, in whole cells
+CELL_POINTS = 2  # Gauss points of a cell along a side beyond the degree: boundary factors and surfaces are no splines
+CERTIFYING_POINTS = 2  # more of them, for the certificate
+CELL_BATCH = 2048  # points whose strain rows are held at once, in whole cells
 SLOPE_POINTS = 2  # of a cell at an edge whose slope is held: as many as splines there, nearly twice
-SAME_ROW = 1e-6  # of the largest singular value, below which conditions say the same
 FEWEST = 3  # levels that tell how fast changes shrink
 UNTOLD = 1.0  # of the last change that an answer may still miss, where fewer do
 
@@ -84,7 +83,7 @@ def rule_of(case: Case, cells: int, settings: SplineSettings) -> RuleSpec:
     layers = edge_layers(case) if settings.layers and not foci(case) else None
     return RuleSpec(
         panels=(panels[0], panels[1]),
-        order=settings.degree + POINTS,
+        order=settings.degree + CELL_POINTS,
         grading=settings.grading,
         layers=layers or (0.0, 0.0),
         joints=joints_of(case),
@@ -108,7 +107,7 @@ def cell_points(ansatz: Ansatz, splines: Splines, spec: RuleSpec) -> Iterator[Ce
     # from rows of points that run through all cells to points cell by cell
     lines = np.arange(len(rule.points)).reshape(shape[0] // spec.order, spec.order, -1, spec.order)
     order = lines.transpose(0, 2, 1, 3).ravel()
-    step = max(1, BATCH // per_cell) * per_cell
+    step = max(1, CELL_BATCH // per_cell) * per_cell
     for start in range(0, len(order), step):
         part = order[start : start + step]
         points = rule.points[part]
@@ -218,8 +217,8 @@ def certified(ansatz: Ansatz, splines: Splines, spec: RuleSpec, weights: Array) 
 
 
 @dataclass(frozen=True)
-class Answer:
-    """One level's answer: see `shellbench.solvers.ndf.linear.answer.Answer`."""
+class SolvedGrid:
+    """One level's answer: see `shellbench.solvers.ndf.linear.answer.Candidate`."""
 
     solution: SplineSolution
     potential: float
@@ -227,7 +226,7 @@ class Answer:
     gap: float
     values: dict[str, float]
 
-    def missed(self, finer: Answer) -> Miss:
+    def missed(self, finer: SolvedGrid) -> Miss:
         """Return what it has missed at least, as a finer answer tells."""
         changes = {name: abs(value - self.values[name]) for name, value in finer.values.items()}
         return Miss(changes, abs(self.potential - finer.potential) / finer.stored)
@@ -246,7 +245,7 @@ def solve(case: Case, settings: SplineSettings, progress: ProgressCallback) -> S
     #    answer misses still. It shrinks no faster than splines of this degree converge where all is smooth.
     # 3. Settled: that, and what a finer rule says of the energy, is a small part of each quantity.
     began, steps = time.perf_counter(), list[Step]()
-    answers: list[Answer] = []
+    answers: list[SolvedGrid] = []
     levels = [level for level in LEVELS if level < settings.most_cells] + [settings.most_cells]
     if settings.cells is not None:
         levels = [max(LEVELS[0] // 2, settings.cells // 4), max(LEVELS[0] // 2, settings.cells // 2), settings.cells]
@@ -264,7 +263,7 @@ def solve(case: Case, settings: SplineSettings, progress: ProgressCallback) -> S
     return solution
 
 
-def solve_level(case: Case, settings: SplineSettings, cells: int) -> Answer:
+def solve_level(case: Case, settings: SplineSettings, cells: int) -> SolvedGrid:
     """Solve on one grid."""
     part = solved_part(case, settings.symmetry)
     spec, ansatz = rule_of(part.case, cells, settings), build_ansatz(part.case, SPEC)
@@ -274,7 +273,7 @@ def solve_level(case: Case, settings: SplineSettings, cells: int) -> Answer:
     check_balance(part.case, rule, spec, focal)
     equations = equations_of(ansatz, splines, spec)
     weights, forces = least(equations)
-    fine = replace(spec, order=spec.order + FINER)
+    fine = replace(spec, order=spec.order + CERTIFYING_POINTS)
     membrane, bending, springs = certified(ansatz, splines, fine, weights)
     rounding = rounding_energy(case.material.membrane_stiffness, surface_area(ansatz, rule))
     # Strains on both rules; where a support moves, the lift strains the shell, too, and only the finer rule says so.
@@ -293,10 +292,10 @@ def solve_level(case: Case, settings: SplineSettings, cells: int) -> Answer:
     )
     potential, whole = part.copies * equations.potential(weights), part.copies * (stored + rounding)
     alone = Step(0, 0.0, potential, solution.parameters, SPEC.t)  # for the quantity that is an energy of the history
-    return Answer(solution, potential, whole, gap, dict(measure_all(replace(solution, history=(alone,)))))
+    return SolvedGrid(solution, potential, whole, gap, dict(measure_all(replace(solution, history=(alone,)))))
 
 
-def _step(answer: Answer, number: int, seconds: float) -> Step:
+def _step(answer: SolvedGrid, number: int, seconds: float) -> Step:
     asked = {q.name for q in answer.solution.case.quantities if isinstance(q, DisplacementQuantity)}
     return Step(
         iteration=number,
@@ -321,14 +320,14 @@ def still_missed(last: float, former: float, fastest: float) -> float:
     return ratio / (1 - ratio)
 
 
-def _stated(answers: list[Answer], degree: int, steps: tuple[Step, ...]) -> SplineSolution:
+def _stated(answers: list[SolvedGrid], degree: int, steps: tuple[Step, ...]) -> SplineSolution:
     """Return the last answer with its history and uncertainty."""
     last, solution = answers[-1], answers[-1].solution
     since = answers[-2].missed(last)
     left = UNTOLD
     if len(answers) >= FEWEST:
         former = answers[-3].missed(answers[-2])
-        left = min(UNTOLD, still_missed(since.energy, former.energy, 4.0 ** (1 - degree)))
+        left = min(UNTOLD, still_missed(since.energy, former.energy, 4 ** (1 - degree)))
     scales = {q.name: scale(solution, q, last.values[q.name], last.stored) for q in solution.case.quantities}
     uncertainty = uncertainties(since.times(left), last.gap, last.values, scales)
     return replace(solution, history=steps, uncertainty=uncertainty, unsettled=unsettled(uncertainty, scales))

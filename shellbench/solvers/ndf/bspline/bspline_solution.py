@@ -13,8 +13,9 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import Arrays, ShellSolution, Words
 from shellbench.problems.shell.symmetry.symmetry import Part, part_of, whole_of
 from shellbench.solvers.ndf.bspline.splines import Line, Splines
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, focal_points
-from shellbench.solvers.ndf.field.field import Ansatz
+from shellbench.solvers.ndf.field.ansatz import Ansatz
+from shellbench.solvers.ndf.field.build import build_ansatz, focal_points
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import PLANES, VALUE, Array, Placement, matrix_product
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, ends_of
 from shellbench.solvers.ndf.field.supports import point_supports

@@ -28,31 +28,30 @@ from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.series.conditioned import ConditionedCase, Material
 from shellbench.problems.series.conditioned_answer import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer
 from shellbench.problems.series.quantities import Parameter, Value
-from shellbench.solvers.ndf.conditioned.affine import Equations, asked_row, of_fields_on
-from shellbench.solvers.ndf.conditioned.conditioned_settings import ConditionedSettings
-from shellbench.solvers.ndf.conditioned.reduced import Reduced
+from shellbench.solvers.ndf.conditioned.reduced import Equations, Reduced, asked_row, of_fields_on
+from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.build import (
-    FieldSpec,
     build_ansatz,
     build_features,
     build_inputs,
     graded_points,
-    resolution,
+    usual_resolution,
 )
-from shellbench.solvers.ndf.field.field import Ansatz, Features, Field
+from shellbench.solvers.ndf.field.choices import FieldSpec
+from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.jets import Array, Placement
-from shellbench.solvers.ndf.field.quadrature import area_rule
+from shellbench.solvers.ndf.field.quadrature import ROUNDING, area_rule
 from shellbench.solvers.ndf.field.supports import check_balance
 from shellbench.solvers.ndf.field.weights import described, network_of, network_tensors, write_described
-from shellbench.solvers.ndf.linear.refinement import ROUNDING, SAFETY, SETTLED, first_level
+from shellbench.solvers.ndf.linear.refinement import SAFETY, SETTLED, first_level
 from shellbench.solvers.ndf.linear.ritz_field import field_spec
-from shellbench.solvers.ndf.linear.ritz_settings import RitzSettings
+from shellbench.solvers.ndf.linear.ritz_settings import ConditionedSettings, RitzSettings
 from shellbench.solvers.ndf.linear.solve import solve_part
-from shellbench.solvers.ndf.strains.energy import exploits, rigid_part
+from shellbench.solvers.ndf.strains.energy import exploits
 
 FORMAT = "ndf-conditioned, format 1"
 CANDIDATES = (9, 7)  # thicknesses and Poisson's ratios of the grid that materials are chosen from
-LAST = 2  # fields that must not change the displacement of any candidate any more
+LAST_FIELDS = 2  # fields that must not change the displacement of any candidate any more
 CHALLENGED = 8  # fields that are solved for without challengers, too: the first ones, at the ends of the ranges
 ASKED_TIMES = 50  # answers by which their time is measured
 """How the field is built.
@@ -207,7 +206,7 @@ class _Build:
         self.begin = time.perf_counter()
         self.case, self.settings, self.progress = case, settings, progress
         self.shell = shell = case.shell_of(case.middle)
-        usual = resolution(shell)
+        usual = usual_resolution(shell)
         usual = replace(usual, neurons=settings.neurons or usual.neurons)
         self.level = first_level(shell, usual, given_width=settings.neurons is not None)
         self.chosen = self.level.resolution
@@ -243,7 +242,7 @@ class _Build:
         )
         layers = both[:n].view(n, 3, -1)
         rigid = torch.stack([
-            rigid_part(Field(self.ansatz, self.features, layer, layer.new_zeros(6)), rule) for layer in layers
+            Field(self.ansatz, self.features, layer, layer.new_zeros(6)).rigid_part(rule) for layer in layers
         ])  # fmt: skip
         built = time.perf_counter() - self.begin
         uncertainty, gap, missed = uncertainties(self.case, first, second)
@@ -289,7 +288,7 @@ class _Build:
                 alone.append(solve_part(self.ansatz, self.features, at, usual).weights)
             energy = -0.5 * float(at.load @ layer)
             steps.append(Step(number, time.perf_counter() - self.begin, energy, len(layer)))
-            if len(full) > LAST + 1 and self._moved(equations, full) <= self.settings.tolerance:
+            if len(full) > LAST_FIELDS + 1 and self._moved(equations, full) <= self.settings.tolerance:
                 break
         return full, alone, steps
 
@@ -298,7 +297,7 @@ class _Build:
         stacked = torch.stack(list(layers))
         parts, load = equations.of_fields(stacked), (stacked @ equations.load).numpy()
         now = Reduced.from_fields(parts, parts, load, (stacked @ self.asked).numpy(), self.case.middle)
-        before = now.without_last(LAST, self.case.middle)
+        before = now.without_last(LAST_FIELDS, self.case.middle)
         return max(abs(before.value(m) / now.value(m) - 1) for m in candidates(self.case)[0])
 
 
@@ -327,7 +326,7 @@ def uncertainties(case: ConditionedCase, first: Reduced, second: Reduced) -> tup
     derivative: what they change, and the gap. To both comes the most that the last fields have changed at any
     candidate: at a single material they may change little by chance. All times `SAFETY`.
     """
-    shorter = first.without_last(LAST, case.middle)
+    shorter = first.without_last(LAST_FIELDS, case.middle)
     like = first.without_last(len(first.load) - len(second.load), case.middle)  # as many fields as `second` has
     gaps = [first.gap(material) for material in case.materials]
     missed = [abs(1 - second.energy(m) / like.energy(m)) for m in case.materials]

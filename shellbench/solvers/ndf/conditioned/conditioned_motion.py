@@ -9,7 +9,7 @@ each point of the materials Newton's law is integrated for the output weights. I
 few fields, as the answers of a linear shell do (`reduced`), so that nothing is reduced.
 
 The stated uncertainty is that of what is told, value q or derivative, and comes from the construction alone. With the
-same field of features of a lower degree, q', and the field without its last `LAST` polynomials along time, log(E h) or
+same field of features of a lower degree, q', and the field without its last `LAST_POLYNOMIALS` along time, log(E h) or
 nu, q_k, it is
 
     the largest, over the held-out materials at the end, of  abs(q - q') + sum over k of abs(q - q_k),
@@ -37,26 +37,26 @@ from shellbench.problems.series.conditioned import ConditionedCase, Material
 from shellbench.problems.series.conditioned_answer import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer
 from shellbench.problems.series.quantities import Parameter, Value
 from shellbench.solvers.ndf.conditioned.conditioned import ASKED_TIMES, kept_features
-from shellbench.solvers.ndf.conditioned.conditioned_settings import ConditionedSettings
 from shellbench.solvers.ndf.conditioned.plane_motion import PLANE, coordinates, features_of, plane_motion
-from shellbench.solvers.ndf.field.build import FieldSpec
+from shellbench.solvers.ndf.field.ansatz import Combined
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Features
 from shellbench.solvers.ndf.field.jets import Array
 from shellbench.solvers.ndf.field.network import Network
 from shellbench.solvers.ndf.field.weights import HEADER, described, network_tensors, read_tensors, write_described
 from shellbench.solvers.ndf.linear.refinement import SETTLED
+from shellbench.solvers.ndf.linear.ritz_settings import ConditionedSettings
 from shellbench.solvers.ndf.motion.motion import degree_of
 from shellbench.solvers.ndf.motion.motion_problem import Motion
 from shellbench.solvers.ndf.strains.energy import exploits
-from shellbench.solvers.ndf.strains.sampled import Combined
 from shellbench.solvers.ndf.strains.smooth import finer, widest
 
 FORMAT = "ndf-conditioned in motion, format 2"
 DEGREE, FEWER = 13, 3  # of the features along a side; how many less those have by which their error is told
 COUNTS = (33, 9, 5)  # points along time, log(E h) and nu
-LAST = 2  # polynomials of each axis that must not matter: odd and even ones may differ
-SETTLED_DERIVATIVE = 1e-2  # of the logarithm: what gates of fields ask for
-ROUNDING = 1e-13  # relative: what a sum of polynomials may leave of zero
+LAST_POLYNOMIALS = 2  # polynomials of each axis that must not matter: odd and even ones may differ
+SETTLED_DERIVATIVE = 1e-2  # of the logarithm: what gates of fields ask for; not tuned
+ROUNDING_OF_SUMS = 500 * np.finfo(float).eps  # relative: what a sum of so many polynomials may leave of zero
 UNUSED = ("snapshots", "tolerance")  # settings of shells at rest
 
 
@@ -108,7 +108,7 @@ class Polynomials:
         value = float(self.evaluated(asked, at, place))
         if by is None:
             return value
-        if abs(value) <= ROUNDING * float(np.abs(asked).sum()):
+        if abs(value) <= ROUNDING_OF_SUMS * float(np.abs(asked).sum()):
             raise InputError(f"at {at:g} s the displacement is zero: its logarithm has no derivative")
         order = (0, 0, 1) if by == "poissons_ratio" else (0, 1, 0)
         return float(self.evaluated(asked, at, place, order)) / value
@@ -332,7 +332,7 @@ def doubt(
     shorter = []
     for axis in range(asked.ndim):
         cut = np.moveaxis(asked.copy(), axis, 0)
-        cut[-LAST:] = 0.0
+        cut[-LAST_POLYNOMIALS:] = 0.0
         shorter.append(np.moveaxis(cut, 0, axis))
     until, largest = float(polynomials.upper[0]), 0.0
     for material in materials:

@@ -17,19 +17,19 @@ from shellbench.errors import SolveFailure
 from shellbench.problems.series.conditioned import ConditionedCase, Material
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.loads import GravityLoad
-from shellbench.solvers.ndf.conditioned.conditioned_settings import ConditionedSettings
+from shellbench.solvers.ndf.field.ansatz import Combined
 from shellbench.solvers.ndf.field.build import build_features, build_inputs
 from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Array, Placement
 from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.linear.ritz_field import field_spec
-from shellbench.solvers.ndf.linear.ritz_settings import RitzSettings
-from shellbench.solvers.ndf.motion.motion import Rung, degree_of, prepared
+from shellbench.solvers.ndf.linear.ritz_settings import ConditionedSettings, RitzSettings
+from shellbench.solvers.ndf.motion.integration import ATOL, RTOL
+from shellbench.solvers.ndf.motion.motion import MotionLevel, degree_of, prepared
 from shellbench.solvers.ndf.motion.motion_problem import Motion
-from shellbench.solvers.ndf.strains.sampled import Combined, Sampled
-from shellbench.solvers.ndf.strains.smooth import POINTS, scales, widest
+from shellbench.solvers.ndf.strains.sampled import Sampled
+from shellbench.solvers.ndf.strains.smooth import POINTS_A_DEGREE, scales, widest
 
 PLANE = 2  # components of the motion
-RTOL, ATOL = 1e-6, 1e-8  # of the steps of time, as in `motion`
 
 
 def refusal(case: ConditionedCase) -> str | None:
@@ -172,7 +172,7 @@ def features_of(shell: Case, degree: int, settings: ConditionedSettings) -> tupl
     width = settings.neurons if settings.neurons and degree == degree_of(shell, settings.neurons) else None
     network = random_features(spread, width or widest(shell, degree), settings.seed, spec.activation)
     features = build_features(shell, spec, network, placement, inputs)
-    motion = prepared(shell, spec, Rung(degree, features), POINTS)
+    motion = prepared(shell, spec, MotionLevel(degree, features), POINTS_A_DEGREE)
     # As prepared they are orthonormal in all three components, of which one is held.
     values = motion.sampled.jets[:, VALUE]
     assert isinstance(motion.features, Combined)  # features of a network are combined

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator
+from pydantic import Field as PydanticField
+
+from shellbench.protocol.schema import Model, Positive
 
 PeriodicInput = Literal["both", "cosine", "none"]
 """How a periodic coordinate enters: as (cos, sin), as cos alone, or as it is (Kairanda et al., figure II)."""
@@ -23,3 +28,74 @@ LAYER = 1.2  # l in sqrt(h R) around a force; .12 R for R / h = 100, the best by
 # without them the certified energy of a pinched cylinder is 5e-4 short, with them 4e-5; the others gain nothing.
 MULTIPLIERS = 3
 LARGEST_GAP = 5e-4  # of the energy on the two rules: converged fields show 3e-5 and less, exploited rules 1e-2 and more
+
+
+Crease = tuple[int, float, int]
+"""The axis of a coordinate, its value, and on which side of that the features are: 1 above, -1 below."""
+
+
+def _from_bool(value: Any) -> Any:
+    """Return what a boolean said in files of earlier versions."""
+    return {True: "both", False: "none"}[value] if isinstance(value, bool) else value
+
+
+SavedPeriodicInput = Annotated[PeriodicInput, BeforeValidator(_from_bool)]
+
+
+class FieldSpec(Model):
+    """The choices that turn a case into a field.
+
+    Attributes
+    ----------
+    activation
+        Of the network.
+    periodic_input
+        How a periodic coordinate enters: as (cos, sin); as its cosine, so that the field is even about the seam; or
+        plainly, so that it answers for a slit shell.
+    components
+        What the output layer gives: Cartesian components, or covariant ones.
+    supports
+        Whether boundary factors or springs hold the supports.
+    pins
+        Of the published boundary functions, where nothing holds the shell.
+    slopes
+        How the slope of components is held that are free at its edge.
+    stretched
+        Whether stretched coordinates are added about points that carry a force.
+    layer
+        Their length l in units of sqrt(h R).
+    edge_stretched
+        Whether they are added toward the edges of a curved shell that carries no force at points.
+    multipliers
+        Functions that multiply r^2 log r^2 about each such point; 0 leaves the singular features out.
+    detail
+        What is there beside these: 0 nothing; from 1 on, coordinates stretched toward the edges of any shell, and few
+        powers of the distance from corners that are held; 2 more powers.
+    creases
+        Coordinate lines along which the third derivative jumps: edges of contact.
+    t
+        Load factor.
+    strain
+        Strain measure.
+    mirrors
+        Whether planes of symmetry are built into the field; in linear theory, at rest.
+    vanishing
+        Whether features vanish at held edges by themselves, as products do: the boundary matrix is then the identity.
+    """
+
+    activation: str = "sine"
+    periodic_input: SavedPeriodicInput = "both"
+    components: Components = "cartesian"
+    supports: Supports = "hard"
+    pins: Pins = "points"
+    slopes: Slopes = "even"
+    stretched: bool = True
+    layer: Positive = LAYER
+    edge_stretched: bool = False
+    multipliers: int = PydanticField(MULTIPLIERS, ge=0, le=6)
+    detail: int = PydanticField(0, ge=0, le=2)
+    creases: tuple[Crease, ...] = ()
+    t: float = 1.0
+    strain: StrainName = "linear"
+    mirrors: bool = False
+    vanishing: bool = False

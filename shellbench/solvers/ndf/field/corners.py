@@ -23,11 +23,14 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.places import SIDES
 from shellbench.solvers.ndf.field.geometry import surface_size
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, constant, from_derivatives, power, product
-from shellbench.solvers.ndf.field.supports import TANGENTIAL, edge_supports
+from shellbench.solvers.ndf.field.quadrature import ROUNDING
+from shellbench.solvers.ndf.field.supports import edge_supports
 
-EXPONENTS = ((), (0.25, 0.5), (0.25, 0.5, 0.1, 1.0))  # mu, by the detail that is asked for; the former ones stay
+# Any few exponents span those between them (top). What other ones give is not on record.
+FEW = (0.25, 0.5)
+EXPONENTS = ((), FEW, (*FEW, 0.1, 1.0))  # mu, by the detail that is asked for
 HARMONICS = (0, 2, 3)  # of the angle, by the same
-AT_THE_CORNER = 1e-30  # (r / size)^2 below this is taken as this: the factors are zero there
+AT_A_POINT = 1e-30  # square of a relative distance: less is taken as this, where r^2 log r^2 and powers are zero
 
 
 @dataclass(frozen=True)
@@ -67,10 +70,10 @@ def held_corners(case: Case) -> tuple[Corner, ...]:
             normal /= np.linalg.norm(normal)
             slopes = any(s.tilted for s in meeting)  # their factor is the normal displacement's second one
             shifts = [
-                int(abs(normal[c]) > TANGENTIAL and not slopes) - sum(c in s.held for s in meeting) for c in range(3)
+                int(abs(normal[c]) > ROUNDING and not slopes) - sum(c in s.held for s in meeting) for c in range(3)
             ]
-            stretches = any(abs(float(normal[c])) < 1 - TANGENTIAL for s in meeting for c in s.held)
-            singular = [stretches or abs(float(normal[c])) > TANGENTIAL for c in range(3)]
+            stretches = any(abs(float(normal[c])) < 1 - ROUNDING for s in meeting for c in s.held)
+            singular = [stretches or abs(float(normal[c])) > ROUNDING for c in range(3)]
             first, second, third = (s == min(shifts) and needed for s, needed in zip(shifts, singular, strict=True))
             corners.append(Corner(xi, min(shifts), (first, second, third)))
     return tuple(corners)
@@ -131,7 +134,7 @@ class CornerPowers:
             chord = (x - constant(placement.tensor(at[0, 0]).expand(x.shape[1:]), len(x))) / size
             t1, t2 = (chord @ tangents.T).unbind(-1)
             square = product(t1, t1) + product(t2, t2)
-            square[VALUE].clamp_min_(AT_THE_CORNER)
+            square[VALUE].clamp_min_(AT_A_POINT)
             inverse = power(square, -0.5)
             c1, s1 = product(t1, inverse), product(t2, inverse)
             angular, c, s = [constant(torch.ones_like(t1[VALUE]), len(x))], c1, s1

@@ -45,9 +45,9 @@ from shellbench.problems.shell.question.conditions import Rotation, Support, Tra
 from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.problems.shell.question.places import SIDES, Edge, Point, Whole
 from shellbench.problems.shell.question.surface import Domain
+from shellbench.solvers.ndf.field.ansatz import Factors
 from shellbench.solvers.ndf.field.choices import Slopes
 from shellbench.solvers.ndf.field.geometry import contravariant_basis_jet, normal_jet
-from shellbench.solvers.ndf.field.inputs import Sides
 from shellbench.solvers.ndf.field.jets import (
     PLANES,
     VALUE,
@@ -65,7 +65,8 @@ from shellbench.solvers.ndf.field.jets import (
     sine,
 )
 from shellbench.solvers.ndf.field.mirrors import Mirrors
-from shellbench.solvers.ndf.field.supports import TANGENTIAL, EdgeSupport, Factors, edge_supports, even_sides
+from shellbench.solvers.ndf.field.quadrature import ROUNDING
+from shellbench.solvers.ndf.field.supports import EdgeSupport, Sides, edge_supports, even_sides
 
 NORMAL_SAMPLES = 17  # points a side of the grid on which a3 is looked at
 
@@ -145,7 +146,7 @@ class BoundaryFactors:
         b = edge_factor(domain, edges, even, points, placement)
         p = normal_jet(self.case.surface, points, placement)
         others = [held[c] - edges if all(c in s.held for s in tilted) else None for c in range(3)]
-        active = [c for c in range(3) if self._normal_extent[c] > TANGENTIAL]
+        active = [c for c in range(3) if self._normal_extent[c] > ROUNDING]
         mixed = any(others[c] != others[active[0]] for c in active)
         if mixed:
             p = torch.stack(

@@ -17,11 +17,10 @@ import torch
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.posed.rigid import rigid_modes
+from shellbench.problems.shell.posed.rigid import free_motions, rigid_modes
+from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.choices import MULTIPLIERS, Slopes
-from shellbench.solvers.ndf.field.corners import CornerPowers
-from shellbench.solvers.ndf.field.creases import Creases
-from shellbench.solvers.ndf.field.hinges import Hinges
+from shellbench.solvers.ndf.field.corners import AT_A_POINT, CornerPowers
 from shellbench.solvers.ndf.field.inputs import Focus, Inputs, even_columns, independent_columns
 from shellbench.solvers.ndf.field.jets import (
     D1,
@@ -36,13 +35,11 @@ from shellbench.solvers.ndf.field.jets import (
     matrix_product,
     product,
 )
+from shellbench.solvers.ndf.field.lines import Creases, Hinges
 from shellbench.solvers.ndf.field.mirrors import Mirrors, samples
 from shellbench.solvers.ndf.field.network import Network
-from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec, area_rule
-from shellbench.solvers.ndf.field.supports import Factors, Lifting, edge_samples, edge_supports
-
-AT_THE_POINT = 1e-30  # r^2 / reach^2 below this is taken as this: r^2 log r^2 is zero there to double precision
-ODD = 1e-9  # slope at an edge, in units of the feature over the side's length, above which a feature is not even
+from shellbench.solvers.ndf.field.quadrature import ROUNDING, Rule
+from shellbench.solvers.ndf.field.supports import edge_samples, edge_supports
 
 
 @dataclass(frozen=True)
@@ -98,7 +95,7 @@ class FixedFeatures:
             if support.free and slopes == "even":
                 jets = everything.jets(edge_samples(case, support.edge)[1:-1], Placement())
                 slope = jets[D1 + support.edge.axis].abs().amax(0) * case.surface.domain.size[support.edge.axis]
-                even &= slope <= ODD * jets[VALUE].abs().amax(0).clamp_min(1.0)
+                even &= slope <= ROUNDING * jets[VALUE].abs().amax(0).clamp_min(1.0)
         if mirrored:
             even &= even_columns(lambda p: everything.jets(p, Placement())[VALUE], case.surface.domain, mirrored)
         kept = tuple(torch.nonzero(even)[:, 0].tolist())
@@ -108,7 +105,7 @@ class FixedFeatures:
         """Return the features with their images' means in their place, of which those remain that are independent."""
         points, made = samples(mirrors.domain), replace(self, mirrors=mirrors)
         before, after = (each.jets(points, Placement())[VALUE] for each in (self, made))
-        usable = (after.norm(dim=0) > ODD * before.norm(dim=0)).tolist()
+        usable = (after.norm(dim=0) > ROUNDING * before.norm(dim=0)).tolist()
         others = independent_columns(after, [k in kept and usable[k] for k in range(len(usable))])
         return replace(made, kept=(0, *others))  # of which no constant is one
 
@@ -163,36 +160,11 @@ class FixedFeatures:
         chord = (x - constant(placement.tensor(focus.position).expand(x.shape[1:]), len(x))) / focus.reach
         first, second = (chord @ placement.tensor(focus.tangents).T).unbind(-1)
         square = dot(chord, chord)
-        v = square[VALUE].clamp_min(AT_THE_POINT)
+        v = square[VALUE].clamp_min(AT_A_POINT)
         log = torch.log(v)
         bubble = compose((v * log, log + 1, 1 / v), square)
         others = [first, second, square, product(first, second), product(first, first)]
         return [bubble, *(product(bubble, other) for other in others[: self.multipliers - 1])]
-
-
-@dataclass(frozen=True)
-class Ansatz:
-    """A case with the way its supports are built in: u = lift + M F for any F; if `soft`, springs hold them instead.
-
-    With `mirrors`, for any F that is even about their planes.
-    """
-
-    case: Case
-    factors: Factors
-    lift: Lifting
-    t: float = 1.0
-    soft: bool = False
-    slopes: Slopes = "even"
-    mirrors: Mirrors | None = None
-
-    def rule(self, focal: Array, spec: RuleSpec) -> Rule:
-        """Return the rule over which energies are integrated, graded toward focal points (k, 2).
-
-        With mirrors its points are those of one part, and its weights stand for the images, too.
-        """
-        if self.mirrors is not None:
-            return self.mirrors.rule(focal, spec)
-        return area_rule(self.case.surface.domain, focal, spec)
 
 
 @dataclass(frozen=True)
@@ -274,6 +246,21 @@ class Field:
         matrix = self.ansatz.factors.matrix(points, placement)
         return matrix_product(matrix, free)[..., 0] + self.ansatz.lift.jet(points, placement)
 
-    def less_rigid(self, rigid: Tensor) -> Field:
-        """Return the field with this rigid motion taken away instead."""
-        return replace(self, rigid=rigid)
+    def rigid_part(self, rule: Rule) -> Tensor:
+        """Return the rigid motion (6,) left free by the supports that the field has in the mean over the area."""
+        case, placement = self.ansatz.case, self.features.placement
+        free = free_motions(case)
+        if not free.shape[1]:
+            return torch.zeros_like(self.rigid)
+        area = rule.areas(case.surface)
+        modes = rigid_modes(case.surface, rule.points)[0, 0] @ free
+        whole = replace(self, rigid=torch.zeros_like(self.rigid))
+        displacement = whole.displacement(rule.points).cpu().numpy()
+        # Least squares over the area, for the modes that no support holds.
+        gram = np.einsum("p,pik,pil->kl", area, modes, modes)
+        moments = np.einsum("p,pik,pi->k", area, modes, displacement)
+        return placement.tensor(free @ np.linalg.solve(gram, moments))
+
+    def without_rigid_part(self, rule: Rule) -> Field:
+        """Return the field without the rigid motion that it has in the mean over the area."""
+        return replace(self, rigid=self.rigid_part(rule))

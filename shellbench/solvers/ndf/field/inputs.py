@@ -45,13 +45,17 @@ from shellbench.solvers.ndf.field.jets import (
     sine,
 )
 from shellbench.solvers.ndf.field.mirrors import Mirrors
-from shellbench.solvers.ndf.field.supports import edge_supports, even_sides, point_supports
+from shellbench.solvers.ndf.field.quadrature import ROUNDING
+from shellbench.solvers.ndf.field.supports import Sides, edge_supports, even_sides, point_supports
 
 EDGE_LAYER = 1.0  # the same along an edge; between .4 and 1 the certified energy of a hyperbolic paraboloid is flat
-WIDEST = 0.12  # l in units of the shell's size at most, and where it is flat
-CURVED = 1e-9  # a principal curvature times the size below this is flat: rounding of the shape operator
+# l in units of the shell's size at most, and where it is flat: as `LAYER` for R / h = 100. Half of it changes the
+# certified energy of a clamped plate, the Scordelis-Lo roof, a pinched cylinder and a clamped hyperboloid by 3e-6 at
+# most, up or down; twice as much by 5e-8.
+WIDEST_LAYER = 0.12
 
-WIDEST_STRETCH = 5.0  # of stiffness that varies quickly: waves are as fine there, however narrow it is
+# Of stiffness that varies quickly: waves are as fine there, however narrow it is. Neighbours are not on record.
+WIDEST_STRETCH = 5.0
 
 
 @dataclass(frozen=True)
@@ -99,8 +103,8 @@ def _focus(case: Case, xi: tuple[float, float], layer: float) -> Focus:
 def layer_length(case: Case, curvature: float, layer: float, size: float) -> float:
     """Return `layer` sqrt(h R), metres, or a share of the size where that is less or the shell is flat."""
     if not curvature:
-        return WIDEST * size
-    return min(layer * math.sqrt(case.material.thickness / curvature), WIDEST * size)
+        return WIDEST_LAYER * size
+    return min(layer * math.sqrt(case.material.thickness / curvature), WIDEST_LAYER * size)
 
 
 def strongest_curvature(case: Case, points: Array | None = None) -> float:
@@ -115,7 +119,7 @@ def strongest_curvature(case: Case, points: Array | None = None) -> float:
     b = np.stack([np.stack([b11, b12], axis=-1), np.stack([b12, b22], axis=-1)], axis=-2)
     principal = np.linalg.eigvals(np.linalg.solve(a @ np.swapaxes(a, -1, -2), b))
     strongest = float(np.abs(principal).max())
-    return strongest if strongest * surface_size(case) > CURVED else 0.0
+    return strongest if strongest * surface_size(case) > ROUNDING else 0.0
 
 
 def edge_layers(case: Case, flat: bool = False) -> tuple[float, float] | None:
@@ -141,7 +145,6 @@ def edge_layers(case: Case, flat: bool = False) -> tuple[float, float] | None:
 
 
 EVENNESS_SAMPLES = 24  # points a side of the grid on which functions are compared with their mirror images
-ODD = 1e-9  # of a function's own size: far above rounding, far below what is odd by design
 
 
 def even_columns(columns: Callable[[Array], Tensor], domain: Domain, axes: Sequence[int]) -> Tensor:
@@ -157,20 +160,18 @@ def even_columns(columns: Callable[[Array], Tensor], domain: Domain, axes: Seque
     Tensor
         (n,) of bool.
     """
-    points = domain.grid(EVENNESS_SAMPLES, SAMPLES).reshape(-1, 2)
+    points = domain.grid(EVENNESS_SAMPLES, INPUT_SAMPLES).reshape(-1, 2)
     here = columns(points)
     even = torch.ones(here.shape[1], dtype=torch.bool, device=here.device)
     for axis in axes:
         mirrored = np.array(points)
         mirrored[:, axis] = domain.lower[axis] + domain.upper[axis] - points[:, axis]  # the bounds are one line
-        even &= (here - columns(mirrored)).abs().amax(0) <= ODD * here.abs().amax(0)
+        even &= (here - columns(mirrored)).abs().amax(0) <= ROUNDING * here.abs().amax(0)
     return even
 
 
-SAMPLES = 24  # points a side of the grid on which inputs are tested for linear independence
-DEPENDENT = 1e-6  # an input whose remainder is below this share of its size is left out
-
-Sides = tuple[tuple[bool, bool], tuple[bool, bool]]
+INPUT_SAMPLES = 24  # points a side of the grid on which inputs are tested for linear independence
+DEPENDENT_INPUT = 1e-6  # an input whose remainder is below this share of its size is left out: rounding leaves 1e-15
 
 
 def even_coordinate(domain: Domain, points: Array, axis: int, even: tuple[bool, bool], placement: Placement) -> Tensor:
@@ -249,7 +250,7 @@ class Inputs:
             squared, averaged = (torch.nonzero((parity == p).any(0))[:, 0].tolist() for p in (-1, 0))
             candidates = replace(candidates, mirrors=mirrors, squared=tuple(squared), averaged=tuple(averaged))
         values = candidates.values
-        columns = values(domain.grid(SAMPLES, SAMPLES).reshape(-1, 2))
+        columns = values(domain.grid(INPUT_SAMPLES, INPUT_SAMPLES).reshape(-1, 2))
         usable, axes = [True] * columns.shape[1], mirrored_axes(domain, periodic)
         if axes:
             usable = even_columns(values, domain, axes).tolist()
@@ -306,7 +307,7 @@ class Inputs:
         for k in self.squared:
             column, stretched = columns[k]
             z = column[VALUE]
-            columns[k] = compose((2 * z * z - 1, 4 * z, torch.full_like(z, 4.0)), column), stretched
+            columns[k] = compose((2 * z * z - 1, 4 * z, torch.full_like(z, 4)), column), stretched
         return columns
 
     def _unmirrored(self, points: Array, placement: Placement) -> list[tuple[Tensor, bool]]:
@@ -391,7 +392,7 @@ def independent_columns(columns: Tensor, usable: list[bool]) -> tuple[int, ...]:
         rest = column.clone()
         for direction in basis * 2:  # twice: Gram-Schmidt loses orthogonality in one pass
             rest = rest - (rest @ direction) * direction
-        if rest.norm() > DEPENDENT * column.norm():
+        if rest.norm() > DEPENDENT_INPUT * column.norm():
             basis.append(rest / rest.norm())
             kept.append(index)
     return tuple(kept)

@@ -49,6 +49,10 @@ class Placement(NamedTuple):
         """Bring an array here."""
         return torch.as_tensor(np.ascontiguousarray(values), device=self.device, dtype=self.dtype)
 
+    def zeros(self, *shape: int) -> Tensor:
+        """Return zeros here."""
+        return torch.zeros(shape, device=self.device, dtype=self.dtype)
+
     @classmethod
     def on(cls, device: str) -> Placement:
         """Return the placement for a device's name, in float64.
@@ -225,3 +229,14 @@ def activation(name: str) -> Activation:
     if name not in ACTIVATIONS:
         raise InputError(f"activation '{name}' is not known; allowed are {', '.join(ACTIVATIONS)}")
     return ACTIVATIONS[name]
+
+
+def chebyshev(x: Tensor, count: int) -> list[Tensor]:
+    """Return the jets of the first Chebyshev polynomials of a jet."""
+    found = [constant(torch.ones_like(x[VALUE]), len(x)), x]
+    while len(found) < count:
+        found.append(2 * product(x, found[-1]) - found[-2])
+    return found[:count]
+
+
+COMPONENTS = 3

@@ -27,10 +27,10 @@ from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.problems.shell.question.places import Edge
 from shellbench.problems.shell.question.surface import Domain
 from shellbench.solvers.ndf.field.jets import PLANES, VALUE, Array, Placement, compose, constant, coordinates, sine
-from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec, area_rule
+from shellbench.solvers.ndf.field.quadrature import ROUNDING, Rule, RuleSpec, area_rule
 
-SAMPLES = 11  # points a side at which functions are compared with their images
-SAME = 1e-9  # of the size of what is compared: far above rounding
+MIRROR_SAMPLES = 11  # points a side at which functions are compared with their images
+ASYMMETRIC = 0.3  # place of a sample in its cell: any but the ends, the middle, and their halves
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ class Mirrors:
         """
         points = samples(self.domain)
         here = values(points)
-        size = SAME * here.abs().amax(0)
+        size = ROUNDING * here.abs().amax(0)
         rows = []
         for mirror in self.each:
             there = values(self.domain.wrap(mirror.image(points)))
@@ -124,9 +124,14 @@ class Mirrors:
         return torch.stack(rows) if rows else here.new_zeros((0, here.shape[1]))
 
 
+def inner_shares(count: int) -> Array:
+    """Return evenly spaced shares (count,) of a side, of which no two lie symmetric to its middle."""
+    return np.asarray((np.arange(count) + ASYMMETRIC) / count)
+
+
 def samples(domain: Domain) -> Array:
     """Return points (N, 2) within the rectangle that no reflection maps onto each other's lines."""
-    inside = (np.arange(SAMPLES) + 0.3) / SAMPLES
+    inside = inner_shares(MIRROR_SAMPLES)
     grid = np.stack(np.meshgrid(inside, inside, indexing="ij"), axis=-1).reshape(-1, 2)
     return np.asarray(np.asarray(domain.lower) + grid * np.asarray(domain.size))
 

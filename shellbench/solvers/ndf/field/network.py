@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from shellbench.solvers.ndf.field.jets import VALUE, Placement, activation, compose
+from shellbench.solvers.ndf.field.jets import VALUE, activation, compose
 
 
 @dataclass(frozen=True)
@@ -77,33 +77,6 @@ class Network:
         )
 
 
-def siren(
-    inputs: int, widths: tuple[int, ...], omega0: float, seed: int, placement: Placement, name: str = "sine"
-) -> Network:
-    """Return a network with the SIREN initialisation (Sitzmann et al. 2020, section 3.2).
-
-    First layer omega0 U(-1/n, 1/n), later ones U(-sqrt(6/n), sqrt(6/n)) with omega0 absorbed; biases as
-    omega0 U(-1/sqrt(n), 1/sqrt(n)), PyTorch's default for a linear layer times omega0.
-
-    Parameters
-    ----------
-    inputs
-        Number of input coordinates.
-    widths
-        Of the hidden layers.
-    omega0
-        Frequency of the sines: z = omega0 (W h + b), with omega0 multiplied into W and b.
-    """
-    generator = torch.Generator().manual_seed(seed)
-    weights, biases = [], []
-    for layer, width in enumerate(widths):
-        fan_in = inputs if layer == 0 else widths[layer - 1]
-        bound = omega0 / fan_in if layer == 0 else math.sqrt(6 / fan_in)
-        weights.append(_uniform(generator, bound, (width, fan_in), placement))
-        biases.append(_uniform(generator, omega0 / math.sqrt(fan_in), (width,), placement))
-    return Network(tuple(weights), tuple(biases), name)
-
-
 def random_features(scales: Tensor, width: int, seed: int, name: str = "sine") -> Network:
     """Return one layer of random features, W ~ N(0, scales^2) and b ~ U(-pi, pi) (Rahimi & Recht 2007).
 
@@ -119,9 +92,10 @@ def random_features(scales: Tensor, width: int, seed: int, name: str = "sine") -
     return Network((weight,), (((2 * phases - 1) * math.pi).to(scales),), name)
 
 
-SQUEEZE = 0.25  # of the first map, times sqrt(n / m): sines of such arguments are nearly linear
-SHIFT = 0.2  # half width of the inner layers' biases
-RIDGE = 1e-8  # of the fit of the last hidden layer, relative to the mean square of a feature
+# Of the first map, times sqrt(n / m), and half width of the inner layers' biases: sines of such arguments are nearly
+# linear. Much larger ones start far too stiff on shells; how the energy depends on them nearby is not on record.
+SQUEEZE, SHIFT = 0.25, 0.2
+RIDGE = 1e-8  # of the fit of the last hidden layer, of a feature's mean square; neighbours are not on record
 
 
 def deep_random_features(inputs: Tensor, scales: Tensor, widths: tuple[int, ...], seed: int, name: str) -> Network:
@@ -164,8 +138,3 @@ def deep_random_features(inputs: Tensor, scales: Tensor, widths: tuple[int, ...]
     weights.append(last[:, :-1].contiguous())
     biases.append(last[:, -1] + spread(math.pi, widths[-1]))
     return Network(tuple(weights), tuple(biases), name)
-
-
-def _uniform(generator: torch.Generator, bound: float, shape: tuple[int, ...], placement: Placement) -> Tensor:
-    drawn = torch.rand(shape, generator=generator, dtype=torch.float64)
-    return ((2 * drawn - 1) * bound).to(device=placement.device, dtype=placement.dtype)

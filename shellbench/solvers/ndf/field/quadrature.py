@@ -12,15 +12,21 @@ from itertools import pairwise
 
 import numpy as np
 
-from shellbench.problems.features import cut_line
+from shellbench.problems.features import Array, cut_line
 from shellbench.problems.shell.question.places import Edge
 from shellbench.problems.shell.question.surface import Domain, Surface
-from shellbench.solvers.ndf.field.jets import Array
 
-CUT = 0.2  # of a panel at a focal point; for r^2 log r^2 the error per point is least between .15 and .25
+NOWHERE = np.zeros((0, 2))  # no point toward which a rule is graded
+PANEL_CUT = 0.2  # of a panel at a focal point; for r^2 log r^2 the error per point is least between .15 and .25
 SOFTENED = 5  # power p of r = s**p at a corner: the least power of the distance there, mu = .1, becomes smooth
 FURTHER = 6  # more points along r than elsewhere, as what is smooth in r is of p times the degree in s
-MERGE = 1e-9  # breakpoints closer than this share of a side are one
+BATCH = 1024  # points whose strain rows, or jets of features, are held in memory at once
+SEARCHED = 4001  # distances from an end among which ends of panels are interpolated
+ROUNDING = 1e-9
+"""Relative size below which a difference is rounding, here and in all of `ndf`.
+
+Sums of thousands of terms in double precision leave 1e-13 at most, and what differs by design differs by 1e-6 or more.
+"""
 
 
 @dataclass(frozen=True)
@@ -29,6 +35,11 @@ class Rule:
 
     points: Array
     weights: Array
+
+    def batches(self) -> Iterator[Rule]:
+        """Yield the rule in portions of at most `BATCH` points."""
+        for start in range(0, len(self.points), BATCH):
+            yield Rule(self.points[start : start + BATCH], self.weights[start : start + BATCH])
 
     def areas(self, surface: Surface) -> Array:
         """Return the areas (N,), m^2, of a surface that points of a rule on the rectangle stand for."""
@@ -49,13 +60,13 @@ class RuleSpec:
     grading
         Panels narrow toward focal points like s -> s**grading; 1 leaves them uniform.
     cuts
-        How often the panels at a focal point are cut once more, at `CUT` of their length, for its logarithm.
+        How often the panels at a focal point are cut once more, at `PANEL_CUT` of their length, for its logarithm.
     layers
         Lengths in the coordinates of layers at both ends of a side that has no focal point inside: half of its panels
         are spread evenly over asinh(distance / length), the other half over the distance. Zero for a side without.
     corner_cuts
-        How often the cells at corners are cut into four, at `CUT` of their sides, for powers of the distance. In the
-        cells that remain at corners, points narrow toward these, too.
+        How often the cells at corners are cut into four, at `PANEL_CUT` of their sides, for powers of the distance.
+        In the cells that remain at corners, points narrow toward these, too.
     point_cuts
         How often the four cells at a focal point are cut like those at corners. `cuts` then holds along edges alone.
     joints
@@ -78,7 +89,7 @@ def panel_ends(lower: float, upper: float, focal: Sequence[float], spec: RuleSpe
     Both bounds are ends of a panel even where the coordinate is periodic: a seam must not lie inside a panel.
     """
     ends = _panel_ends(lower, upper, focal, spec, axis, periodic)
-    slack = MERGE * (upper - lower)
+    slack = ROUNDING * (upper - lower)
     joints = [at for at in spec.joints[axis] if np.abs(ends - at).min() > slack]
     return np.sort(np.concatenate([ends, joints])) if joints else ends
 
@@ -87,15 +98,15 @@ def _panel_ends(lower: float, upper: float, focal: Sequence[float], spec: RuleSp
     size = upper - lower
     if spec.layers[axis] and not periodic:
         return _layered_ends(lower, upper, spec.layers[axis], spec.panels[axis])
-    inner = sorted(f for f in focal if lower + MERGE * size < f < upper - MERGE * size)
+    inner = sorted(f for f in focal if lower + ROUNDING * size < f < upper - ROUNDING * size)
     kept: list[float] = []
     for value in inner:
-        if not kept or value - kept[-1] > MERGE * size:
+        if not kept or value - kept[-1] > ROUNDING * size:
             kept.append(value)
     marked = {*kept}
     for bound, other in ((lower, upper), (upper, lower)):
         near = [bound, other] if periodic else [bound]
-        if any(abs(f - b) <= MERGE * size for f in focal for b in near):
+        if any(abs(f - b) <= ROUNDING * size for f in focal for b in near):
             marked.add(bound)
     ends = [np.array([lower])]
     for left, right in pairwise([lower, *kept, upper]):
@@ -108,15 +119,12 @@ def _panel_ends(lower: float, upper: float, focal: Sequence[float], spec: RuleSp
             s = s**spec.grading
         elif right in marked:
             s = 1 - (1 - s) ** spec.grading
-        shares = CUT ** np.arange(1, spec.cuts + 1)
+        shares = PANEL_CUT ** np.arange(1, spec.cuts + 1)
         inserted = [s[0] * shares] if left in marked else []
         if right in marked:
             inserted.append(1 - (1 - (s[-2] if number > 1 else 0.0)) * shares)
         ends.append(left + (right - left) * np.unique(np.concatenate([s, *inserted])))
     return np.concatenate(ends)
-
-
-SEARCHED = 4001  # distances from an end among which ends of panels are interpolated
 
 
 def _layered_ends(lower: float, upper: float, layer: float, panels: int) -> Array:
@@ -194,7 +202,7 @@ def _beside(ends: Array, at: float, periodic: bool) -> list[Side]:
     distance = np.abs(ends - at)
     if periodic:
         distance = np.minimum(distance, size - distance)
-    found = np.nonzero(distance <= MERGE * size)[0]  # nothing where the value is not a number
+    found = np.nonzero(distance <= ROUNDING * size)[0]  # nothing where the value is not a number
     panels = len(ends) - 1
     return [(int(k), False) for k in found if k < panels] + [(int(k) - 1, True) for k in found if k]
 
@@ -208,12 +216,12 @@ def _corner_rule(first: tuple[float, float], second: tuple[float, float], order:
     # The cell is cut into four, and of these the one at the corner again, and so on.
     parts = []
     for k in range(cuts):
-        far, near = (CUT ** (k + 1), CUT**k), (0.0, CUT ** (k + 1))
+        far, near = (PANEL_CUT ** (k + 1), PANEL_CUT**k), (0.0, PANEL_CUT ** (k + 1))
         for one, two in ((far, near), (near, far), (far, far)):
             (x1, w1), (x2, w2) = (line_rule(np.array(interval), order) for interval in (one, two))
             parts.append(_tensor(x1, w1, x2, w2))
     local, weights = _last_corner_rule(order)
-    parts.append((CUT**cuts * local, CUT ** (2 * cuts) * weights))
+    parts.append((PANEL_CUT**cuts * local, PANEL_CUT ** (2 * cuts) * weights))
     points = np.array([first[0], second[0]]) + np.concatenate([p for p, _ in parts]) * [first[1], second[1]]
     return Rule(points, np.concatenate([w for _, w in parts]) * abs(first[1] * second[1]))
 
@@ -252,6 +260,6 @@ def edge_rule(domain: Domain, edge: Edge, focal: Array, spec: RuleSpec, more: Ar
     if more is not None:
         ends = cut_line(ends, more, periodic=False)
     start, stop = edge.bounds(domain)
-    inside = ends[(ends > start + MERGE * domain.size[axis]) & (ends < stop - MERGE * domain.size[axis])]
+    inside = ends[(ends > start + ROUNDING * domain.size[axis]) & (ends < stop - ROUNDING * domain.size[axis])]
     running, weights = line_rule(np.array([start, *inside, stop]), spec.order)
     return Rule(edge.points(domain, running), weights)

@@ -8,25 +8,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from torch import Tensor
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.posed.rigid import free_motions, rigid_modes
+from shellbench.problems.shell.quantities.measure import unit
+from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.problems.shell.question.conditions import RIGID_MOTIONS, Support
 from shellbench.problems.shell.question.features import narrow_division
 from shellbench.problems.shell.question.loads import AreaLoad, EdgeLoad, GravityLoad, Load, PointLoad, PressureLoad
 from shellbench.problems.shell.question.places import SIDES, Edge, Point
 from shellbench.solvers.ndf.field.choices import Slopes
-from shellbench.solvers.ndf.field.jets import Array, Placement
-from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec, edge_rule, ends_of, rule_on_parts
+from shellbench.solvers.ndf.field.jets import Array
+from shellbench.solvers.ndf.field.quadrature import ROUNDING, Rule, RuleSpec, edge_rule, ends_of, rule_on_parts
 
 EDGE_SAMPLES = 33  # points of an edge at which its normal is looked at
-TANGENTIAL = 1e-9  # a component of a unit vector below this is zero
 
 
 @dataclass(frozen=True)
@@ -81,8 +80,8 @@ def edge_supports(case: Case) -> tuple[EdgeSupport, ...]:
                 edge,
                 components,
                 slope.get(edge),
-                tilted=edge in slope and bool(normals[:, list(components)].max(initial=0.0) > TANGENTIAL),
-                free=edge in slope and bool(normals[:, free].max(initial=0.0) > TANGENTIAL),
+                tilted=edge in slope and bool(normals[:, list(components)].max(initial=0.0) > ROUNDING),
+                free=edge in slope and bool(normals[:, free].max(initial=0.0) > ROUNDING),
             )
         )
     return tuple(supports)
@@ -99,9 +98,18 @@ def point_supports(case: Case, t: float = 1.0) -> tuple[PointSupport, ...]:
     )
 
 
-def even_sides(
-    supports: tuple[EdgeSupport, ...], slopes: Slopes = "even"
-) -> tuple[tuple[bool, bool], tuple[bool, bool]]:
+Sides = tuple[tuple[bool, bool], tuple[bool, bool]]
+"""For each coordinate, something that holds or not at its lower and at its upper bound."""
+
+
+def asked_points(case: Case, quantity: DisplacementQuantity) -> tuple[Array, Array]:
+    """Return the points (n, 2) of a displacement quantity, and its unit directions (n, 3) there."""
+    places = [case.places[name] for name in quantity.points]
+    points = np.array([place.xi for place in places if isinstance(place, Point)])
+    return points, np.array([unit(d) for d in quantity.directions])
+
+
+def even_sides(supports: tuple[EdgeSupport, ...], slopes: Slopes = "even") -> Sides:
     """Tell, for each coordinate, at which of its bounds (lower, upper) inputs must be even."""
     even = {(s.edge.axis, s.edge.side) for s in supports if s.free and slopes == "even"}
     first, second = (tuple((axis, side) in even for side in SIDES) for axis in (0, 1))
@@ -121,9 +129,9 @@ def edge_normals(case: Case, edge: Edge) -> Array:
     return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
 
 
-BALANCE = (
-    1e-6  # work of the loads on a free rigid motion, relative to the sum of their magnitudes, above which it moves
-)
+# Work of the loads on a free rigid motion, by the sum of their magnitudes, above which it moves. It is far above
+# rounding; neighbours are not on record.
+BALANCE = 1e-6
 
 
 def force_density(case: Case, points: ArrayLike, t: float = 1.0) -> Array:
@@ -225,24 +233,3 @@ def check_balance(case: Case, rule: Rule, spec: RuleSpec, focal: Array, t: float
     if np.linalg.norm(work) > BALANCE * largest:
         motion = RIGID_MOTIONS[int(np.argmax(np.abs(free @ work)))]
         raise InputError(f"case '{case.name}': the loads are not in balance: nothing holds the shell against {motion}")
-
-
-class Factors(Protocol):
-    """What multiplies the network so that supports are held."""
-
-    def matrix(self, points: Array, placement: Placement) -> Tensor:
-        """Return the jet (6, N, 3, 3) of M at points (N, 2)."""
-        ...
-
-
-class Lifting(Protocol):
-    """What moves the supports as prescribed."""
-
-    @property
-    def moves(self) -> bool:
-        """Whether any support is moved at all."""
-        ...
-
-    def jet(self, points: Array, placement: Placement) -> Tensor:
-        """Return the jet (6, N, 3) of the lift at points (N, 2)."""
-        ...

@@ -26,7 +26,7 @@ from shellbench.problem import NumberFormat, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import shortened
 from shellbench.protocol.schema import Finite, Model, one_sentence
-from shellbench.solvers.ndf.field.build import FieldSpec
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import activation
 from shellbench.solvers.ndf.field.network import Network
 from shellbench.solvers.ndf.field.quadrature import RuleSpec

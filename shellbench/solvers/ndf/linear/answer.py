@@ -1,4 +1,4 @@
-"""What one level of features answers of a linear shell at rest, and what challengers say of it."""
+"""Candidates: the answers of one level of features of a linear shell at rest, and the estimate of their error."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ from shellbench.problem import Step
 from shellbench.problems.shell.quantities.measure import measure
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.solvers.ndf.field.jets import Array
-from shellbench.solvers.ndf.linear.refinement import ROUNDING, Level, Miss, changes, tail
+from shellbench.solvers.ndf.field.quadrature import ROUNDING
+from shellbench.solvers.ndf.linear.refinement import Level, Miss, changes, tail
+from shellbench.solvers.ndf.linear.regularised import JITTER
 from shellbench.solvers.ndf.linear.signs import Signs
 from shellbench.solvers.ndf.linear.solution import NdfSolution
-from shellbench.solvers.ndf.linear.solve import JITTER
 
-STRONGER = 10.0  # times the usual regularisation: of answers that tell what the usual one takes
+STRONGER = 10.0  # times the usual regularisation: of answers that tell what the usual one takes: a decade
 STEPS_LEFT = math.log(JITTER / np.finfo(float).eps) / math.log(STRONGER)  # from the usual one down to rounding: 3.7
 EXPLOITED = ROUNDING  # of what is stored: more features, or less regularisation, cost so much on a finer rule
 
 
 @dataclass(frozen=True)
-class Answer:
+class Candidate:
     """One answer of a level.
 
     Attributes
@@ -56,7 +57,7 @@ class Answer:
         """Tell whether its certified energy is above another one, J, by more than rounding."""
         return self.potential - other > EXPLOITED * self.stored
 
-    def missed(self, finer: Answer) -> Miss:
+    def missed(self, finer: Candidate) -> Miss:
         """Return what it has missed at least, as a finer answer tells."""
         # Relative to what is stored: where only loads act, strain energies and displacements that the loads work on
         # change by this share.
@@ -65,7 +66,7 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Solved:
+class SolvedLevel:
     """A level with its answers.
 
     Attributes
@@ -81,13 +82,13 @@ class Solved:
     """
 
     level: Level
-    narrower: tuple[Answer, ...]
-    first: Answer
-    regularised: tuple[Answer, Answer, Answer]
+    narrower: tuple[Candidate, ...]
+    first: Candidate
+    regularised: tuple[Candidate, Candidate, Candidate]
     energies: Callable[[], dict[str, float]]
 
     @property
-    def challenged(self) -> Answer:
+    def challenged(self) -> Candidate:
         """The answer with the challengers' features of least certified energy; the usual one if only rounding tells."""
         # Less regularisation takes less energy on the rule that the field is solved on. Where it takes more on the
         # finer one, the field exploits its rule: hardly in displacements, much in their third derivatives.
@@ -96,7 +97,7 @@ class Solved:
         return best if usual.exploits(best.potential) else usual
 
     @property
-    def best(self) -> Answer:
+    def best(self) -> Candidate:
         """The answer of the level: with the challengers' features, unless these lose certified energy."""
         return self.first if self.challenged.exploits(self.first.potential) else self.challenged
 
@@ -112,11 +113,11 @@ class Solved:
 
 
 @dataclass(frozen=True)
-class Kept:
+class BestLevel:
     """The answer of least certified energy among the levels so far, its level, and what it misses at least."""
 
-    answer: Answer
-    solved: Solved
+    answer: Candidate
+    solved: SolvedLevel
     missed: Miss
 
 

@@ -16,17 +16,18 @@ import numpy as np
 
 from shellbench.problem import Step
 from shellbench.problems.shell.quantities.measure import measure_all
-from shellbench.solvers.ndf.field.build import FieldSpec, build_features, build_inputs, graded_points, resolution
-from shellbench.solvers.ndf.field.choices import MULTIPLIERS
-from shellbench.solvers.ndf.field.field import Features, Field
-from shellbench.solvers.ndf.field.quadrature import area_rule
+from shellbench.solvers.ndf.field.build import graded_points, usual_resolution
+from shellbench.solvers.ndf.field.field import Field
+from shellbench.solvers.ndf.field.quadrature import NOWHERE, area_rule
 from shellbench.solvers.ndf.field.supports import point_supports
 from shellbench.solvers.ndf.linear.refinement import (
-    Level,
+    TRAINED_SHARE,
     Miss,
     changes,
     finer_rule,
     first_level,
+    joined_features,
+    looking_everywhere,
     probed,
     scale,
     still_missed,
@@ -36,19 +37,12 @@ from shellbench.solvers.ndf.linear.refinement import (
 from shellbench.solvers.ndf.linear.signs import jitter_share, rounding_energy
 from shellbench.solvers.ndf.linear.solution import NdfSolution
 from shellbench.solvers.ndf.linear.solve import potential_energy, solve_part
-from shellbench.solvers.ndf.strains.energy import (
-    certify,
-    concentrated,
-    energy_gap,
-    normal_equations,
-    rigid_part,
-    surface_area,
-)
+from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, normal_equations, surface_area
 
-SHARE = 0.5  # challengers, in units of the width of the trained layer
 # Where planes of symmetry are built in, a field is wide for its part of the shell, and gains ever less: as many
 # challengers as features tell half of an error that falls with the width, or faster. They look closer at point forces.
-MIRRORED_SHARE, MIRRORED_SCALES = 1.0, (1.0, 4.0)
+# What these were tuned on is not on record.
+MIRRORED_SHARE, MIRRORED_CHALLENGER_SCALES = 1.0, (1.0, 4.0)
 
 
 @dataclass(frozen=True)
@@ -93,7 +87,7 @@ def stated(solution: NdfSolution, seed: int, steps: Sequence[Step]) -> NdfSoluti
 
 def _rounding(solution: NdfSolution) -> float:
     case = solution.case
-    rule = area_rule(case.surface.domain, np.zeros((0, 2)), solution.rule)
+    rule = area_rule(case.surface.domain, NOWHERE, solution.rule)
     return rounding_energy(case.material.membrane_stiffness, surface_area(solution.field.ansatz, rule))
 
 
@@ -116,17 +110,19 @@ def challenge(solution: NdfSolution, values: dict[str, float], seed: int) -> Cha
     # 3. One solve; on the finer rule, the energies of both fields; each with the multiple that is best there.
     case, trained = solution.case, solution.field.features
     spec = looking_everywhere(solution.spec)
-    level, focal = first_level(case, resolution(case)), graded_points(case, spec)
+    level, focal = first_level(case, usual_resolution(case)), graded_points(case, spec)
     ansatz, placement = solution.field.ansatz, trained.placement
-    usual, share = level.resolution, SHARE
+    usual, share = level.resolution, TRAINED_SHARE
     if ansatz.mirrors:
-        share, (plain, stretched) = MIRRORED_SHARE, MIRRORED_SCALES
+        share, (plain, stretched) = MIRRORED_SHARE, MIRRORED_CHALLENGER_SCALES
         usual = replace(usual, scale=plain, stretched_scale=stretched)
     number = max(1, round(share * trained.network.width / len(level.kinds)))
     parts = ansatz.mirrors.parts if ansatz.mirrors else 1
     growth = max(1.0, math.sqrt(parts * (trained.network.width + len(level.kinds) * number) / usual.neurons))
     usual = replace(usual, neurons=0, rule=finer_rule(usual.rule, growth), fine=finer_rule(usual.fine, growth))
-    features = joined_features(solution, replace(level, resolution=usual, challengers=number), seed)
+    features = joined_features(
+        solution.field, solution.spec, replace(level, resolution=usual, challengers=number), seed
+    )
     rule, fine = (ansatz.rule(focal, s) for s in (usual.rule, usual.fine))
     equations = normal_equations(ansatz, features, rule, concentrated(ansatz, usual.rule, focal, placement))
     layer = solve_part(ansatz, features, equations, np.arange(features.count))
@@ -143,7 +139,7 @@ def challenge(solution: NdfSolution, values: dict[str, float], seed: int) -> Cha
     field = Field(ansatz, features, shares[1] * outputs[1], solution.field.output.new_zeros(6))
     other = replace(
         solution,
-        field=field.less_rigid(rigid_part(field, area_rule(case.surface.domain, focal, usual.rule))),
+        field=field.without_rigid_part(area_rule(case.surface.domain, focal, usual.rule)),
         rule=usual.fine,
         membrane=membrane,
         bending=bending,
@@ -153,22 +149,3 @@ def challenge(solution: NdfSolution, values: dict[str, float], seed: int) -> Cha
     changed = changes(case, values, measure_all(other), (probed(solution), probed(other)))
     gained = abs(first.potential(shares[0]) - joined.potential(shares[1]))
     return Challenged(Miss(changed, gained / (membrane + bending + rounding)), gap, len(level.kinds) * number)
-
-
-def joined_features(solution: NdfSolution, level: Level, seed: int) -> Features:
-    """Return the trained features with challengers beside them."""
-    case, trained = solution.case, solution.field.features
-    spec = looking_everywhere(solution.spec)
-    inputs, placement = build_inputs(case, spec), trained.placement
-    network = level.network(inputs, seed, spec.activation, placement)
-    drawn = build_features(case, spec, network, placement, inputs)
-    # The constant is among the trained features, and so are the singular ones unless settings left them out.
-    there = 1 + solution.spec.multipliers * len(drawn.fixed.foci)
-    new = replace(drawn.fixed, kept=tuple(k for k in drawn.fixed.kept if k >= there))
-    return replace(trained, beside=replace(drawn, fixed=new))
-
-
-def looking_everywhere(spec: FieldSpec) -> FieldSpec:
-    """Return the choices of challengers: with stretched inputs, singular features and powers about corners."""
-    more = {"stretched": True, "edge_stretched": True, "multipliers": spec.multipliers or MULTIPLIERS, "detail": 1}
-    return spec.model_copy(update=more)

@@ -3,7 +3,7 @@
 Forces at points are the multipliers (see `contact_forces`). Smooth fields can't tell many forces apart, so a great
 many of them give the same displacement: the smoothest are taken. And smooth fields ring where contact begins, as the
 shear force jumps there. So edges of contact along coordinate lines are looked for in the gap, and the field is given
-features that jump as well (see `creases`). Two answers say how sure the second one is. A single one is that of linear
+features that jump as well (see `lines`). Two answers say how sure the second one is. A single one is that of linear
 statics here, or that of a path (see `contact_at_finite_strain`).
 """
 
@@ -22,24 +22,24 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.problems.shell.quantities.quantities import ContactPoint, LargestPenetration
 from shellbench.problems.shell.question.contact import Touch, gaps
+from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.build import (
-    FieldSpec,
     Resolution,
     build_ansatz,
     build_features,
     build_inputs,
     graded_points,
-    resolution,
+    usual_resolution,
 )
-from shellbench.solvers.ndf.field.creases import Crease
-from shellbench.solvers.ndf.field.field import Ansatz, Features, Field
+from shellbench.solvers.ndf.field.choices import Crease, FieldSpec
+from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.geometry import side_lengths
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.network import random_features
-from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
+from shellbench.solvers.ndf.field.quadrature import ROUNDING, RuleSpec, area_rule
 from shellbench.solvers.ndf.linear.contact_forces import (
-    ALONG,
     GUARD,
+    ROWS_ACROSS,
     SLIGHT,
     contact_points,
     least_forces,
@@ -48,6 +48,7 @@ from shellbench.solvers.ndf.linear.contact_forces import (
     typical_compliance,
 )
 from shellbench.solvers.ndf.linear.refinement import (
+    SETTLED,
     Miss,
     changes,
     finer_rule,
@@ -59,24 +60,25 @@ from shellbench.solvers.ndf.linear.refinement import (
     uncertainties,
     unsettled,
 )
+from shellbench.solvers.ndf.linear.regularised import JITTER
 from shellbench.solvers.ndf.linear.ritz_field import with_settings
-from shellbench.solvers.ndf.linear.ritz_settings import NAME, RitzSettings
+from shellbench.solvers.ndf.linear.ritz_settings import NDF_RITZ, RitzSettings
 from shellbench.solvers.ndf.linear.signs import Signs, jitter_share, refusal, rounding_energy, unseen_turning
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
-from shellbench.solvers.ndf.linear.solve import JITTER, HeldInverse, OutputLayer, held_part, potential_energy, spread
+from shellbench.solvers.ndf.linear.solve import HeldInverse, OutputLayer, held_part, potential_energy, spread
 from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, normal_equations
 
-STRAIGHT = 0.02  # of a side: spread of an edge of contact along its line
+# What these were tuned on is not on record, beyond what a line says.
+STRAIGHT_EDGE = 0.02  # of a side: spread of an edge of contact along its line
 LOOKED, ROWS = 501, 9  # points of a line on which an edge of contact is looked for, and lines
-NEAREST, FARTHEST, DEGREE = 1e-2, 0.5, 3  # shares of the largest gap whose cube root is fitted, and how
+NEAREST, FARTHEST, ROOT_DEGREE = 1e-2, 0.5, 3  # shares of the largest gap whose cube root is fitted, and how
 FARTHEST_TURNED = 0.1  # the same at finite strain: fits that reach farther disagree with each other by degree
-SETTLED_EDGE = 1e-3  # of a side: change of an edge of contact with which it is found
+SETTLED_EDGE = SETTLED  # of a side: change of an edge of contact with which it is found
 ROUNDS = 5  # of looking for edges of contact
-PLANES = 8  # steps in which the planes that touch an obstacle are found
-STILL = 1e-9  # of the largest displacement: change after which these planes stay
-FINER = 1.4  # times the neurons, and times the points and panels by its root: the answer after the first
+PLANE_STEPS = 8  # steps in which the planes that touch an obstacle are found
+SECOND_WIDTH = 1.4  # times the neurons, and times the points and panels by its root: the answer after the first
 ALONG_SLENDER = (1.5, 0.3)  # of the scale along and across a slender shell, which bends along its length
-SETTLED_POINT = 1e-2  # of where contact begins
+SETTLED_POINT = 1e-2  # of where contact begins: what gates ask for
 
 
 @dataclass(frozen=True)
@@ -103,7 +105,7 @@ class Touching:
         return self.solution.states[-1] if isinstance(self.solution, PathSolution) else self.solution
 
 
-Answer = Callable[
+ContactSolve = Callable[
     [Case, FieldSpec, RitzSettings, Resolution, int, float],
     Touching,
 ]
@@ -115,8 +117,8 @@ def solve(
     spec: FieldSpec,
     settings: RitzSettings,
     progress: ProgressCallback,
-    answer: Answer | None = None,
-    settled: float = 1e-3,
+    answer: ContactSolve | None = None,
+    settled: float = SETTLED,
 ) -> NdfSolution | PathSolution:
     """Answer twice, on two resolutions with other features; the second is the answer, and their change what it misses.
 
@@ -132,7 +134,7 @@ def solve(
     fixed = settings.neurons is not None, settings.panels is not None
     # Along a path there are no features of edge layers: those of linear theory are too fine for Newton's method.
     chosen = first_level(
-        case, with_settings(resolution(case), settings), fixed[0], fixed[1] or not case.linear
+        case, with_settings(usual_resolution(case), settings), fixed[0], fixed[1] or not case.linear
     ).resolution
     if case.linear:
         spec = spec.model_copy(update={"detail": 1})
@@ -142,16 +144,16 @@ def solve(
     if is_slender(case):
         longer = int(np.argmax(side_lengths(case)))
         chosen = replace(chosen, along=(ALONG_SLENDER[longer], ALONG_SLENDER[1 - longer]))
-    root = FINER**0.5
-    wider = chosen.neurons if fixed[0] else round(FINER * chosen.neurons)
+    root = SECOND_WIDTH**0.5
+    wider = chosen.neurons if fixed[0] else round(SECOND_WIDTH * chosen.neurons)
     fine = replace(chosen, neurons=wider, rule=finer_rule(chosen.rule, root), fine=finer_rule(chosen.fine, root))
     answers: list[Touching] = []
     creases: tuple[Crease, ...] = ()
     steps = []
-    for number, level in enumerate((chosen, fine)):
-        progress(Progress(number, None, f"looking for contact with {level.neurons} neurons"))
+    for number, resolution in enumerate((chosen, fine)):
+        progress(Progress(number, None, f"looking for contact with {resolution.neurons} neurons"))
         given = settings.seed + number * 2**20
-        last, creases = _located(case, spec, settings, level, creases, given, root**number, answer or _answer)
+        last, creases = _located(case, spec, settings, resolution, creases, given, root**number, answer or _answer)
         steps.append(
             Step(
                 iteration=number,
@@ -208,16 +210,16 @@ def _located(
     case: Case,
     spec: FieldSpec,
     settings: RitzSettings,
-    level: Resolution,
+    resolution: Resolution,
     creases: tuple[Crease, ...],
     seed: int,
     finer: float,
-    answer: Answer,
+    answer: ContactSolve,
 ) -> tuple[Touching, tuple[Crease, ...]]:
     """Return the answer on a resolution whose edges of contact are where its features jump."""
     size = case.surface.domain.size
     for _ in range(ROUNDS):
-        touching = answer(case, spec.model_copy(update={"creases": creases}), settings, level, seed, finer)
+        touching = answer(case, spec.model_copy(update={"creases": creases}), settings, resolution, seed, finer)
         found = edges_of_contact(touching.last)
         same = [(axis, side) for axis, _, side in found] == [(axis, side) for axis, _, side in creases]
         if same and all(abs(a[1] - b[1]) <= SETTLED_EDGE * size[a[0]] for a, b in zip(found, creases, strict=True)):
@@ -249,7 +251,7 @@ def _settled(
         return np.asarray(u.cpu().numpy())
 
     u = np.zeros((len(touch.points), 3))
-    for _ in range(PLANES):
+    for _ in range(PLANE_STEPS):
         gap, normal = gaps(case, touch.points, u, ansatz.t)
         along = (matrix.mT @ placement.tensor(normal)[..., None])[..., 0]
         rows = (along[:, :, None] * values[:, None, :]).reshape(len(touch.points), -1)[:, kept]
@@ -262,7 +264,7 @@ def _settled(
         largest = float(np.abs(moved(free.weights + response @ placement.tensor(forces))).max())
         smooth = smoothest(compliance, offset, forces, unit, line, largest)
         last, u = u, moved(free.weights + response @ placement.tensor(smooth))
-        if np.abs(u - last).max() <= STILL * np.abs(u).max():
+        if np.abs(u - last).max() <= ROUNDING * np.abs(u).max():
             break
     layer = held.layer(rows.T @ placement.tensor(smooth))
     return layer, replace(touch, forces=smooth[:, None] * normal)
@@ -283,16 +285,16 @@ def edges_of_contact(solution: NdfSolution) -> tuple[Crease, ...]:
         for side in (-1, 1):
             at = []
             along = domain.lower[axis] + domain.size[axis] * (shares if side < 0 else 1 - shares)
-            for share in np.linspace(0.1, 0.9, ROWS):
+            for share in np.arange(1, ROWS + 1) / (ROWS + 1):
                 points = np.full((LOOKED, 2), domain.lower[1 - axis] + share * domain.size[1 - axis])
                 points[:, axis] = along
                 gap, _ = gaps(case, points, solution.displacement(points), solution.spec.t)
                 edge = _root_of_gap(along, gap, FARTHEST if case.linear else FARTHEST_TURNED)
                 if edge is not None:
                     at.append(edge)
-            if len(at) == ROWS and float(np.ptp(at)) <= STRAIGHT * domain.size[axis]:
+            if len(at) == ROWS and float(np.ptp(at)) <= STRAIGHT_EDGE * domain.size[axis]:
                 found.append((axis, float(np.median(at)), side))
-    apart = (GUARD + 1) / ALONG * np.asarray(domain.size)  # rows of their own need room
+    apart = (GUARD + 1) / ROWS_ACROSS * np.asarray(domain.size)  # rows of their own need room
     ends = [[domain.lower[axis], domain.upper[axis]] for axis in (0, 1)]
     return tuple(
         crease
@@ -313,33 +315,35 @@ def _root_of_gap(along: Array, gap: Array, farthest: float = FARTHEST) -> float 
     peak = int(np.argmax(gap[: closed[0]])) if closed[0] else 0
     x, g = along[peak : closed[0]], gap[peak : closed[0]]
     fitted = (g > NEAREST * largest) & (g < farthest * largest)
-    if fitted.sum() < 4 * DEGREE:
+    if fitted.sum() < 4 * ROOT_DEGREE:
         return None
     x, g = x[fitted], g[fitted]
-    roots = np.polynomial.Polynomial.fit(x, np.cbrt(g), DEGREE).roots()
-    roots = roots[np.abs(roots.imag) <= 1e-9 * np.ptp(x)].real
+    roots = np.polynomial.Polynomial.fit(x, np.cbrt(g), ROOT_DEGREE).roots()
+    roots = roots[np.abs(roots.imag) <= ROUNDING * np.ptp(x)].real
     roots = roots[(roots - x[-1]) * (x[-1] - x[0]) >= 0]
     return float(roots[np.argmin(np.abs(roots - x[-1]))]) if len(roots) else None
 
 
 def drawn(
-    case: Case, spec: FieldSpec, settings: RitzSettings, level: Resolution, seed: int
+    case: Case, spec: FieldSpec, settings: RitzSettings, resolution: Resolution, seed: int
 ) -> tuple[Ansatz, Features, tuple[RuleSpec, RuleSpec], Array]:
     """Return a field's supports and features, the rules to train and to judge it, and what these are graded toward."""
     placement, focal = Placement.on(settings.device), graded_points(case, spec)
     joints = tuple(
         tuple(sorted({*own, *(at for a, at, _ in spec.creases if a == axis)})) for axis, own in enumerate(case.kinks)
     )
-    rule, fine = (replace(one, joints=(joints[0], joints[1])) for one in (level.rule, level.fine))
+    rule, fine = (replace(one, joints=(joints[0], joints[1])) for one in (resolution.rule, resolution.fine))
     inputs = build_inputs(case, spec)
-    network = random_features(placement.tensor(level.scales(inputs)), level.neurons, seed, settings.activation)
+    network = random_features(
+        placement.tensor(resolution.scales(inputs)), resolution.neurons, seed, settings.activation
+    )
     return build_ansatz(case, spec), build_features(case, spec, network, placement, inputs), (rule, fine), focal
 
 
 def _answer(
-    case: Case, spec: FieldSpec, settings: RitzSettings, level: Resolution, seed: int, finer: float
+    case: Case, spec: FieldSpec, settings: RitzSettings, resolution: Resolution, seed: int, finer: float
 ) -> Touching:
-    ansatz, features, (rule_spec, fine_spec), focal = drawn(case, spec, settings, level, seed)
+    ansatz, features, (rule_spec, fine_spec), focal = drawn(case, spec, settings, resolution, seed)
     placement = features.placement
     rule, fine = (area_rule(case.surface.domain, focal, one) for one in (rule_spec, fine_spec))
     equations = normal_equations(ansatz, features, rule, concentrated(ansatz, rule_spec, focal, placement))
@@ -360,7 +364,7 @@ def _answer(
     )
     solution = NdfSolution(
         case=case,
-        solver=NAME,
+        solver=NDF_RITZ,
         spec=spec,
         field=field,
         rule=fine_spec,
@@ -373,7 +377,7 @@ def _answer(
             "energy_gap": signs.gap,
             "certified_energy": certified.potential(),
             "jitter": JITTER,
-            "neurons": level.neurons,
+            "neurons": resolution.neurons,
             "contact_points": len(touch.points),
             "pressed_points": int(np.count_nonzero(np.any(touch.forces != 0, axis=1))),
         },

@@ -16,20 +16,22 @@ from scipy.optimize import nnls
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.contact import Touch
-from shellbench.solvers.ndf.field.creases import Crease
+from shellbench.solvers.ndf.field.choices import Crease
 from shellbench.solvers.ndf.field.geometry import side_lengths
 from shellbench.solvers.ndf.field.jets import Array
+from shellbench.solvers.ndf.field.quadrature import ROUNDING
 
 Flags = NDArray[np.bool_]
 
-POINTS = 600  # at which gaps are asked, while no edge of contact is known
-ALONG, LEAST, MOST = 80, 5, 12  # of them across the edges of contact, and along these
+GAP_POINTS = 600  # at which gaps are asked, while no edge of contact is known
+ROWS_ACROSS, FEWEST_ROWS, MOST_ROWS = 80, 5, 12  # of them across the edges of contact, and along these
 GUARD = 2.0  # spacings outside an edge of contact that its own row stands for
+# What the next ones were tuned on is not on record, beyond what a line says.
 LINE_FORCE = 10.0  # times as much of a force costs nothing more on such a row: a line force is no noise
 SLIGHT = 1e-9  # share of the mean compliance by which obstacles give: what makes forces unique at all
 SMOOTH = 1e-3  # the same, where forces are made smooth
 CLOSED = 3e-4  # of the largest displacement: gaps at which smooth forces may act
-REACH, FAR_REACH = 2.0, 8.0  # spacings over which forces make a pressure, with edges of contact known or not
+PRESSURE_REACH, FAR_REACH = 2.0, 8.0  # spacings over which forces make a pressure, with edges of contact known or not
 
 
 def contact_points(case: Case, creases: tuple[Crease, ...], finer: float, ends: bool = False) -> Touch:
@@ -40,10 +42,12 @@ def contact_points(case: Case, creases: tuple[Crease, ...], finer: float, ends: 
     domain, sides = case.surface.domain, np.asarray(side_lengths(case))
     if creases:
         across = {axis for axis, _, _ in creases}
-        alike = ALONG * sides / sides[min(across)]
-        counts = [ALONG if axis in across else int(np.clip(alike[axis], LEAST, MOST)) for axis in (0, 1)]
+        alike = ROWS_ACROSS * sides / sides[min(across)]
+        counts = [
+            ROWS_ACROSS if axis in across else int(np.clip(alike[axis], FEWEST_ROWS, MOST_ROWS)) for axis in (0, 1)
+        ]
     else:
-        counts = [max(4, round(float(np.sqrt(POINTS / sides.prod()) * side))) for side in sides]
+        counts = [max(4, round(float(np.sqrt(GAP_POINTS / sides.prod()) * side))) for side in sides]
     found = []
     for axis in (0, 1):
         # The row of an edge of contact stands for half a spacing inside, and for `GUARD` of them outside, where the gap
@@ -79,7 +83,7 @@ def contact_points(case: Case, creases: tuple[Crease, ...], finer: float, ends: 
     x = case.surface.derivatives(grid, 1)
     speeds = np.stack([np.broadcast_to(np.linalg.norm(x[k], axis=-1), len(grid)) for k in ((1, 0), (0, 1))], axis=-1)
     spacing = np.array([domain.size[axis] / round(finer * counts[axis]) for axis in (0, 1)]) * speeds.max(axis=0)
-    return Touch(grid, np.zeros((len(grid), 3)), sizes * speeds, (REACH if creases else FAR_REACH) * spacing)
+    return Touch(grid, np.zeros((len(grid), 3)), sizes * speeds, (PRESSURE_REACH if creases else FAR_REACH) * spacing)
 
 
 def least_forces(compliance: Array, gap: Array, give: Array) -> Array:
@@ -132,5 +136,5 @@ def on_creases(case: Case, touch: Touch, creases: tuple[Crease, ...]) -> Flags:
     """Return which points (n,) are on an edge of contact."""
     line = np.zeros(len(touch.points), dtype=bool)
     for axis, at, _ in creases:
-        line |= np.abs(touch.points[:, axis] - at) <= 1e-9 * case.surface.domain.size[axis]
+        line |= np.abs(touch.points[:, axis] - at) <= ROUNDING * case.surface.domain.size[axis]
     return line

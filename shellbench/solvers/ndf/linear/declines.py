@@ -1,4 +1,7 @@
-"""Whether the exact boundary factors can hold the supports of a case, found out by trying."""
+"""Cases that a field declines: supports that boundary factors can't hold, paths and motions that it can't follow.
+
+What boundary factors hold is found out by trying a random field.
+"""
 
 from __future__ import annotations
 
@@ -10,22 +13,29 @@ from torch import Tensor
 
 from shellbench.problem import Quantity
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.quantities.quantities import ReactionQuantity, ResultantQuantity, TorqueQuantity
-from shellbench.problems.shell.question.conditions import Rotation, Value
+from shellbench.problems.shell.posed.rigid import free_motions
+from shellbench.problems.shell.quantities.quantities import (
+    CriticalPoint,
+    ReactionQuantity,
+    ResultantQuantity,
+    TorqueQuantity,
+)
+from shellbench.problems.shell.question.conditions import RIGID_MOTIONS, Rotation, Value
 from shellbench.problems.shell.question.loads import MomentLoad
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.corners import held_corners
-from shellbench.solvers.ndf.field.factors import turns
+from shellbench.solvers.ndf.field.factors import turns, why_not_turned
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Placement, from_derivatives
 from shellbench.solvers.ndf.field.network import random_features
-from shellbench.solvers.ndf.field.paths import is_path, why_not_followed
-from shellbench.solvers.ndf.field.supports import TANGENTIAL, EdgeSupport, edge_samples, edge_supports
+from shellbench.solvers.ndf.field.quadrature import ROUNDING
+from shellbench.solvers.ndf.field.supports import EdgeSupport, edge_samples, edge_supports
+from shellbench.solvers.ndf.linear.ritz_field import is_path
 from shellbench.solvers.ndf.strains.reaction import Virtual
 from shellbench.solvers.ndf.strains.soft import why_not_soft
 
 PROBE_WIDTH = 4  # features of the random field that probes the factors
-VIOLATED = 1e-9  # of the probe's own size: far above rounding, far below any real violation
 
 
 def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
@@ -42,10 +52,10 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
     probe = _probe(case, spec or FieldSpec())
     for support in edge_supports(case):
         value, slope = violations(probe, support)
-        if not value < VIOLATED:
+        if not value < ROUNDING:
             return f"its boundary factors can't move '{support.edge.name}' as prescribed where it meets other supports"
         by_rows = support.free and spec is not None and spec.slopes == "rows"
-        if not by_rows and not slope < VIOLATED:
+        if not by_rows and not slope < ROUNDING:
             return f"its boundary factors can't hold the slope on '{support.edge.name}' of this surface"
         if support.free and not by_rows and _slides(case, support):
             return f"it holds the slope on '{support.edge.name}', which slides, by features that take no shear there"
@@ -110,7 +120,7 @@ def _slides(case: Case, support: EdgeSupport) -> bool:
     x = from_derivatives(case.surface.derivatives(edge_samples(case, support.edge), 2), Placement())
     _, conormal = _across(x, support.edge.axis)
     free = [c for c in range(3) if c not in support.held]
-    return bool((conormal[:, free].norm(dim=-1) > TANGENTIAL * conormal.norm(dim=-1)).any())
+    return bool((conormal[:, free].norm(dim=-1) > ROUNDING * conormal.norm(dim=-1)).any())
 
 
 def _across(x: Tensor, axis: int) -> tuple[Tensor, Tensor]:
@@ -143,3 +153,36 @@ def _probe(case: Case, spec: FieldSpec) -> Field:
     generator = torch.Generator().manual_seed(1)
     output = torch.randn((3, features.count), generator=generator, dtype=torch.float64)
     return Field(build_ansatz(case, spec), features, output, torch.zeros(6, dtype=torch.float64))
+
+
+def why_not_followed(case: Case) -> str | None:
+    """Return why a field can't follow a non-linear case, as one clause, or None if it can."""
+    if case.obstacles and (reason := _why_not_touched(case)) is not None:
+        return reason
+    for support in case.supports:
+        if support.clamped and isinstance(support.motion, Value):
+            return f"it can't tell how far the clamped support '{support.name}' turns"
+    if (reason := why_not_turned(case)) is not None:
+        return reason
+    moved = next((support for support in case.supports if support.motion is not None), None)
+    if case.path.quantity is not None and moved is not None:
+        return f"it can't move support '{moved.name}' on a path with control = '{case.path.control}'"
+    free = free_motions(case)
+    if case.following and (case.path.quantity is not None or case.path.after_buckling == "follow"):
+        return "it follows a pressure along the deformed normal by load steps before buckling only"
+    if case.following and free.size:
+        return "it needs supports against all rigid motions where a pressure follows the shell"
+    if free.size and np.abs(free[3:]).max() > ROUNDING:
+        name = RIGID_MOTIONS[3 + int(np.argmax(np.abs(free[3:]).max(axis=1)))]
+        return f"it needs supports against {name} at finite strain"
+    return None
+
+
+def _why_not_touched(case: Case) -> str | None:
+    if case.path.control != "load" or case.path.after_buckling == "follow":
+        return "it touches obstacles by load steps before buckling only"
+    if any(isinstance(q, CriticalPoint) for q in case.quantities):
+        return "it tells of no critical points where there are obstacles"
+    if case.following or any(isinstance(load, MomentLoad) for load in case.loads) or turns(case):
+        return "it touches obstacles at finite strain under dead forces alone, without moments or edges that turn"
+    return None

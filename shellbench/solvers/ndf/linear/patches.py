@@ -1,4 +1,4 @@
-"""Equilibrium once more on a patch: the displacement of which stress resultants are taken.
+"""Stress resultants: by derivatives of a displacement that is in equilibrium once more on a patch.
 
 A field that least squares find over a whole shell has settled in energy while its second and third derivatives still
 err, most at edges: combinations of features that are rough cost next to nothing. About a point, therefore,
@@ -11,35 +11,45 @@ a(u, v) = l(v) for all v = M bubble P, and at a supported edge the moment and th
 the support. What the field errs at the patch's rim reaches its middle smoothed.
 
 Two degrees of the polynomials tell how sure this is. Where they differ, as in layers at edges, the patch is halved.
+
+Membrane forces and moments are made of first and second derivatives of the displacement, which are exact. In contra-
+variant components n = D H eps and m = B H kappa; with e_1 along a_1 and e_2 = a_3 x e_1 they become physical ones.
+Shear forces need the moments' slopes, third derivatives of the displacement. Jets end at the second. So moments are
+taken at Chebyshev points of a short line through the point, along either coordinate, and the polynomial through them is
+differentiated: a field is smooth, and on so short a line its polynomial errs by less than rounding.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
-from numpy.polynomial import legendre
+from numpy.polynomial import chebyshev, legendre
 from torch import Tensor
 
+from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.loads import EdgeLoad, MomentLoad, PointLoad
 from shellbench.problems.shell.question.places import SIDES, Edge, Point
+from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.choices import StrainName
-from shellbench.solvers.ndf.field.field import Ansatz, Field
+from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import PLANES, VALUE, Array, Placement, matrix_product
-from shellbench.solvers.ndf.field.quadrature import Rule, line_rule
+from shellbench.solvers.ndf.field.quadrature import ROUNDING, Rule, line_rule
 from shellbench.solvers.ndf.field.supports import edge_supports
-from shellbench.solvers.ndf.linear.solve import JITTER, RegularisedInverse
+from shellbench.solvers.ndf.linear.regularised import JITTER, RegularisedInverse
 from shellbench.solvers.ndf.strains.energy import add_gram, mirrored, strain_matrix, tables, value_vector
-from shellbench.solvers.ndf.strains.resultants import resultants
+from shellbench.solvers.ndf.strains.strain_measures import Undeformed, stresses
 
 SIDES_OF_PATCHES = (3 / 8, 3 / 16, 3 / 32)  # in sides of the shell
 STEPS = 3  # patches begin at every third of their side, so that points lie near their middle
-DEGREES = (8, 10)  # of Q along each side
-MORE = 2  # degrees of P
-ORDER = 16  # Gauss points along a side of the patch, beside one a degree
-AGREED = 1e-4  # difference of two degrees, by the largest component at a point, at which no smaller patch is tried
-SLACK = 1e-9  # of a side: places that are nearer are the same
+PATCH_DEGREES = (8, 10)  # of Q along each side
+BUBBLE_DEGREES = 2  # degrees of P
+PATCH_ORDER = 16  # Gauss points along a side of the patch, beside one a degree
+AGREED = 1e-4  # difference of both degrees, by the largest component at a point: a tenth of what gates ask for
+LINE_NODES = 9  # moments on a line, through which the polynomial goes
+HALF_LINE = 0.02  # of a side: half the length of a line; shorter ones magnify rounding, longer ones no longer fit
 
 
 @dataclass(frozen=True)
@@ -96,7 +106,7 @@ class OnPatch:
 def _bases(patch: Patch, degree: int, points: Array, placement: Placement) -> tuple[Tensor, Tensor]:
     """Return the jets (6, N, .) of what Q and bubble P are made of."""
     plain = replace(patch, inner=frozenset())
-    return plain.jets(points, degree, placement), patch.jets(points, degree + MORE, placement)
+    return plain.jets(points, degree, placement), patch.jets(points, degree + BUBBLE_DEGREES, placement)
 
 
 @dataclass(frozen=True)
@@ -116,14 +126,14 @@ class Balance:
     def on(cls, ansatz: Ansatz, patch: Patch, degree: int, placement: Placement) -> Balance:
         """Find the maps for polynomials of a degree."""
         # 1. Q by least squares of M Q to M F at Gauss points.
-        rule = patch.rule(degree + ORDER)
+        rule = patch.rule(degree + PATCH_ORDER)
         held = ansatz.factors.matrix(rule.points, placement)[VALUE]
         weights = (placement.tensor(rule.weights) * (held * held).sum(dim=(1, 2))).sqrt()[:, None]
         plain = replace(patch, inner=frozenset()).jets(rule.points, degree, placement)[VALUE]
         basis, triangle = torch.linalg.qr(weights * plain)
         fit = torch.linalg.solve_triangular(triangle, (weights * basis).T, upper=True)
         # 2. P by Ritz's method: K P = f - C Q.
-        unknowns, fitted = 3 * (degree + MORE + 1) ** 2, 3 * len(fit)
+        unknowns, fitted = 3 * (degree + BUBBLE_DEGREES + 1) ** 2, 3 * len(fit)
         stiffness, right = weights.new_zeros((unknowns, unknowns)), weights.new_zeros((unknowns, 1 + fitted))
         for points, table in tables(ansatz, rule, placement):
             of_q, of_p = _bases(patch, degree, points, placement)
@@ -172,7 +182,7 @@ class Recovery:
                 if not (self.at_rest and self._plain(patch)):
                     continue
                 if patch not in self.known:
-                    self.known[patch] = tuple(self._balanced(patch, degree) for degree in DEGREES)
+                    self.known[patch] = tuple(self._balanced(patch, degree) for degree in PATCH_DEGREES)
                 both = np.stack([resultants(case, self.measure, u.jet, name, points[those]) for u in self.known[patch]])
                 change = np.abs(both[1] - both[0]).max(axis=-1)
                 better = change < differ[those]
@@ -193,7 +203,7 @@ class Recovery:
             begin = round(((point[axis] - domain.lower[axis]) / domain.size[axis] - share / 2) / step) * step
             if not domain.periodic[axis]:
                 begin = min(max(begin, 0.0), most)
-            inside = (begin > SLACK, begin < most - SLACK)
+            inside = (begin > ROUNDING, begin < most - ROUNDING)
             inner |= {(axis, s) for s, at in zip(SIDES, inside, strict=True) if at or domain.periodic[axis]}
             ends.append([domain.lower[axis] + domain.size[axis] * at for at in (begin, begin + share)])
         (a, b), (c, d) = ends
@@ -212,3 +222,73 @@ class Recovery:
         singular = fixed.creases is not None or (corner and fixed.corners is not None)
         kinks = any(patch.lower[a] < at < patch.upper[a] for a in (0, 1) for at in case.kinks[a])
         return not (ansatz.soft or on_points or on_edges or singular or kinks)
+
+
+def resultants(case: Case, measure: StrainName, jet: Callable[[Array], Tensor], name: str, points: Array) -> Array:
+    """Return resultants at points (N, 2) of a field with this displacement jet (6, N, 3); see `RESULTANTS`."""
+    if name == "shear_force":
+        return _shear_forces(case, measure, jet, points)
+    surface, membrane, moments = _conjugate(case, measure, jet, points)
+    frame = _frame(surface)
+    full = _full(membrane if name == "membrane_force" else moments)
+    turned = frame.mT @ full @ frame
+    return np.asarray(torch.stack([turned[:, 0, 0], turned[:, 1, 1], turned[:, 0, 1]], dim=-1).cpu().numpy())
+
+
+def _conjugate(
+    case: Case, measure: StrainName, jet: Callable[[Array], Tensor], points: Array
+) -> tuple[Undeformed, Tensor, Tensor]:
+    """Return the surface, and membrane forces and moments (N, 3) in contravariant components 11, 22, 12."""
+    moved = jet(points)
+    surface = Undeformed.at_points(case.surface, points, Placement(moved.device, moved.dtype))
+    strains = surface.strained(measure, surface.gradients(moved)).strains
+    # The strain 12 counts for 21, too: what is conjugate to it is the component itself.
+    found = stresses(surface.elasticity(case.material), strains)
+    return surface, found[:, :3], found[:, 3:]
+
+
+def _full(pairs: Tensor) -> Tensor:
+    """Return tensors (N, 2, 2) of components 11, 22, 12 (N, 3)."""
+    return pairs[:, [0, 2, 2, 1]].view(-1, 2, 2)
+
+
+def _frame(surface: Undeformed) -> Tensor:
+    """Return a_a . e_i (N, 2, 2)."""
+    tangents = surface.geometry.tangents
+    first = tangents[:, 0] / tangents[:, 0].norm(dim=-1, keepdim=True)
+    second = torch.linalg.cross(surface.geometry.normal, first, dim=-1)
+    return tangents @ torch.stack([first, second], dim=-1)
+
+
+def _shear_forces(case: Case, measure: StrainName, jet: Callable[[Array], Tensor], points: Array) -> Array:
+    """Return q_i (N, 2): q^a = m^ab,b + Gamma^a_bc m^cb + Gamma^b_bc m^ac, in the orthonormal frame."""
+    surface, _, here = _conjugate(case, measure, jet, points)
+    christoffel = surface.geometry.christoffel[:, [0, 2, 2, 1]].view(-1, 2, 2, 2)  # (N, b, c, a)
+    moments = _full(here)
+    total = torch.einsum("nbca,ncb->na", christoffel, moments) + torch.einsum("nbcb,nac->na", christoffel, moments)
+    for axis in (0, 1):
+        lines = [_line(case, axis, point) for point in points]
+        along = np.repeat(points[:, None], LINE_NODES, axis=1)
+        along[:, :, axis] = [nodes for nodes, _ in lines]
+        _, _, there = _conjugate(case, measure, jet, along.reshape(-1, 2))
+        rows = here.new_tensor(np.array([row for _, row in lines]))
+        total = total + torch.einsum("np,npa->na", rows, _full(there).view(len(points), LINE_NODES, 2, 2)[..., axis])
+    return np.asarray((total[:, None] @ _frame(surface))[:, 0].cpu().numpy())
+
+
+def _line(case: Case, axis: int, point: Array) -> tuple[Array, Array]:
+    """Return coordinates (k,) of a line through a point, and what they are weighted by (k,) for a slope there."""
+    domain = case.surface.domain
+    half = HALF_LINE * domain.size[axis]
+    cuts = sorted(
+        case.kinks[axis] if domain.periodic[axis] else (domain.lower[axis], *case.kinks[axis], domain.upper[axis])
+    )
+    low = max((cut for cut in cuts if cut <= point[axis]), default=-np.inf)
+    high = min((cut for cut in cuts if cut > point[axis]), default=np.inf)
+    if not np.isfinite(high) and len(cuts) > 1:  # on the upper edge
+        low, high = cuts[-2], cuts[-1]
+    middle = min(max(point[axis], low + half), max(high - half, low + half))
+    nodes = chebyshev.chebpts1(LINE_NODES)
+    slopes = [chebyshev.chebval((point[axis] - middle) / half, chebyshev.chebder(c)) for c in np.eye(LINE_NODES)]
+    weights = np.array(slopes) @ np.linalg.inv(chebyshev.chebvander(nodes, LINE_NODES - 1)) / half
+    return middle + half * nodes, weights

@@ -25,27 +25,31 @@ from shellbench.problems.shell.quantities.quantities import (
     PotentialEnergy,
 )
 from shellbench.problems.shell.solution import ShellSolution
-from shellbench.solvers.ndf.field.build import Resolution, is_flat
+from shellbench.solvers.ndf.field.build import WIDTHS, Resolution, build_features, build_inputs, is_flat
+from shellbench.solvers.ndf.field.choices import MULTIPLIERS, FieldSpec
 from shellbench.solvers.ndf.field.corners import held_corners
+from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.geometry import side_lengths
 from shellbench.solvers.ndf.field.inputs import Inputs, edge_layers, foci
 from shellbench.solvers.ndf.field.jets import Array, Placement
 from shellbench.solvers.ndf.field.network import Network, random_features
-from shellbench.solvers.ndf.field.quadrature import RuleSpec
+from shellbench.solvers.ndf.field.quadrature import ROUNDING, RuleSpec
 
 SAFETY = 2.0  # of stated uncertainties, chosen before any error was seen
 SETTLED = 1e-3  # of a quantity's scale: what gates of fields ask for
 NEGLIGIBLE = 1e-3  # part of the largest displacement below which a value's relative error is idle
-WIDTHS = (1.0, 2.0, 3.5)  # of each level, in units of the usual width
-CHALLENGERS = 0.25  # in units of the neurons they challenge
-SLENDER = 3.0  # ratio of the sides of a flat shell from which on its ends have layers of their own
+LEVEL_WIDTHS = WIDTHS[1:]  # of each level, in units of the usual width
+CHALLENGERS = 0.25  # in units of the neurons they challenge. Neighbours are not on record.
+TRAINED_SHARE = 0.5  # challengers, in units of the width of the trained layer
+SLENDER = 3.0  # ratio of a flat shell's sides from which on its ends have layers of their own; neighbours not on record
 CORNER_CUTS = 2  # of cells at corners; the certificate has one more
 EDGE_SCALE = 2.0  # of inputs stretched toward edges
-ROUNDING = 1e-9  # of a quantity's scale: answers repeat to this and better
-SLOWEST = 0.8  # ratio of energy gained in one level to the level before beyond which no tail is summed
+SLOWEST = 0.8  # largest ratio of gains of two levels that a tail is summed with: four times the last gain
 PROBES = 25  # points a side at which fields are compared, and the largest displacement is looked for
 REPEATED = 1.5  # times the panels a side: with 6 Gauss points in each, a hundredth of what the rule misjudges
+RULE_POWER = 0.4  # of the width, that panels a side grow by: .5 would keep the points a feature; not on record
 LEAST_TAIL = 0.5  # of what a level changed: the one before had missed it, and this one may miss half of it still
+LARGEST_SEED = 2**31
 
 
 @dataclass(frozen=True)
@@ -59,9 +63,14 @@ class Kind:
 
 
 # Rules that are graded toward points are coarse elsewhere, and fit the usual scales: finer ones exploit them.
+# What these scales were tuned on is not on record.
 AROUND_POINTS = (Kind("anew", 1.0, 0.0, 1.0), Kind("finer", 1.4, 0.0, 0.7), Kind("layers", 0.7, 0.0, 1.2))
 KINDS = (Kind("anew", 1.0, 1.0, 1.0), Kind("finer", 2.0, 1.0, 1.5), Kind("layers", 1.0, 2.0, 2.0))
-GROWTH = {"anew": (1.3, 1.0), "finer": (2.0, 1.0), "layers": (1.3, 1.5)}  # of scales from level to level, by winner
+SCALE_GROWTH = {
+    "anew": (1.3, 1.0),
+    "finer": (2.0, 1.0),
+    "layers": (1.3, 1.5),
+}  # of scales from level to level, by winner
 
 
 @dataclass(frozen=True)
@@ -126,9 +135,6 @@ class Level:
         return tuple(np.arange(start + k * each, start + (k + 1) * each) for k in range(len(self.kinds)))
 
 
-LARGEST_SEED = 2**31
-
-
 def _seed(seed: int, level: int, kind: int) -> int:
     """Return another seed for each kind and level."""
     return int(np.random.SeedSequence([seed, level, kind]).generate_state(1)[0]) % LARGEST_SEED
@@ -145,13 +151,13 @@ def first_level(case: Case, usual: Resolution, given_width: bool = False, given_
 def next_level(first: Level, before: Level, winner: str, most: int) -> Level | None:
     """Return the level after one whose challengers of a kind have gained most; None if nothing wider is allowed."""
     number = before.number + 1
-    if number >= len(WIDTHS):
+    if number >= len(LEVEL_WIDTHS):
         return None
-    neurons = min(round(WIDTHS[number] * first.resolution.neurons), most)
+    neurons = min(round(LEVEL_WIDTHS[number] * first.resolution.neurons), most)
     if neurons <= before.resolution.neurons:
         return None
-    plain, stretched = GROWTH[winner]
-    old, growth = before.resolution, WIDTHS[number] ** 0.4
+    plain, stretched = SCALE_GROWTH[winner]
+    old, growth = before.resolution, LEVEL_WIDTHS[number] ** RULE_POWER
     resolution = replace(
         old,
         neurons=neurons,
@@ -347,3 +353,22 @@ def unsettled(uncertainty: Mapping[str, float], scales: Mapping[str, float], set
     if share <= settled:  # not so where it is not a number
         return None
     return f"{worst} may be off by {share:.1e} of its scale: that is what features of other kinds still change, twice"
+
+
+def joined_features(field: Field, spec: FieldSpec, level: Level, seed: int) -> Features:
+    """Return the features of a trained field, built by the choices `spec`, with challengers beside them."""
+    case, trained, multipliers = field.ansatz.case, field.features, spec.multipliers
+    spec = looking_everywhere(spec)
+    inputs, placement = build_inputs(case, spec), trained.placement
+    network = level.network(inputs, seed, spec.activation, placement)
+    drawn = build_features(case, spec, network, placement, inputs)
+    # The constant is among the trained features, and so are the singular ones unless settings left them out.
+    there = 1 + multipliers * len(drawn.fixed.foci)
+    new = replace(drawn.fixed, kept=tuple(k for k in drawn.fixed.kept if k >= there))
+    return replace(trained, beside=replace(drawn, fixed=new))
+
+
+def looking_everywhere(spec: FieldSpec) -> FieldSpec:
+    """Return the choices of challengers: with stretched inputs, singular features and powers about corners."""
+    more = {"stretched": True, "edge_stretched": True, "multipliers": spec.multipliers or MULTIPLIERS, "detail": 1}
+    return spec.model_copy(update=more)

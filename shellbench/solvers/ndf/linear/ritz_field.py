@@ -1,4 +1,4 @@
-"""What field `ndf-ritz` takes for a case and its settings."""
+"""The field that `ndf-ritz` takes for a case and its settings, and the cases that are solved along a path."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from dataclasses import replace
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf.field import paths
-from shellbench.solvers.ndf.field.build import FieldSpec, Resolution
-from shellbench.solvers.ndf.field.choices import StrainName
+from shellbench.problems.shell.question.loads import MomentLoad
+from shellbench.solvers.ndf.field.build import Resolution
+from shellbench.solvers.ndf.field.choices import FieldSpec, StrainName
 from shellbench.solvers.ndf.field.jets import activation, smooth_activation
 from shellbench.solvers.ndf.linear.ritz_settings import RitzSettings
 
@@ -23,7 +23,7 @@ def field_spec(case: Case, settings: RitzSettings) -> FieldSpec:
         raise InputError("setting neurons says of which degree a motion is; it does not go with degrees")
     if settings.hidden == "placed" and settings.activation != "sine":
         raise InputError(f"setting hidden = \"placed\" places sines, but found activation = '{settings.activation}'")
-    path = case.dynamics is not None or paths.is_path(case)
+    path = case.dynamics is not None or is_path(case)
     (smooth_activation if path else activation)(settings.activation)
     return FieldSpec(
         activation=settings.activation,
@@ -60,6 +60,12 @@ def with_settings(usual: Resolution, settings: RitzSettings) -> Resolution:
         usual,
         neurons=settings.neurons or usual.neurons,
         scale=settings.scale or usual.scale,
-        stretched_scale=settings.stretched_scale or usual.stretched_scale,
         rule=rule,
     )
+
+
+def is_path(case: Case) -> bool:
+    """Tell whether a case is solved along a path: in linear theory where all is prescribed, or edge moments act."""
+    if not case.linear or any(isinstance(load, MomentLoad) for load in case.loads):
+        return True
+    return case.prescribed

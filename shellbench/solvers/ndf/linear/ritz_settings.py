@@ -1,4 +1,4 @@
-"""Settings of `ndf-ritz`."""
+"""Settings of `ndf-ritz`, and of `ndf-conditioned`, which builds on its field."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from shellbench.solvers.ndf.field.choices import (
     Supports,
 )
 
-NAME = "ndf-ritz"  # of the solver, in records and files
+NDF_RITZ = "ndf-ritz"  # of the solver, in records and files
 
 
 class RitzSettings(SeededSettings):
@@ -34,7 +34,6 @@ class RitzSettings(SeededSettings):
     most_neurons: int = PydanticField(900, ge=1, le=4000, description="width up to which it refines; linear statics")
     activation: str = "sine"
     scale: Positive | None = PydanticField(None, description="standard deviation of the weights of plain inputs")
-    stretched_scale: Positive | None = PydanticField(None, description="the same of stretched inputs")
     layer: Positive = PydanticField(LAYER, description="length of stretched inputs, in sqrt(h R)")
     degrees: tuple[Annotated[int, PydanticField(ge=1, le=60)], ...] | None = PydanticField(
         None,
@@ -60,3 +59,18 @@ class RitzSettings(SeededSettings):
     order: int | None = PydanticField(None, ge=1, le=20, description="Gauss points along a panel")
     largest_gap: Positive = PydanticField(LARGEST_GAP, description="largest admissible quadrature gap")
     strain: StrainName | None = PydanticField(None, description="strain measure; exact in the non-linear theory")
+
+
+class ConditionedSettings(SeededSettings):
+    """Settings of `ndf-conditioned`; what is None follows from the case."""
+
+    neurons: int | None = PydanticField(
+        None, ge=1, le=4000, description="width of the random layer, without challengers"
+    )
+    snapshots: int = PydanticField(
+        32, ge=3, le=63, description="materials at which the output layer is solved for, at most; at rest"
+    )
+    tolerance: Positive = PydanticField(
+        1e-6, description="change of the asked displacement, by the last two fields, that ends it; at rest"
+    )
+    largest_gap: Positive = PydanticField(LARGEST_GAP, description="largest admissible quadrature gap")

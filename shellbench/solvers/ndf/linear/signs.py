@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from torch import Tensor
 
-from shellbench.solvers.ndf.field.build import FieldSpec
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import D1, D2, D11, D22, KINKED, Array
+from shellbench.solvers.ndf.field.mirrors import inner_shares
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, line_rule, panel_ends
 from shellbench.solvers.ndf.strains.energy import NormalEquations, exploits
 from shellbench.solvers.ndf.strains.strain_measures import UNSTRAINED
@@ -101,7 +102,7 @@ def ill_conditioned(share: float, remedy: str) -> str:
     )
 
 
-LINES = (0.17, 0.38, 0.61, 0.84)  # shares of the other coordinate at which lines run, off all symmetry
+LINES = inner_shares(4)  # of the other coordinate, at which lines run
 
 
 def unseen_turning(field: Field, spec: RuleSpec, focal: Array) -> float:

@@ -20,9 +20,10 @@ from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.contact import Touch, kept_touch, restored_touch
 from shellbench.problems.shell.solution import ShellSolution, state_number
-from shellbench.solvers.ndf.field.build import FieldSpec, build_features, build_inputs, graded_points
-from shellbench.solvers.ndf.field.choices import StrainName
-from shellbench.solvers.ndf.field.field import Ansatz, Features, Field
+from shellbench.solvers.ndf.field.ansatz import Ansatz
+from shellbench.solvers.ndf.field.build import build_features, build_inputs, graded_points
+from shellbench.solvers.ndf.field.choices import FieldSpec, StrainName
+from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.jets import Array, Placement
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import point_supports

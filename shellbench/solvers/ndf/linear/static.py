@@ -19,18 +19,18 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.problems.shell.quantities.quantities import ResultantQuantity
 from shellbench.solvers.ndf.field.build import (
-    FieldSpec,
     build_ansatz,
     build_features,
     build_inputs,
     graded_points,
-    resolution,
+    usual_resolution,
 )
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import KINKED, Placement
-from shellbench.solvers.ndf.field.quadrature import area_rule
+from shellbench.solvers.ndf.field.quadrature import NOWHERE, area_rule
 from shellbench.solvers.ndf.field.supports import check_balance, point_supports
-from shellbench.solvers.ndf.linear.answer import STRONGER, Answer, Kept, Solved, displacement_values
+from shellbench.solvers.ndf.linear.answer import STRONGER, BestLevel, Candidate, SolvedLevel, displacement_values
 from shellbench.solvers.ndf.linear.patches import Balances
 from shellbench.solvers.ndf.linear.refinement import (
     KINDS,
@@ -44,19 +44,13 @@ from shellbench.solvers.ndf.linear.refinement import (
     uncertainties,
     unsettled,
 )
+from shellbench.solvers.ndf.linear.regularised import JITTER
 from shellbench.solvers.ndf.linear.ritz_field import with_settings
-from shellbench.solvers.ndf.linear.ritz_settings import NAME, RitzSettings
+from shellbench.solvers.ndf.linear.ritz_settings import NDF_RITZ, RitzSettings
 from shellbench.solvers.ndf.linear.signs import Signs, jitter_share, refusal, rounding_energy, taken_up, unseen_turning
 from shellbench.solvers.ndf.linear.solution import NdfSolution
-from shellbench.solvers.ndf.linear.solve import JITTER, potential_energy, solve_part
-from shellbench.solvers.ndf.strains.energy import (
-    certify,
-    concentrated,
-    energy_gap,
-    normal_equations,
-    rigid_part,
-    surface_area,
-)
+from shellbench.solvers.ndf.linear.solve import potential_energy, solve_part
+from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, normal_equations, surface_area
 from shellbench.solvers.ndf.strains.soft import Springs, support_error
 
 PENALTY = 1e4  # supports give by 1e-5 of the deflection and less, and rounding takes less than 1e-3 of the energy
@@ -79,12 +73,12 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
     # Where challengers lose certified energy, they exploit the rule: the level is solved once more on a finer one.
     # Of all levels, that of the least certified energy answers: features drawn anew need not span the former ones.
     # Where settings fix width or panels, the first answer stands, and challengers only tell how sure it is.
-    begin, usual = time.perf_counter(), with_settings(resolution(case), settings)
+    begin, usual = time.perf_counter(), with_settings(usual_resolution(case), settings)
     given_width, given_rule = settings.neurons is not None, settings.panels is not None
     fixed = given_width or given_rule
     first = first_level(case, usual, given_width, given_rule)
     level: Level | None = first
-    kept: Kept | None = None
+    kept: BestLevel | None = None
     steps: list[Step] = []
     answer: NdfSolution | None = None
     balances: Balances = {}
@@ -120,7 +114,7 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
             break
         winner = KINDS[0].name
         if reason is None:
-            kept = Kept(last, solved, missed)
+            kept = BestLevel(last, solved, missed)
             if exploiting and not level.repeated:
                 level = level.on_finer_rule()
                 continue
@@ -136,7 +130,7 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
     return answer
 
 
-def _certified_again(answer: Answer, level: Level, settings: RitzSettings) -> float:
+def _certified_again(answer: Candidate, level: Level, settings: RitzSettings) -> float:
     """Return the potential energy of an answer on the finer rule of another level, J."""
     solution, spec = answer.solution, level.resolution.fine
     case, field = solution.case, solution.field
@@ -157,12 +151,14 @@ def _without_challengers(solution: NdfSolution, width: int) -> NdfSolution:
     return replace(solution, field=Field(field.ansatz, features, output, field.rigid))
 
 
-def _stated(last: Answer, solved: Solved, steps: tuple[Step, ...], missed: Miss) -> tuple[NdfSolution, str | None]:
+def _stated(
+    last: Candidate, solved: SolvedLevel, steps: tuple[Step, ...], missed: Miss
+) -> tuple[NdfSolution, str | None]:
     """Return an answer with its history and with what is known of its uncertainty, and why a wider field is needed."""
     # Stress resultants are derivatives, and the last to settle: they ask for wider fields. But a field whose
     # displacements have settled is an answer, and each resultant states how sure it is.
     solution = last.solution
-    area = surface_area(solution.field.ansatz, area_rule(solution.case.surface.domain, np.zeros((0, 2)), solution.rule))
+    area = surface_area(solution.field.ansatz, area_rule(solution.case.surface.domain, NOWHERE, solution.rule))
     rounding = rounding_energy(solution.case.material.membrane_stiffness, area)
     scales = {q.name: scale(solution, q, last.values[q.name], rounding) for q in solution.case.quantities}
     missed = missed.or_larger(_unrecovered(solution))
@@ -198,7 +194,7 @@ def _unrecovered(solution: NdfSolution) -> Miss:
 
 def _solve_level(
     case: Case, spec: FieldSpec, settings: RitzSettings, level: Level, begin: float, balances: Balances
-) -> Solved:
+) -> SolvedLevel:
     spec = spec.model_copy(update={"detail": level.detail})
     placement, focal, chosen = Placement.on(settings.device), graded_points(case, spec), level.resolution
     ansatz, inputs = build_ansatz(case, spec), build_inputs(case, spec)
@@ -231,7 +227,7 @@ def _solve_level(
         certified = [springs.certify(c, ansatz, features, o) for c, o in zip(certified, outputs, strict=True)]
         moved = springs.moved
     rounding = rounding_energy(case.material.membrane_stiffness, surface_area(ansatz, rule))
-    answers: list[Answer] = []
+    answers: list[Candidate] = []
     for part, jitter, layer, output, energies in zip(parts, jitters, layers, outputs, certified, strict=True):
         potential = potential_energy(equations, layer.weights)
         gap = energy_gap(potential, energies, moved, rounding)
@@ -240,9 +236,9 @@ def _solve_level(
         field = Field(ansatz, features, share * output, output.new_zeros(6))
         solution = NdfSolution(
             case=case,
-            solver=NAME,
+            solver=NDF_RITZ,
             spec=spec,
-            field=field.less_rigid(rigid_part(field, rule)),
+            field=field.without_rigid_part(rule),
             rule=chosen.fine,
             membrane=membrane,
             bending=bending,
@@ -282,7 +278,7 @@ def _solve_level(
         if springs:
             diagnostics |= {"spring_energy": energies.spring_energy(share), "penalty": weight}
         answers.append(
-            Answer(
+            Candidate(
                 solution=replace(solution, diagnostics=diagnostics),
                 potential=energies.potential(share),
                 stored=membrane + bending + energies.spring_energy(share) + rounding,
@@ -299,4 +295,4 @@ def _solve_level(
         return {k.name: potential_energy(equations, w) for k, w in zip(level.kinds, weights, strict=True)}
 
     *narrower, alone, stiffest, stiffer, usual = answers
-    return Solved(level, tuple(narrower), alone, (stiffest, stiffer, usual), reached)
+    return SolvedLevel(level, tuple(narrower), alone, (stiffest, stiffer, usual), reached)

@@ -11,14 +11,15 @@ import torch
 from scipy.integrate import DOP853
 from torch import Tensor
 
-from shellbench.solvers.ndf.field.jets import Array
+from shellbench.solvers.ndf.field.jets import COMPONENTS, Array
 from shellbench.solvers.ndf.motion.motion_problem import Motion
-from shellbench.solvers.ndf.strains.sampled import COMPONENTS
 
 RTOL, ATOL = 1e-6, 1e-8  # of y and y', in m sqrt(kg) and m/s sqrt(kg): errors then stay far below those of the field
-MOST_STEPS = 6_000
+MOST_TIME_STEPS = 6_000
 STABLE = 5.5  # step times frequency that the method takes: its amplification exceeds 1 from 5.9 on
-FIRST = 1e-4  # of the whole time: the first step, before the error is known
+FIRST = (
+    1e-4  # of the whole time: the first step, before the error is known; a longer one is rejected, a shorter one grows
+)
 
 
 class StuckError(ArithmeticError):
@@ -31,7 +32,7 @@ class Stepping:
 
     rtol: float = RTOL
     atol: float = ATOL
-    most_steps: int = MOST_STEPS
+    most_steps: int = MOST_TIME_STEPS
 
 
 @dataclass

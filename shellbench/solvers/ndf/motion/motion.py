@@ -2,7 +2,7 @@
 
 The equations of motion of the output weights are integrated by the explicit Runge-Kutta method of order eight of
 Dormand and Prince with a step that its own error chooses (Hairer, Norsett & Wanner 1993, DOP853). Cloth is soft: with
-the smooth features of `sampled` the highest frequency of a napkin is near 1000 rad/s, which steps of some 5 ms take, at
+the smooth features of `smooth` the highest frequency of a napkin is near 1000 rad/s, which steps of some 5 ms take, at
 the cost of a dozen evaluations of the forces each. The alternative, an incremental potential minimised at each step by
 Newton's method, takes longer steps but a matrix of all unknowns at each iteration. Measured side by side on the napkin
 in its plane, 226 unknowns up to .2 s, one core, errors against tolerances of 1e-10:
@@ -41,38 +41,38 @@ from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.measure import measure
 from shellbench.problems.shell.records.history import moving_uncertainty
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz
+from shellbench.solvers.ndf.field.build import build_ansatz
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Features
 from shellbench.solvers.ndf.field.geometry import side_lengths
-from shellbench.solvers.ndf.field.jets import Array
-from shellbench.solvers.ndf.field.quadrature import area_rule
+from shellbench.solvers.ndf.field.jets import COMPONENTS, Array
+from shellbench.solvers.ndf.field.quadrature import NOWHERE, area_rule
 from shellbench.solvers.ndf.motion.integration import Stepping, StuckError, Track, integrate, widened
 from shellbench.solvers.ndf.motion.motion_parts import Energies
 from shellbench.solvers.ndf.motion.motion_problem import Motion
 from shellbench.solvers.ndf.motion.motion_solution import Course, MotionSolution
 from shellbench.solvers.ndf.motion.products import Products
 from shellbench.solvers.ndf.strains.energy import exploits
-from shellbench.solvers.ndf.strains.sampled import COMPONENTS
-from shellbench.solvers.ndf.strains.smooth import NOWHERE, ORDER, POINTS, finer, rule_of, smooth, widest
+from shellbench.solvers.ndf.strains.smooth import PANEL_ORDER, POINTS_A_DEGREE, finer, rule_of, smooth, widest
 
-DEGREES = (10, 13, 17, 22)  # along the longest side, of each rung: each costs some four times the one before
-SETTLED = 2e-4  # change of the motion between rungs, over the longest side, below which the finer one is kept
-MORE_POINTS = 1.5  # a degree, once a field has exploited its quadrature
-MOST_POINTS = 4.5
-PARTS = 1000  # in which progress is told
+DEGREES = (10, 13, 17, 22)  # along the longest side, of each level: each costs some four times the one before
+SETTLED_MOTION = 2e-4  # change of the motion between levels, over the longest side, below which the finer one is kept
+MORE_POINTS = 1.5  # times as many a degree, once a field has exploited its quadrature
+MOST_POINTS = POINTS_A_DEGREE * MORE_POINTS**2  # twice more, then it gives up
+TOLD_PARTS = 1000  # in which progress is told
 PROBE = 21  # points a side at which motions are compared
-MORE = 8  # Gauss points a side: few are not enough for waves of a low degree
+MORE_GAUSS = 8  # Gauss points a side: few are not enough for waves of a low degree
 FIRST_DEGREE = 13  # of products that follow a motion, and by how much their degree grows at a time
-GROWTH = 1.3
-TOP = 0.8  # of the degree: what varies more quickly is the tail
+DEGREE_GROWTH = 1.3  # as from one of `DEGREES` to the next
+TOP = 0.8  # of the degree: what varies more quickly is the tail; neighbours are not on record
 # Of the displacement, over the longest side: asks for more where a field may reach `REFERENCE`, and falls with a power.
-TAIL = SETTLED / 40
+TAIL = SETTLED_MOTION / 40
 REFERENCE, TAIL_POWER = 30, 4.0
 UNALLOCATED = "can't allocate memory"  # what torch says on a CPU, as a RuntimeError
 
 
 @dataclass(frozen=True)
-class Rung:
+class MotionLevel:
     """Features up to a degree, of a network; Gauss points a panel, and in all as a share of the usual ones.
 
     With `grow`, products begin with few and follow the motion up to that degree.
@@ -81,7 +81,7 @@ class Rung:
     degree: int
     features: Features | Products
     trained: int = 0
-    order: int = ORDER
+    order: int = PANEL_ORDER
     share: float = 1.0
     grow: bool = False
 
@@ -91,7 +91,9 @@ class Rung:
         return min(FIRST_DEGREE, self.degree) if self.grow else self.degree
 
 
-def rungs_of(case: Case, widths: Sequence[int] | None, degrees: Sequence[int] | None = None) -> list[tuple[int, int]]:
+def motion_levels(
+    case: Case, widths: Sequence[int] | None, degrees: Sequence[int] | None = None
+) -> list[tuple[int, int]]:
     """Return degrees with the widths of random features that hold them: given widths or degrees, or `DEGREES`."""
     if widths:
         return [(degree_of(case, width), width) for width in widths]
@@ -110,7 +112,7 @@ def solve(
     case: Case,
     spec: FieldSpec,
     solver: str,
-    rungs: Sequence[Callable[[], Rung]],
+    levels: Sequence[Callable[[], MotionLevel]],
     largest_gap: float,
     progress: ProgressCallback,
     stepping: Stepping | None = None,
@@ -125,27 +127,27 @@ def solve(
     # Features up to a degree, ever finer, until the motion stands still between two of them:
     # 1. Equations of motion of the features, on a rule of so many points a degree.
     # 2. Integrate from rest, and compute the energies again on a finer rule.
-    # 3. Where these disagree the field exploits its points: more points, for the next rung or for the last one again.
-    # 4. Compare with the rung before. A finer one that fails leaves that as what is kept.
+    # 3. Where these disagree the field exploits its points: more points, for the next level or for the last one again.
+    # 4. Compare with the level before. A finer one that fails leaves that as what is kept.
     # An integrator's error estimate is of time only. Here space decides, hence the comparison.
     began = time.perf_counter()
     history: list[Step] = []
     before: MotionSolution | None = None
     change: float | None = None
-    points = POINTS
-    for number, build in enumerate(rungs):
-        rung = build()
+    points = POINTS_A_DEGREE
+    for number, build in enumerate(levels):
+        level = build()
         kept = f"; what is kept is the whole motion of degree {before.diagnostics['degree']}" if before else ""
         while True:
             try:
-                motion = prepared(case, spec, rung, points)
-                solution = _Run(case, solver, motion, rung, began, progress, stepping or Stepping(), points).solve()
+                motion = prepared(case, spec, level, points)
+                solution = _Run(case, solver, motion, level, began, progress, stepping or Stepping(), points).solve()
             except SolveFailure as failure:  # what a coarser field found is kept, but not taken for the answer
-                raise SolveFailure(f"at degree {rung.degree} {failure}{kept}", before or failure.partial) from None
+                raise SolveFailure(f"at degree {level.degree} {failure}{kept}", before or failure.partial) from None
             except (MemoryError, RuntimeError) as error:
                 if not (isinstance(error, MemoryError | torch.OutOfMemoryError) or UNALLOCATED in str(error)):
                     raise
-                reason = f"the motion of degree {rung.degree} does not fit into memory{kept}"
+                reason = f"the motion of degree {level.degree} does not fit into memory{kept}"
                 raise SolveFailure(reason, before) from None
             exploited = exploits(solution.diagnostics["energy_gap"], largest_gap)
             if exploited is None:
@@ -153,8 +155,8 @@ def solve(
             if not points * MORE_POINTS <= MOST_POINTS:
                 raise SolveFailure(f"{exploited}{kept}", before or solution)
             points *= MORE_POINTS
-            # The next rung integrates on the new rule anyway. Only the last one has to be repeated.
-            if number < len(rungs) - 1:
+            # The next level integrates on the new rule anyway. Only the last one has to be repeated.
+            if number < len(levels) - 1:
                 break
         values = {q.name: measure(solution, q) for q in case.quantities}
         history.append(
@@ -165,10 +167,10 @@ def solve(
             moved = {name: abs(values[name] - earlier) for name, earlier in history[-2].quantities.items()}
             solution = replace(solution, uncertainty=moving_uncertainty(case, values, moved))
         before = solution
-        if change is not None and change <= SETTLED and exploited is None:
+        if change is not None and change <= SETTLED_MOTION and exploited is None:
             break
-    assert before is not None  # there is a rung
-    settled = change is not None and change <= SETTLED
+    assert before is not None  # there is a level
+    settled = change is not None and change <= SETTLED_MOTION
     steps = tuple(replace(step, iteration=len(history) + step.iteration) for step in before.history)
     return replace(
         before,
@@ -177,23 +179,23 @@ def solve(
     )
 
 
-def prepared(case: Case, spec: FieldSpec, rung: Rung, points: float) -> Motion:
-    """Return the equations of motion of a rung's features, the first ones of products, on a rule of points a degree."""
+def prepared(case: Case, spec: FieldSpec, level: MotionLevel, points: float) -> Motion:
+    """Return the equations of motion of a level's features, the first ones of products, on a rule of so many points."""
     spec = spec.model_copy(update={"t": 0.0})
-    if isinstance(rung.features, Products):
-        return grown(case, spec, rung, points, rung.first)
-    chosen = rule_of(case, rung.degree, rung.share * points, rung.order)
+    if isinstance(level.features, Products):
+        return grown(case, spec, level, points, level.first)
+    chosen = rule_of(case, level.degree, level.share * points, level.order)
     rule = area_rule(case.surface.domain, NOWHERE, chosen)
-    features = smooth(build_ansatz(case, spec), rung.features, rule, rung.degree)
+    features = smooth(build_ansatz(case, spec), level.features, rule, level.degree)
     return Motion(case, spec, features, chosen)
 
 
-def grown(case: Case, spec: FieldSpec, rung: Rung, points: float, degree: int) -> Motion:
+def grown(case: Case, spec: FieldSpec, level: MotionLevel, points: float, degree: int) -> Motion:
     """Return the equations of motion of products up to a degree."""
-    assert isinstance(rung.features, Products)
+    assert isinstance(level.features, Products)
     # One panel: its points crowd at edges, where such fields vary most.
-    chosen = rule_of(case, degree, rung.share * points, math.ceil(rung.share * points * degree) + MORE)
-    return Motion(case, spec, rung.features.up_to(degree), chosen)
+    chosen = rule_of(case, degree, level.share * points, math.ceil(level.share * points * degree) + MORE_GAUSS)
+    return Motion(case, spec, level.features.up_to(degree), chosen)
 
 
 def asks_for_more(motion: Motion, w: Tensor, tail: float) -> bool:
@@ -219,32 +221,32 @@ def distance(first: MotionSolution, second: MotionSolution) -> float:
 
 
 class _Run:
-    """One rung: a motion, its certificate, and what is kept of it."""
+    """One level: a motion, its certificate, and what is kept of it."""
 
     def __init__(
         self,
         case: Case,
         solver: str,
         motion: Motion,
-        rung: Rung,
+        level: MotionLevel,
         began: float,
         progress: ProgressCallback,
         stepping: Stepping,
         points: float,
     ) -> None:
-        self.case, self.solver, self.motion, self.rung = case, solver, motion, rung
+        self.case, self.solver, self.motion, self.level = case, solver, motion, level
         self.began, self.progress, self.stepping = began, progress, stepping
         self.points = points
-        self.degree = rung.first
-        self.growth = [[self.degree, 0.0]] if rung.grow else []  # degrees, and since when
+        self.degree = level.first
+        self.growth = [[self.degree, 0.0]] if level.grow else []  # degrees, and since when
 
     def solve(self) -> MotionSolution:
         track, reason, until = Track(), "", self.case.states[-1]
-        finer = self._finer if self.rung.grow else None
+        finer = self._finer if self.level.grow else None
         try:
             for t in integrate(self.motion, self.case.states, self.stepping, track, finer):
                 done = f"degree {self.degree}, t = {t:.4g} s of {until:g} s"
-                self.progress(Progress(int(PARTS * t / until), PARTS, done))
+                self.progress(Progress(int(TOLD_PARTS * t / until), TOLD_PARTS, done))
         except StuckError as error:
             reason = str(error)
         if len(track.times) < 2:
@@ -256,13 +258,13 @@ class _Run:
 
     def _finer(self, motion: Motion, y: Array, t: float) -> Motion | None:
         """Return equations of motion of more products if the field asks for them, and there are more."""
-        tail = TAIL * (REFERENCE / self.rung.degree) ** TAIL_POWER
+        tail = TAIL * (REFERENCE / self.level.degree) ** TAIL_POWER
         w = motion.weights(motion.features.placement.tensor(y), t)
-        if self.degree == self.rung.degree or not asks_for_more(motion, w, tail):
+        if self.degree == self.level.degree or not asks_for_more(motion, w, tail):
             return None
-        self.degree = min(math.ceil(GROWTH * self.degree), self.rung.degree)
+        self.degree = min(math.ceil(DEGREE_GROWTH * self.degree), self.level.degree)
         self.growth.append([self.degree, t])
-        return grown(self.case, motion.spec, self.rung, self.points, self.degree)
+        return grown(self.case, motion.spec, self.level, self.points, self.degree)
 
     def _kept(self, track: Track) -> MotionSolution:
         motion, placement = track.motions[-1], self.motion.features.placement
@@ -282,7 +284,7 @@ class _Run:
             features=motion.features,
             course=Course(np.array(track.times), weights, rates, seconds),
             rule=finer(motion.rule_spec),
-            parameters=motion.basis.size + self.rung.trained,
+            parameters=motion.basis.size + self.level.trained,
         )
         gaps = {k: _gap(energies[k], solution.balance(track.times[k])) for k in self._marks(track)}
         before = [0, *track.evaluations]
@@ -307,9 +309,9 @@ class _Run:
                 "energy_drift": max(abs(value) for value in lost),
                 "strain": motion.spec.strain,
                 "degree": self.degree,
-                "features": self.rung.features.count,
+                "features": self.level.features.count,
                 "independent_features": motion.features.count,
-                "neurons": self.rung.features.network.width,
+                "neurons": self.level.features.network.width,
                 "quadrature_points": len(motion.share),
                 "time_steps": len(history),
                 "force_evaluations": track.evaluations[-1],

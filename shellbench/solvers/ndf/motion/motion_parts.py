@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from shellbench.solvers.ndf.strains.sampled import COMPONENTS
+from shellbench.solvers.ndf.field.jets import COMPONENTS
 
 
 @dataclass(frozen=True)

@@ -22,21 +22,22 @@ import torch
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz
-from shellbench.solvers.ndf.field.field import Ansatz
-from shellbench.solvers.ndf.field.jets import VALUE, Array
-from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
+from shellbench.solvers.ndf.field.ansatz import Ansatz, Combined
+from shellbench.solvers.ndf.field.build import build_ansatz
+from shellbench.solvers.ndf.field.choices import FieldSpec
+from shellbench.solvers.ndf.field.jets import COMPONENTS, VALUE, Array
+from shellbench.solvers.ndf.field.quadrature import NOWHERE, RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density, point_supports
+from shellbench.solvers.ndf.linear.constraints import point_rows, point_targets
 from shellbench.solvers.ndf.motion.motion_parts import Energies, Lifted, Reflected, Table
 from shellbench.solvers.ndf.motion.products import Grid, Products
-from shellbench.solvers.ndf.path.basis import Basis
-from shellbench.solvers.ndf.strains.sampled import COMPONENTS, Combined, Sampled
-from shellbench.solvers.ndf.strains.smooth import NOWHERE
+from shellbench.solvers.ndf.path.newton import Basis
+from shellbench.solvers.ndf.strains.sampled import Sampled
 from shellbench.solvers.ndf.strains.strain_measures import GRADIENTS, stresses
 
 STENCIL = 7  # values in time from which rates of prescribed motions follow
 NUDGE = 1e-6  # root mean square displacement of small motions, in sides of the shell: strains stay linear, and exact
-ITERATIONS = 30  # of power iteration, which finds the highest frequency to a few per cent
+POWER_ITERATIONS = 30  # of power iteration, which finds the highest frequency to a few per cent
 SPACING = 1e-3  # of the whole time, between them: errors of truncation and rounding are then both near 1e-9
 
 
@@ -130,13 +131,7 @@ class Motion:
     @cached_property
     def _rows(self) -> Tensor:
         """(k, 3 M): what the point supports hold."""
-        supports, placement = point_supports(self.case), self.features.placement
-        if not supports:
-            return self.share.new_zeros((0, COMPONENTS * self.features.count))
-        points = np.array([s.point.xi for s in supports])
-        matrix = self.ansatz(0.0).factors.matrix(points, placement)[VALUE]
-        held = matrix[torch.arange(len(supports)), [s.component for s in supports]]
-        return (held[:, :, None] * self.features.values(points)[:, None, :]).reshape(len(supports), -1)
+        return point_rows(self.ansatz(0.0), self.features)
 
     @cached_property
     def basis(self) -> Basis | Reflected:
@@ -165,12 +160,7 @@ class Motion:
 
     def targets(self, t: float) -> Tensor:
         """Return what the point supports prescribe (k,) at a time, metres, less the lift."""
-        supports, placement = point_supports(self.case, t), self.features.placement
-        values = placement.tensor(np.array([s.value for s in supports]))
-        if supports and self._lifts:
-            lift = self.ansatz(t).lift.jet(np.array([s.point.xi for s in supports]), placement)[VALUE]
-            values = values - lift[torch.arange(len(supports)), [s.component for s in supports]]
-        return values
+        return point_targets(self.ansatz(t), self.features.placement)
 
     @cached_property
     def _driven(self) -> bool:
@@ -327,7 +317,7 @@ class Motion:
         rest = self.share.new_zeros(self.basis.size)
         direction = torch.sin(torch.arange(1.0, 1 + len(rest)).to(rest))  # any that is orthogonal to no mode
         size, value = NUDGE * self.area**0.5 * self.case.material.areal_density**0.5, 0.0
-        for _ in range(ITERATIONS):
+        for _ in range(POWER_ITERATIONS):
             direction = direction / direction.norm()
             there, back = (
                 self.resistance(self.basis.spread(rest + side * size * direction), 0.0)[0] for side in (1, -1)

@@ -21,11 +21,13 @@ from torch import Tensor
 from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import time_reached
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_inputs
-from shellbench.solvers.ndf.field.field import Ansatz, Features, Field
+from shellbench.solvers.ndf.field.ansatz import Ansatz, Combined
+from shellbench.solvers.ndf.field.build import build_ansatz, build_inputs
+from shellbench.solvers.ndf.field.choices import FieldSpec
+from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.jets import VALUE, Array
 from shellbench.solvers.ndf.field.network import Network
-from shellbench.solvers.ndf.field.quadrature import RuleSpec
+from shellbench.solvers.ndf.field.quadrature import NOWHERE, RuleSpec
 from shellbench.solvers.ndf.field.supports import point_supports
 from shellbench.solvers.ndf.field.weights import (
     Header,
@@ -41,11 +43,9 @@ from shellbench.solvers.ndf.field.weights import (
 from shellbench.solvers.ndf.linear.solution import FieldSolution, NdfSolution, PathSolution, features_of, read_states
 from shellbench.solvers.ndf.motion.motion_parts import Energies
 from shellbench.solvers.ndf.motion.motion_problem import Motion
-from shellbench.solvers.ndf.motion.products import KEPT as PRODUCTS
-from shellbench.solvers.ndf.motion.products import Products
-from shellbench.solvers.ndf.strains.sampled import Combined
+from shellbench.solvers.ndf.motion.products import PRODUCT_TENSORS, Products
 
-KEPT = ("times", "output", "rates", "seconds")  # tensors of a motion, beside those of its features
+MOTION_TENSORS = ("times", "output", "rates", "seconds")  # tensors of a motion, beside those of its features
 
 
 @dataclass(frozen=True)
@@ -190,7 +190,7 @@ class MotionSolution(FieldSolution):
             return -self.case.material.areal_density * self._rate(points, t, 2) - springs
 
         with torch.no_grad():
-            return state.pushed(number, centre, np.zeros((0, 2)), lag)
+            return state.pushed(number, centre, NOWHERE, lag)
 
     def _point_forces(self, t: float) -> Array:
         """Return the forces (k,) of the point supports, N."""
@@ -257,7 +257,7 @@ class MotionSolution(FieldSolution):
         features, course = self.features, self.course
         combine = features.tensors() if isinstance(features, Products) else {"combine": features.combine}
         moving = (torch.as_tensor(course.times), course.weights, course.rates, course.seconds)
-        return {**network_tensors(self._network), **combine, **dict(zip(KEPT, moving, strict=True))}
+        return {**network_tensors(self._network), **combine, **dict(zip(MOTION_TENSORS, moving, strict=True))}
 
     def save(self, path: Path) -> Path:
         """Write the solution as safetensors, all else as JSON in its header; return the file with its suffix."""
@@ -286,10 +286,10 @@ def read_motion(path: Path, header: Header, tensors: Mapping[str, Tensor]) -> Mo
     """
     with telling_damage(path):
         case = header.read_case()
-        if any(name not in tensors for name in KEPT):
+        if any(name not in tensors for name in MOTION_TENSORS):
             raise ValueError("its motion is not whole")
         features = _features_of(case, header, tensors)
-        times, *course = (tensors[name] for name in KEPT)
+        times, *course = (tensors[name] for name in MOTION_TENSORS)
         if times.ndim != 1 or not len(times):
             raise ValueError("its tensors do not fit each other")
         if any(values.shape != (len(times), 3, features.count) for values in course):
@@ -315,7 +315,7 @@ def _features_of(case: Case, header: Header, tensors: Mapping[str, Tensor]) -> C
         if combine.ndim != 2 or len(combine) != features.count:
             raise ValueError("its tensors do not fit each other")
         return Combined(features, combine)
-    if any(name not in tensors for name in PRODUCTS):
+    if any(name not in tensors for name in PRODUCT_TENSORS):
         raise ValueError("its motion is not whole")
     inputs = build_inputs(case, header.spec)
     return Products.from_tensors(inputs, network_of(tensors, header.activation, inputs.count), tensors)

@@ -1,14 +1,14 @@
 """Products of placed waves: one hidden layer whose fields are found by sums over one coordinate after the other.
 
 A wave sin(k . xi + b) with k on a lattice is a sum of products of waves of xi1 and waves of xi2. So the span of placed
-waves (`sampled.placed_features`) is made of products phi_i(xi1) psi_j(xi2), where phi and psi combine waves of one
+waves (`smooth.placed_features`) is made of products phi_i(xi1) psi_j(xi2), where phi and psi combine waves of one
 coordinate. With p of them a side, N = O(p^2) points of a product rule, and coefficients C, the field is
 
     u = Phi C Psi^T,    u,1 = Phi' C Psi^T,    and so on,
 
 for O(p^3) operations (sum factorisation; Orszag 1980), where a table of all products takes O(p^4), and an orthonormal
 basis of them O(p^6). Here each side is made orthonormal by itself, smoothest functions first (the operator of
-`sampled`), and products inherit both.
+`smooth`), and products inherit both.
 
 Products are ordered by how quickly they vary. A field of lower degree holds the first of them: what it is, it stays
 when features are added.
@@ -31,21 +31,22 @@ import torch
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz
-from shellbench.solvers.ndf.field.factors import edge_factor
+from shellbench.solvers.ndf.field.choices import FieldSpec
+from shellbench.solvers.ndf.field.factors import Lift, edge_factor
 from shellbench.solvers.ndf.field.geometry import side_lengths
 from shellbench.solvers.ndf.field.inputs import Inputs
-from shellbench.solvers.ndf.field.jets import D1, D2, D11, D22, VALUE, Array, Placement, product
+from shellbench.solvers.ndf.field.jets import COMPONENTS, D1, D2, D11, D22, VALUE, Array, Placement, product
 from shellbench.solvers.ndf.field.network import Network
 from shellbench.solvers.ndf.field.quadrature import line_rule
 from shellbench.solvers.ndf.field.supports import edge_supports
-from shellbench.solvers.ndf.strains.sampled import COMPONENTS
 from shellbench.solvers.ndf.strains.smooth import PERIOD, degrees, orthonormal
 
-ALONG = ((VALUE, D1, D11), (VALUE, D2, D22))  # planes of the derivatives along each side
-OVER = 1.2  # highest frequency over the degree: with 1.5 steps of time are shorter by .6, and waves longer that are met
+PLANES_ALONG = ((VALUE, D1, D11), (VALUE, D2, D22))  # planes of the derivatives along each side
+HIGHEST_WAVE = (
+    1.2  # highest frequency over the degree: with 1.5 steps of time are shorter by .6, and waves longer that are met
+)
 LINE_POINTS = 4  # Gauss points a degree on a line: products of two waves are integrated to rounding
-KEPT = ("combine_1", "combine_2", "pairs", "degrees")  # tensors of a file, beside the network's
+PRODUCT_TENSORS = ("combine_1", "combine_2", "pairs", "degrees")  # tensors of a file, beside the network's
 LOOKED_AT = 5  # points a side at which a case is looked at
 
 
@@ -56,7 +57,7 @@ def why_no_products(case: Case, spec: FieldSpec, inputs: Inputs) -> str | None:
     points = case.surface.domain.grid(LOOKED_AT, LOOKED_AT).reshape(-1, 2)
     if spec.components != "cartesian" or spec.supports != "hard":
         return "its components or supports are others"
-    if build_ansatz(case, spec).lift.moves:
+    if Lift(case).moves:
         return "its edges are moved"
     everywhere = set(case.held_everywhere)
     for edge in edge_supports(case):
@@ -128,7 +129,7 @@ class Products:
     def tensors(self) -> dict[str, Tensor]:
         """Return the tensors that make the products, beside the network's, by the names they have in a file."""
         pairs = self.pairs.to(self.degrees)
-        return dict(zip(KEPT, (*self.combine, pairs, self.degrees), strict=True))
+        return dict(zip(PRODUCT_TENSORS, (*self.combine, pairs, self.degrees), strict=True))
 
     @classmethod
     def from_tensors(cls, inputs: Inputs, network: Network, tensors: Mapping[str, Tensor]) -> Products:
@@ -139,7 +140,7 @@ class Products:
         ValueError
             If its tensors do not fit each other.
         """
-        first, second, pairs, degrees = (tensors[name] for name in KEPT)
+        first, second, pairs, degrees = (tensors[name] for name in PRODUCT_TENSORS)
         if first.ndim != 2 or second.ndim != 2 or len(first) + len(second) != network.width:
             raise ValueError("its tensors do not fit each other")
         numbers = pairs.long()
@@ -208,7 +209,7 @@ class Grid:
 def product_features(case: Case, inputs: Inputs, degree: int, placement: Placement) -> Products:
     """Return the products of placed waves up to a degree along the longest side; see `why_no_products`."""
     # 1. For each side the waves of `placed_features` along it, the constant one among them.
-    # 2. Their independent combinations, orthonormal on the side, and eigenfunctions of the operator of `sampled`.
+    # 2. Their independent combinations, orthonormal on the side, and eigenfunctions of the operator of `smooth`.
     # 3. All products of a degree that is no higher, smoothest first.
     along = degrees(case, degree)
     layers = [_waves(most, placement) for most in along]
@@ -228,7 +229,7 @@ def product_features(case: Case, inputs: Inputs, degree: int, placement: Placeme
 
 def _waves(degree: float, placement: Placement) -> tuple[Tensor, Tensor]:
     """Return weights and phases of one coordinate's waves: the constant, and a sine and a cosine of each frequency."""
-    count = int(max(1.0, OVER * PERIOD * degree / math.pi))
+    count = int(max(1.0, HIGHEST_WAVE * PERIOD * degree / math.pi))
     frequency = placement.tensor(np.arange(1.0, 1 + count)) * (math.pi / PERIOD)
     phases = frequency.new_tensor([0.0, math.pi / 2]).repeat_interleave(count)
     return torch.cat([frequency.new_zeros(1), frequency, frequency]), torch.cat([phases[-1:], phases])
@@ -245,7 +246,7 @@ def _waves_along(inputs: Inputs, network: Network, first: int, axis: int, at: Ar
     if held:
         factor = edge_factor(case.surface.domain, held, inputs.even, points, placement)
         own = product(factor[..., None], own)
-    return own[list(ALONG[axis])]
+    return own[list(PLANES_ALONG[axis])]
 
 
 def _orthonormal(

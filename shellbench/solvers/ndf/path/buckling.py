@@ -2,7 +2,7 @@
 
 Up to the first state that is no minimum of the energy the path is followed as under load control. The critical load is
 where the tangent's smallest eigenvalue, relative to the stiffness at rest, passes zero: it is found between a stable
-and an unstable state by the Illinois variant of regula falsi (Dowell & Jarratt 1971, BIT 11). A little beyond it the
+and an unstable state by the Illinois variant of regula falsi (Dowell & Jarratt 1971). A little beyond it the
 shell relaxes from there (`relaxed`); from there on load steps are taken as long as they lead to stable
 states, and where they don't the shell relaxes again.
 
@@ -27,19 +27,20 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from shellbench.solvers.ndf.path.basis import Deformed, NotConvergedError
-from shellbench.solvers.ndf.path.continuation import (
+from shellbench.solvers.ndf.field.quadrature import ROUNDING
+from shellbench.solvers.ndf.path.equilibrium import PathProblem
+from shellbench.solvers.ndf.path.newton import CONVERGED, FIRST_STEP, Deformed, PathState, equilibrium
+from shellbench.solvers.stepping.control import (
     CUT,
     EASY,
-    FIRST_STEP,
     GROWTH,
     SMALLEST_STEP,
     STRAIGHT,
+    Illinois,
+    NotConvergedError,
     PathEndsError,
     landing,
 )
-from shellbench.solvers.ndf.path.equilibrium import CONVERGED, PathProblem
-from shellbench.solvers.ndf.path.newton import PathState, equilibrium
 
 NEUTRAL = 1e-4
 """Eigenvalue of a tangent, relative to the stiffness at rest, that is called zero.
@@ -48,12 +49,13 @@ A perfect shell's smallest one falls from 1 at rest to 0 at the critical load, s
 about its own share. Waves that may travel around a shell have a zero one, of which a field makes a small number of
 either sign."""
 IMMATERIAL = 1e-4  # of the energy: what its own small slopes along neutral modes could at most promise a field
-FIRST_RADIUS = 0.1  # of the norm of the energy there is
-TRUSTED, DOUBTED = 0.75, 0.25  # shares of the foretold gain beyond which the radius grows, or shrinks
+FIRST_RADIUS = 0.1  # of the norm of the energy there is; the radius follows from gains after the first step
+DOUBTED = 0.25  # these three are the usual ones (Conn, Gould & Toint 2000)
+TRUSTED = 1 - DOUBTED  # shares of the foretold gain beyond which the radius grows, or shrinks
 WIDER, NARROWER = 2.0, 0.25
-NARROWEST = 1e-9  # of the norm of the energy: what is left to gain is rounding
-MOST_STEPS = 400
-SECULAR = 100  # bisections of the shift
+MOST_TRIALS = 400
+SECULAR = 100  # bisections of the shift, at most
+BISECTED = 1e-12  # relative width of the interval at which bisection ends: some thousand units of rounding
 
 
 def relaxed(problem: PathProblem, start: PathState, t: float) -> PathState:
@@ -77,7 +79,7 @@ def relaxed(problem: PathProblem, start: PathState, t: float) -> PathState:
     size = _size(deformed)
     radius = FIRST_RADIUS * size
     model: tuple[Tensor, Tensor, Tensor] | None = None
-    for iteration in range(1, MOST_STEPS + 1):
+    for iteration in range(1, MOST_TRIALS + 1):
         if model is None:
             tangent = basis.combine.T @ problem.tangent(deformed, t, weights) @ basis.combine
             if not bool(torch.isfinite(tangent).all()):
@@ -102,14 +104,15 @@ def relaxed(problem: PathProblem, start: PathState, t: float) -> PathState:
         tried = problem.deform(weights + change, t, deformed.angles)
         gain = deformed.potential - tried.potential
         length = float(step.norm())
-        # A full Newton step inside the ball says nothing of the radius. That grows only if it has bound the step.
+        # A full Newton step inside the ball says nothing of the radius. That grows only if it has bound
+        # the step.
         if gain < DOUBTED * foretold or not gain > 0:
             radius = NARROWER * length
         elif gain > TRUSTED * foretold and length > 0.99 * radius:
             radius *= WIDER
         if gain > 0:
             weights, deformed, model = weights + change, tried, None
-        elif radius < NARROWEST * size:
+        elif radius < ROUNDING * size:
             break
     raise NotConvergedError
 
@@ -132,7 +135,7 @@ def trust_region_step(values: Tensor, gradient: Tensor, radius: float) -> Tensor
     low = max(0.0, -lowest)
     high = low + float(gradient.norm()) / radius  # there the step is no longer than the radius
     floor = max(abs(lowest), float(values[-1]) * torch.finfo(values.dtype).eps)
-    near = low + 1e-12 * floor
+    near = low + BISECTED * floor
     hard = -gradient / (values + near)
     if float(hard.norm()) < radius:  # the gradient hardly leaves the saddle: the lowest direction fills the ball
         sign = -1.0 if float(gradient[0]) > 0 else 1.0
@@ -146,7 +149,7 @@ def trust_region_step(values: Tensor, gradient: Tensor, radius: float) -> Tensor
             low = middle
         else:
             high = middle
-        if high - low <= 1e-12 * high:
+        if high - low <= BISECTED * high:
             break
     # From the upper end, so that the step is never longer than the radius.
     return -gradient / (values + high)
@@ -157,7 +160,8 @@ def _size(deformed: Deformed) -> float:
     return math.sqrt(2 * deformed.magnitude)
 
 
-LOCATED = 1e-4  # of the critical load factor: how well it is found
+LOCATED = NEUTRAL  # of the critical load factor: how well it is found, for an eigenvalue moves it by its own share
+# What the next ones were tuned on is not on record.
 LEFT = 1e-2  # of the critical load factor: so far beyond it the shell is let go, before other modes can buckle too
 OVERSHOT = 5e-2  # of the load factor where the smallest eigenvalue should vanish: no step goes farther beyond it
 SHORT = 1 / 64  # of the path: a step this short that does not converge is one to another branch
@@ -262,26 +266,22 @@ def _critical(problem: PathProblem, stable: PathState, unstable: PathState | Non
     A field that is not quite symmetric may lead around the bifurcation: a state whose smallest eigenvalue has risen
     again is one of the buckled shell.
     """
-    # Illinois: regula falsi for the root of the lowest eigenvalue. The value at an end that stays twice is halved. The
-    # textbook has a value at both ends. Here the upper end may have no state at all, and is bisected then.
-    low, high = _lowest(stable), _lowest(unstable) if unstable is not None else None
-    side = 0
+    # Regula falsi for the root of the lowest eigenvalue. The textbook has a value at both ends. Here the upper end may
+    # have no state at all, and the interval is bisected then.
+    root = Illinois(_lowest(stable), _lowest(unstable) if unstable is not None else None)
     for _ in range(SECANTS):
         if beyond - stable.t <= LOCATED * beyond or abs(_lowest(stable)) <= NEUTRAL:
             break
-        share = 0.5 if high is None else low / (low - high)
-        t = stable.t + min(max(share, LOCATED), 1 - LOCATED) * (beyond - stable.t)
+        t = stable.t + min(max(root.share, LOCATED), 1 - LOCATED) * (beyond - stable.t)
         found = _stepped(problem, stable, t)
         if found is not None and found.stable and _lowest(found) > _lowest(stable):
             found = None
         if found is not None and found.stable:
-            stable, low = found, _lowest(found)
-            high = high / 2 if high is not None and side > 0 else high
-            side = 1
+            stable = found
+            root.raise_low(_lowest(found))
         else:
-            beyond, high = t, _lowest(found) if found is not None else None
-            low = low / 2 if side < 0 else low
-            side = -1
+            beyond = t
+            root.lower_high(_lowest(found) if found is not None else None)
     return stable
 
 

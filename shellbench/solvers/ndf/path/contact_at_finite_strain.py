@@ -17,7 +17,8 @@ from torch import Tensor
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.contact import Touch, gaps
-from shellbench.solvers.ndf.field.build import FieldSpec, Resolution
+from shellbench.solvers.ndf.field.build import Resolution
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import VALUE, Array
 from shellbench.solvers.ndf.linear.contact import Touching, drawn
 from shellbench.solvers.ndf.linear.contact_forces import (
@@ -29,19 +30,19 @@ from shellbench.solvers.ndf.linear.contact_forces import (
     smoothest,
     typical_compliance,
 )
-from shellbench.solvers.ndf.linear.ritz_settings import NAME, RitzSettings
+from shellbench.solvers.ndf.linear.ritz_settings import NDF_RITZ, RitzSettings
 from shellbench.solvers.ndf.linear.signs import Signs
 from shellbench.solvers.ndf.linear.solution import PathSolution
-from shellbench.solvers.ndf.path.basis import NotConvergedError
-from shellbench.solvers.ndf.path.continuation import PathEndsError, load_steps
-from shellbench.solvers.ndf.path.equilibrium import MOST_ITERATIONS, PathProblem
-from shellbench.solvers.ndf.path.newton import PathState
-from shellbench.solvers.ndf.path.rungs import Rung, disagreement, state_solution
+from shellbench.solvers.ndf.path.continuation import load_steps
+from shellbench.solvers.ndf.path.equilibrium import PathProblem
+from shellbench.solvers.ndf.path.levels import PathLevel, disagreement, state_solution
+from shellbench.solvers.ndf.path.newton import MOST_ITERATIONS, PathState, settled
+from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError
 
-DIFFERENCE = 1e-6  # of the shell's size: over which normals of obstacles are compared
+DIFFERENCE = 1e-6  # of the shell's size: over which normals are compared; truncation and rounding are both below 1e-9
 SHUT = 1e-6  # of the largest displacement: gap of a point that the step before left in contact
 PASSES = 2  # of smoothing forces: with one of them their resultant is short by 1e-4
-STIFF = 100.0  # of a point in contact, in the mean stiffness of such points at rest
+STIFF = 100.0  # of a point in contact, in their mean stiffness at rest; it does nothing to one that stays closed
 
 
 @dataclass(frozen=True)
@@ -143,7 +144,7 @@ def in_contact(points: ContactRows, start: PathState, t: float) -> tuple[PathSta
         weights = weights + change
         deformed = problem.deform(weights, t, deformed.angles)
         first = first or decrement
-        if problem.settled(deformed, decrement, first):
+        if settled(problem, deformed, decrement, first):
             largest = float(np.abs(points.displacement(weights, t)).max())
             smooth = smoothest(compliance, offset, forces, unit, points.line, largest, PASSES)[:, None] * normal
             residual = deformed.residual + (placement.tensor(smooth)[:, None] @ points.values).sum(dim=(0, 1))
@@ -152,16 +153,18 @@ def in_contact(points: ContactRows, start: PathState, t: float) -> tuple[PathSta
     raise NotConvergedError
 
 
-def answer(case: Case, spec: FieldSpec, settings: RitzSettings, level: Resolution, seed: int, finer: float) -> Touching:
-    """Return the path of a case on a resolution, from rest; see `shellbench.solvers.ndf.linear.contact.Answer`.
+def answer(
+    case: Case, spec: FieldSpec, settings: RitzSettings, resolution: Resolution, seed: int, finer: float
+) -> Touching:
+    """Return the path of a case on a resolution, from rest; see `shellbench.solvers.ndf.linear.contact.ContactSolve`.
 
     Raises
     ------
     SolveFailure
         If the path ends early.
     """
-    ansatz, features, (rule, fine), focal = drawn(case, spec, settings, level, seed)
-    rung = Rung(features, rule, fine, focal, level)
+    ansatz, features, (rule, fine), focal = drawn(case, spec, settings, resolution, seed)
+    level = PathLevel(features, rule, fine, focal, resolution)
     problem = PathProblem(spec, ansatz, features, rule, focal).independent()
     touch = contact_points(case, spec.creases, finer, ends=True)
     points = ContactRows(problem, touch, on_creases(case, touch, spec.creases))
@@ -180,7 +183,7 @@ def answer(case: Case, spec: FieldSpec, settings: RitzSettings, level: Resolutio
     for state in (state for state in states if state.t in case.states):
         certified = judge.deform(state.weights, state.t)
         gap = max(gap, disagreement(state.deformed, certified, problem.unstrained))
-        solution = state_solution(problem, rung, NAME, state)
+        solution = state_solution(problem, level, NDF_RITZ, state)
         membrane, bending = certified.membrane, certified.bending
         kept.append(replace(solution, membrane=membrane, bending=bending, touching=touches[state.t]))
     path = PathSolution(
@@ -189,7 +192,7 @@ def answer(case: Case, spec: FieldSpec, settings: RitzSettings, level: Resolutio
         diagnostics={
             "energy_gap": gap,
             "certified_energy": certified.potential,
-            "neurons": level.neurons,
+            "neurons": resolution.neurons,
             "newton_iterations": sum(state.iterations for state in states),
             "contact_points": len(touch.points),
             "pressed_points": int(np.count_nonzero(np.any(touches[states[-1].t].forces != 0, axis=1))),

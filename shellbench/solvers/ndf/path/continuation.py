@@ -9,105 +9,82 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.records.path_end import branch_passed
-from shellbench.solvers.ndf.path.basis import NotConvergedError
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
-from shellbench.solvers.ndf.path.newton import Constraint, PathState, drift, equilibrium, on_path
+from shellbench.solvers.ndf.path.newton import FIRST_STEP, Constraint, PathState, drift, equilibrium, on_path
+from shellbench.solvers.stepping import paths
+from shellbench.solvers.stepping.control import (
+    ARC_CUT,
+    ARC_GROWTH,
+    CLOSE,
+    CLOSER,
+    CUT,
+    EASY,
+    LONGEST_ARC,
+    SMALLEST_STEP,
+    STRAIGHT,
+    NotConvergedError,
+    PathEndsError,
+    checked_rate,
+)
+from shellbench.solvers.stepping.paths import Marks
 
 Find = Callable[[PathProblem, PathState, float], PathState]
 """Finds the state at a load factor from another one, or raises `NotConvergedError`."""
 
-EASY = 6  # iterations after which the next step may be longer
-GROWTH, CUT = 2.0, 0.5
-FIRST_STEP = 1 / 8  # of the path under load control
-SMALLEST_STEP = 1e-4  # of the path
 PATH_STEPS = 32  # steps of a path that is followed by displacement, and of its first length by arc
-LONGEST_ARC = 1.5  # in units of the first one
-STRAIGHT = 0.7  # cosine between a step and the tangent it started along, below which it may be on another branch
-MOST_STEPS = 1000
-CLOSE, CLOSER = (
-    1 / 8,
-    1 / 4,
-)  # of the longest step: one over a turning point is no longer, and cut to this share if it is
-UNMOVED = 1e-12  # rate of a displacement, relative to what it could be, that is rounding
+MOST_STEPS = 1000  # of a path that is followed by arc length
 SAMPLES = 9  # points a side at which the length of an arc is measured
 
 
-class PathEndsError(Exception):
-    """The path can't be followed further; the message is a clause that says why."""
+@dataclass(frozen=True)
+class ByDisplacement:
+    """A problem whose path is followed by the displacement row . w."""
+
+    problem: PathProblem
+    row: Tensor
+
+    def rate(self, state: PathState) -> float:
+        """Return the rate of the displacement in the load factor."""
+        return float(self.row @ drift(self.problem, state))
+
+    def first_rate(self, tangent: Tensor) -> float:
+        """Return the rate of the displacement at rest, of dw/dt there; PathEndsError if the loads don't move it."""
+        return checked_rate(float(self.row @ tangent), float(self.row.norm() * tangent.norm()))
+
+    def to_displacement(self, state: PathState, value: float, target: float) -> PathState:
+        """Return the state at a displacement, predicted along the tangent at another."""
+        tangent = drift(self.problem, state)
+        rate = float(self.row @ tangent)
+        if rate == 0.0:
+            raise NotConvergedError
+        change = (target - value) / rate
+        return on_path(self.problem, state, Constraint(self.row, target), (change * tangent, change))
+
+    def check_branch(self, found: PathState, rises: bool) -> None:
+        """Check that only limit points were passed: there the tangent's determinant turns with the load's rate."""
+        if found.tangent is not None and found.tangent.positive != rises:
+            raise PathEndsError(branch_passed(self.problem.ansatz.case, found.t))
 
 
 def load_steps(problem: PathProblem, marks: Sequence[float], find: Find = equilibrium) -> Iterator[PathState]:
-    """Yield the states from rest to the last of increasing load factors, each found from the one before.
-
-    Raises
-    ------
-    PathEndsError
-        If a step can't be cut further.
-    """
-    # Load control: equal parts up to the next mark, longer after an easy step, half after a failure. An unstable state
-    # counts as a failure: a shorter step may stay on the stable branch.
-    state, end = PathState.rest(problem), marks[-1]
-    step = FIRST_STEP * end
-    for mark in marks:
-        while state.t < mark:
-            target = landing(state.t, mark, step)
-            try:
-                found = find(problem, state, target)
-                reason = "" if found.stable else f"the state at load factor {target:.6g} is not stable"
-            except NotConvergedError:
-                found, reason = state, f"no equilibrium was found at load factor {target:.6g}"
-            if reason:
-                step = (target - state.t) * CUT
-                if step < SMALLEST_STEP * end:
-                    raise PathEndsError(reason)
-                continue
-            if found.iterations <= EASY:
-                step = max(step, (target - state.t) * GROWTH)
-            state = found
-            yield state
+    """Yield the states from rest to the last of increasing load factors; see `stepping.paths.load_steps`."""
+    rest, end = PathState.rest(problem), marks[-1]
+    yield from paths.load_steps(partial(find, problem), rest, marks, FIRST_STEP * end, SMALLEST_STEP * end)
 
 
 def displacement_steps(problem: PathProblem, row: Tensor, marks: Sequence[float], end: float) -> Iterator[PathState]:
-    """Yield the states at increasing values of the displacement row . w, the load factor unknown.
-
-    Raises
-    ------
-    PathEndsError
-        If the loads do not move it, a step can't be cut further, or the path has passed a branch.
-    """
-    # Displacement control: row . w is given and t unknown, so that limit points of the load are passed.
-    # 1. Predict along the tangent dw/dt, and correct by Newton's method bordered by row . w = target.
-    # 2. Where the load turns between two states, repeat the step shorter.
-    # 3. Compare the sign of the tangent's determinant with the direction of the load: a branch changes only the former.
-    state, value = PathState.rest(problem), 0.0
-    first = _first_rate(row, drift(problem, state))
-    step = longest = end / PATH_STEPS
-    rising = True
-    for mark in sorted({*marks, end}):
-        while value < mark:
-            target = landing(value, mark, step)
-            try:
-                found = _to_displacement(problem, state, row, value, target)
-                rises = float(row @ drift(problem, found)) * first > 0
-            except NotConvergedError:
-                step = (target - value) * CUT
-                if step < SMALLEST_STEP * end:
-                    raise PathEndsError(f"no equilibrium was found at a displacement of {target:.6g}") from None
-                continue
-            if rises != rising and target - value > CLOSE * longest:
-                step = CLOSER * (target - value)
-                continue
-            _check_branch(problem.ansatz.case, found, rises)
-            state, value, rising = found, target, rises
-            yield state
-            step = min(longest, step * GROWTH) if state.iterations <= EASY else step
+    """Yield the states at increasing values of the displacement row . w; see `stepping.paths.displacement_steps`."""
+    path, rest = ByDisplacement(problem, row), PathState.rest(problem)
+    first = path.first_rate(drift(problem, rest))
+    yield from paths.displacement_steps(path, rest, first, marks, end, 1 / PATH_STEPS)
 
 
 def arc_length_steps(problem: PathProblem, row: Tensor, marks: Sequence[float], end: float) -> Iterator[PathState]:
@@ -129,10 +106,10 @@ def arc_length_steps(problem: PathProblem, row: Tensor, marks: Sequence[float], 
     # Textbooks measure an arc by the unknowns. Weights of random features have no magnitude of their own, so the
     # displacement at points is measured instead. The load is left out of the arc, as Crisfield proposed.
     measured = _samples(problem)
-    state, value, highest = PathState.rest(problem), 0.0, 0.0
-    waiting = sorted({*marks, end})
+    state, value, path = PathState.rest(problem), 0.0, ByDisplacement(problem, row)
+    landings = Marks(path, marks, end)
     tangent = drift(problem, state)
-    first = _first_rate(row, tangent)
+    first = path.first_rate(tangent)
     seen = measured @ tangent
     arc = end / PATH_STEPS / abs(first) * float(seen.norm())
     longest, sign, heading = LONGEST_ARC * arc, math.copysign(1.0, first), 1.0
@@ -159,56 +136,17 @@ def arc_length_steps(problem: PathProblem, row: Tensor, marks: Sequence[float], 
         if (sign_found, heads) != (sign, heading) and arc > CLOSE * longest:
             arc *= CLOSER
             continue
-        _check_branch(problem.ansatz.case, found, sign_found * first > 0)
+        path.check_branch(found, sign_found * first > 0)
         reached = float(row @ found.weights)
-        near, at = state, value
-        while waiting and reached >= waiting[0] > highest:
-            try:
-                near = _to_displacement(problem, near, row, at, waiting[0])
-            except NotConvergedError:
-                raise PathEndsError(f"the state at a displacement of {waiting[0]:.6g} was not found") from None
-            at = waiting.pop(0)
-            yield near
-        if not waiting:
+        yield from landings.passed(state, value, found, reached)
+        if not landings.waiting:
             return
-        if reached != at:
-            yield found
-        state, value, highest = found, reached, max(highest, reached)
+        state, value = found, reached
         tangent, sign, heading = ahead, sign_found, heads
         seen = measured @ tangent
         # Unlike a load step an arc is also cut after a slow step that converged.
-        arc = min(longest, arc * GROWTH**0.5) if found.iterations <= EASY else arc * CUT**0.5
+        arc = min(longest, arc * ARC_GROWTH) if found.iterations <= EASY else arc * ARC_CUT
     raise PathEndsError(f"the path did not reach a displacement of {end:.6g} in {MOST_STEPS} steps")
-
-
-def _first_rate(row: Tensor, tangent: Tensor) -> float:
-    """Return the controlled displacement's rate at rest."""
-    rate = float(row @ tangent)
-    if not abs(rate) > UNMOVED * float(row.norm() * tangent.norm()):
-        raise PathEndsError("the loads do not move the displacement that the path is followed to")
-    return rate
-
-
-def _check_branch(case: Case, found: PathState, rises: bool) -> None:
-    """Check that only limit points were passed: there the tangent's determinant changes sign with the load's rate."""
-    if found.tangent is not None and found.tangent.positive != rises:
-        raise PathEndsError(branch_passed(case, found.t))
-
-
-def landing(value: float, mark: float, step: float) -> float:
-    """Return the end of the next of equal steps to a mark, none longer than `step`."""
-    # Equal parts leave no short step before a mark. The factor forgives rounding in the count.
-    parts = math.ceil((mark - value) / step * (1 - 1e-9))
-    return mark if parts <= 1 else value + (mark - value) / parts
-
-
-def _to_displacement(problem: PathProblem, state: PathState, row: Tensor, value: float, target: float) -> PathState:
-    tangent = drift(problem, state)
-    rate = float(row @ tangent)
-    if rate == 0.0:
-        raise NotConvergedError
-    change = (target - value) / rate
-    return on_path(problem, state, Constraint(row, target), (change * tangent, change))
 
 
 def _samples(problem: PathProblem) -> Tensor:

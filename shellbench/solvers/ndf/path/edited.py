@@ -1,54 +1,33 @@
 """Paths of edited shells from the states of an earlier path, on its features.
 
-Each state that is asked for is reached from the earlier state at the same load factor, the edit coming in one step
-where Newton's method takes it easily, else in shorter ones (see `shellbench.problems.shell.variants.edit.between`). All
-states on the way are minima, and steps that take many iterations are cut: so the branch is that of the earlier path, as
-far as continuation can tell. It may have jumped within one easy step, and then the energy is another one than from
-rest.
+Each state that is asked for is reached from the earlier state at the same load factor, by way of the shells between
+(`shellbench.problems.shell.variants.edit.between`, `shellbench.solvers.stepping.paths.over_edit`). The branch may have
+jumped within one easy step, and then the energy is another one than from rest.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
-import numpy as np
 from torch import Tensor
 
 from shellbench.errors import InputError
 from shellbench.problem import Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.variants.edit import why_no_edit
+from shellbench.problems.shell.solution import checked_start
+from shellbench.solvers.ndf.field.ansatz import Combined
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
-from shellbench.solvers.ndf.path.basis import NotConvergedError
-from shellbench.solvers.ndf.path.continuation import EASY, PathEndsError
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.newton import PathState, equilibrium
-from shellbench.solvers.ndf.strains.sampled import Combined
-
-SHORTEST = 1 / 32  # of the way of an edit: where a shorter step were needed, the path is followed from rest
-
-
-def checked_start(start: Solution, case: Case, solver: str) -> NdfSolution | PathSolution:
-    """Return a start that is of use for a case.
-
-    Raises
-    ------
-    InputError
-        In one sentence, if it is no solution of the solver, or of another shell, or nothing can start from it.
-    """
-    if case.dynamics is not None:
-        raise InputError(f"{solver} can't go on from an earlier solution in {case.name}: a motion begins at rest")
-    if not isinstance(start, NdfSolution | PathSolution):
-        raise InputError(f"the start is no solution of '{solver}'")
-    if reason := why_no_edit(start.case, case):
-        raise InputError(f"the start is '{start.case.name}', of which '{case.name}' is no edit: {reason}")
-    return start
+from shellbench.solvers.stepping.control import state_at
+from shellbench.solvers.stepping.paths import over_edit
 
 
 def start_of_path(start: Solution, case: Case, solver: str, widths: Sequence[int]) -> tuple[PathSolution, int]:
     """Return a start for a path, and which of the widths that the path tries is its own; InputError if it is none."""
-    found = checked_start(start, case, solver)
+    found = checked_start(start, case, solver, NdfSolution, PathSolution)
     whole = not case.linear and case.path.control == "load" and case.path.after_buckling == "stop"
     if not isinstance(found, PathSolution) or not whole:
         raise InputError(
@@ -79,28 +58,15 @@ def states_of_edit(
     PathEndsError
         If the edit can't be followed, or the earlier path has no state at a load factor.
     """
+
+    def found_at(t: float, output: Tensor, share: float) -> tuple[PathState, Tensor]:
+        part = problem if share == 1.0 else at_share(share)
+        state = equilibrium(part, _placed(part, output, t), t)
+        return state, _as_drawn(part, state.weights)
+
     for t in marks:
-        nearest = int(np.argmin(np.abs(np.asarray(start.marks) - t)))
-        if abs(start.marks[nearest] - t) > 1e-9 * abs(t):
-            raise PathEndsError(f"the start has no state at the load factor {t:.6g}")
-        output = start.states[nearest].field.output
-        share, step, iterations = 0.0, 1.0, 0
-        while share < 1.0:
-            target = min(1.0, share + step)
-            part = problem if target == 1.0 else at_share(target)
-            try:
-                state = equilibrium(part, _placed(part, output, t), t)
-                iterations += state.iterations
-                easy = state.stable and (state.iterations <= EASY or step <= 2 * SHORTEST)
-            except NotConvergedError:
-                easy = False
-            if not easy:
-                step /= 2
-                if step < SHORTEST:
-                    raise PathEndsError(f"the edit could not be followed beyond {share:.0%} of it")
-                continue
-            output, share = _as_drawn(part, state.weights), target
-            step *= 2
+        output = start.states[state_at(start.marks, t)].field.output
+        state, iterations = over_edit(partial(found_at, t), output)
         yield replace(state, iterations=iterations)
 
 

@@ -1,11 +1,10 @@
-"""Equilibrium of a field at finite strain: the output weights by Newton's method, in a basis of independent fields.
+"""Equilibrium of a field at finite strain: energy, forces and tangent of the output weights, in independent fields.
 
 Random features are nearly dependent, so the output weights of a state mean little one by one. The unknowns y are the
 weights of independent combinations of features whose stiffness at rest is the identity: at a loaded state the smallest
 eigenvalue of the tangent then says how far the state is from being no minimum.
 
-Newton's method takes the stresses of the geometric stiffness from the linear prediction of its last step, and all else
-from the displacement itself: thin shells then take large steps (Magisano, Leonetti & Garcea 2017, CMAME 313).
+Newton's method itself is in `newton`.
 """
 
 from __future__ import annotations
@@ -20,26 +19,20 @@ import torch
 from torch import Tensor
 
 from shellbench.problems.shell.posed.rigid import free_motions, rigid_modes
-from shellbench.problems.shell.quantities.measure import unit
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
-from shellbench.problems.shell.question.places import Point
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz
+from shellbench.solvers.ndf.field.ansatz import Ansatz, Combined, FeatureSet, independent
+from shellbench.solvers.ndf.field.build import build_ansatz
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.factors import turns
-from shellbench.solvers.ndf.field.field import Ansatz
 from shellbench.solvers.ndf.field.jets import VALUE, Array
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
-from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density, point_supports
-from shellbench.solvers.ndf.linear.solve import SAME_ROW, slope_constraints
-from shellbench.solvers.ndf.path.basis import Basis, Deformed, NotConvergedError
+from shellbench.solvers.ndf.field.supports import asked_points, concentrated_forces, force_density
+from shellbench.solvers.ndf.linear.constraints import SAME_ROW, point_rows, point_targets, slope_constraints
+from shellbench.solvers.ndf.path.newton import Basis, Deformed
 from shellbench.solvers.ndf.strains.energy import mirrored
-from shellbench.solvers.ndf.strains.following import FollowingPressure
-from shellbench.solvers.ndf.strains.reaction import EdgeMoment, edge_moments
-from shellbench.solvers.ndf.strains.sampled import Combined, FeatureSet, Sampled, elastic_form, independent
+from shellbench.solvers.ndf.strains.reaction import EdgeMoment, FollowingPressure, edge_moments
+from shellbench.solvers.ndf.strains.sampled import Sampled, elastic_form
 from shellbench.solvers.ndf.strains.strain_measures import UNSTRAINED, stresses
-
-CONVERGED = 1e-10  # work of the residual on the last step, relative to the energy: the next one's is its square
-MOST_ITERATIONS = 14  # a step that takes more is cut
-HOPELESS = 1e8  # growth of that work that no iteration comes back from
 
 
 @dataclass(frozen=True)
@@ -65,15 +58,14 @@ class PathProblem:
     def independent(self) -> PathProblem:
         """Return the problem with independent combinations of its features, the same for all components."""
         # The sum over components has all that any of them needs, and stays positive semidefinite.
-        rest = self.deform(self.weights.new_zeros(3 * self.features.count), 0.0)
+        rest = self.deform(self.rest_weights, 0.0)
         anchors = self.anchor.view(-1, self.features.count)
         alike = self.sampled_at(0.0).summed(self._form(rest)) + anchors.T @ anchors
         return replace(self, features=Combined(self.features, independent(alike), alike))
 
     @cached_property
     def _stiffness(self) -> Tensor:
-        weights = self.weights.new_zeros(3 * self.features.count)
-        return self.tangent(self.deform(weights, 0.0), 0.0)
+        return self.tangent(self.deform(self.rest_weights, 0.0), 0.0)
 
     @cached_property
     def ansatz_at(self) -> Callable[[float], Ansatz]:
@@ -106,6 +98,11 @@ class PathProblem:
         rule = area_rule(self.ansatz.case.surface.domain, self.focal, self.rule_spec)
         return self.features.placement.tensor(rule.weights)
 
+    @property
+    def rest_weights(self) -> Tensor:
+        """(3 M,) zeros: the output weights at rest."""
+        return self.features.placement.zeros(3 * self.features.count)
+
     @cached_property
     def elasticity(self) -> Tensor:
         """(N, 2, 3, 3) of each point's share of the area."""
@@ -125,21 +122,6 @@ class PathProblem:
     def unstrained(self) -> float:
         """Energy that is rounding, J."""
         return UNSTRAINED * self.ansatz.case.material.membrane_stiffness * self.area
-
-    def settled(self, deformed: Deformed, decrement: float, first: float) -> bool:
-        """Return whether an iteration has ended here, by the work of its last step and of its first one, J.
-
-        Raises
-        ------
-        NotConvergedError
-            If none comes back from there.
-        """
-        # Below the energy of a strain of 1e-10 all is rounding, as in a shell that nothing loads.
-        scale = max(deformed.magnitude, self.unstrained)
-        # Written so that what is not a number fails.
-        if not scale < float("inf") or decrement > HOPELESS * first:
-            raise NotConvergedError
-        return decrement <= CONVERGED * scale
 
     @cached_property
     def moments(self) -> tuple[EdgeMoment, ...]:
@@ -193,21 +175,14 @@ class PathProblem:
     @cached_property
     def constraints(self) -> Tensor:
         """(k, 3 M): rows of the point supports, then those of slopes."""
-        supports = point_supports(self.ansatz.case)
-        rows = [self.row(np.array([s.point.xi]), np.eye(3)[[s.component]])[None] for s in supports]
         slopes = [found for found, _ in slope_constraints(self.ansatz, self.features)]
-        return torch.cat([self.weights.new_zeros((0, 3 * self.features.count)), *rows, *slopes])
+        return torch.cat([point_rows(self.ansatz_at(0.0), self.features), *slopes])
 
     def targets(self, t: float) -> Tensor:
         """Return what the constraints prescribe (k,), metres, less the lift."""
-        supports = point_supports(self.ansatz.case, t)
         ansatz, placement = self.ansatz_at(t), self.features.placement
-        values = placement.tensor(np.array([s.value for s in supports]))
-        if supports and ansatz.lift.moves:
-            points = np.array([s.point.xi for s in supports])
-            lift = ansatz.lift.jet(points, placement)[VALUE]
-            values = values - lift[torch.arange(len(supports)), [s.component for s in supports]]
-        return torch.cat([values, *(target for _, target in slope_constraints(ansatz, self.features))])
+        slopes = [target for _, target in slope_constraints(ansatz, self.features)]
+        return torch.cat([point_targets(ansatz, placement), *slopes])
 
     def row(self, points: Array, directions: Array, t: float = 0.0) -> Tensor:
         """Return the row (3 M,) of the mean displacement of the free field at points (n, 2) along directions (n, 3).
@@ -221,19 +196,16 @@ class PathProblem:
 
     def functional(self, quantity: DisplacementQuantity, t: float = 0.0) -> Tensor:
         """Return the row (3 M,) of a displacement quantity; the lift's share is left out."""
-        places = [self.ansatz.case.places[name] for name in quantity.points]
-        points = np.array([place.xi for place in places if isinstance(place, Point)])
-        return self.row(points, np.array([unit(d) for d in quantity.directions]), t)
+        return self.row(*asked_points(self.ansatz.case, quantity), t)
 
     def lifted(self, quantity: DisplacementQuantity, t: float) -> float:
         """Return the lift's share of a displacement quantity at a load factor, metres."""
         ansatz = self.ansatz_at(t)
         if not ansatz.lift.moves:
             return 0.0
-        places = [self.ansatz.case.places[name] for name in quantity.points]
-        points = np.array([place.xi for place in places if isinstance(place, Point)])
+        points, directions = asked_points(ansatz.case, quantity)
         lift = ansatz.lift.jet(points, self.features.placement)[VALUE].cpu().numpy()
-        return float(np.mean(np.sum(lift * np.array([unit(d) for d in quantity.directions]), axis=-1)))
+        return float(np.mean(np.sum(lift * directions, axis=-1)))
 
     @cached_property
     def basis(self) -> Basis:
@@ -255,7 +227,7 @@ class PathProblem:
         The other problem has the same supports and quadrature.
         """
         # The stiffness of the basis is the identity: the projection is Z Z^T f, with f the forces that hold the field.
-        variation = self.deform(self.weights.new_zeros(3 * self.features.count), 0.0).strained.variation
+        variation = self.deform(self.rest_weights, 0.0).strained.variation
         gradients = other.sampled.gradients(weights.view(3, -1)).reshape(-1, 15, 1)
         conjugate = stresses(self.elasticity, (variation @ gradients)[..., 0])
         force = self.sampled.pulled_back((conjugate[:, None] @ variation)[:, 0])

@@ -1,6 +1,6 @@
 """A case at finite strain: the output layer of given features follows the path of equilibrium from rest.
 
-Rungs of ever finer features are climbed until the certified potential energy at the end of the path stands still: it
+Levels of ever finer features are climbed until the certified potential energy at the end of the path stands still: it
 is what says, with no reference at hand, that a field is rich enough for what the shell does.
 """
 
@@ -19,34 +19,30 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.problems.shell.records.path_end import cut_short
 from shellbench.problems.shell.variants.edit import between
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz
+from shellbench.solvers.ndf.field.build import build_ansatz
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.factors import turns
 from shellbench.solvers.ndf.field.quadrature import area_rule
 from shellbench.solvers.ndf.field.supports import check_balance
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
-from shellbench.solvers.ndf.path.basis import Deformed, NotConvergedError
 from shellbench.solvers.ndf.path.buckling import follow_steps
-from shellbench.solvers.ndf.path.continuation import (
-    PathEndsError,
-    arc_length_steps,
-    displacement_steps,
-    load_steps,
-)
+from shellbench.solvers.ndf.path.continuation import arc_length_steps, displacement_steps, load_steps
 from shellbench.solvers.ndf.path.edited import states_of_edit
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
-from shellbench.solvers.ndf.path.newton import PathState, equilibrium
+from shellbench.solvers.ndf.path.levels import PathLevel, disagreement, state_solution
+from shellbench.solvers.ndf.path.newton import Deformed, PathState, equilibrium
 from shellbench.solvers.ndf.path.path_challenge import challenged, prescribed
-from shellbench.solvers.ndf.path.rungs import Rung, disagreement, state_solution
 from shellbench.solvers.ndf.strains.energy import exploits
+from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError, same
 
-SETTLED = 2e-4  # relative change of the certified energy from rung to rung; the finer one lacks far less
+SETTLED_PATH = 2e-4  # relative change of the certified energy from level to level; the finer one lacks far less
 
 
 def solve(
     case: Case,
     spec: FieldSpec,
     solver: str,
-    rungs: Sequence[Callable[[], Rung]],
+    levels: Sequence[Callable[[], PathLevel]],
     largest_gap: float,
     seed: int | None,
     progress: ProgressCallback,
@@ -55,7 +51,7 @@ def solve(
     """Follow the path of a case with ever finer features until its energy stands still, or there are no finer ones.
 
     `seed` draws the challengers that tell how sure the path is; with None it states nothing. With `start`, an earlier
-    path on the features of the first rung, states begin at its own, and its energy is taken to stand still if it did.
+    path on the features of the first level, states begin at its own, and its energy is taken to stand still if it did.
 
     Raises
     ------
@@ -71,12 +67,12 @@ def solve(
     solution: PathSolution | None = None
     stood = start is not None and bool(start.diagnostics.get("settled"))
     coarse: _Run | None = None
-    for number, build in enumerate(rungs):
+    for number, build in enumerate(levels):
         run = _Run(case, spec, solver, build(), began, largest_gap, progress, None if number else start)
         try:
             solution = run.solve(coarse)
         except SolveFailure as failure:
-            if number == len(rungs) - 1:  # what a coarser field found is kept, but not taken for the answer
+            if number == len(levels) - 1:  # what a coarser field found is kept, but not taken for the answer
                 raise SolveFailure(str(failure), solution or failure.partial) from None
             before = coarse = None
             continue
@@ -89,42 +85,42 @@ def solve(
         history.append(run.summary(len(history), solution))
         if stood and start is not None:
             change = start.diagnostics["energy_change"]
-        if run.prescribed or (change is not None and change <= SETTLED):
+        if run.prescribed or (change is not None and change <= SETTLED_PATH):
             break
-    assert solution is not None  # there is a rung, and the last one would have raised
+    assert solution is not None  # there is a level, and the last one would have raised
     states = tuple(replace(s, iteration=len(history) + s.iteration) for s in solution.history)
     diagnostics = {
         **solution.diagnostics,
         "energy_change": change,
-        "settled": run.prescribed or (change is not None and change <= SETTLED),
+        "settled": run.prescribed or (change is not None and change <= SETTLED_PATH),
     }
     found = replace(solution, history=(*history, *states), diagnostics=diagnostics)
     return found if seed is None else run.stated(found, seed)
 
 
 class _Run:
-    """One rung: a path, its certificate, and what is kept of it."""
+    """One level: a path, its certificate, and what is kept of it."""
 
     def __init__(
         self,
         case: Case,
         spec: FieldSpec,
         solver: str,
-        rung: Rung,
+        level: PathLevel,
         began: float,
         largest_gap: float,
         progress: ProgressCallback,
         start: PathSolution | None = None,
     ) -> None:
         self.start = start
-        self.case, self.spec, self.solver, self.rung = case, spec, solver, rung
+        self.case, self.spec, self.solver, self.level = case, spec, solver, level
         self.began, self.largest_gap, self.progress = began, largest_gap, progress
         self.prescribed = case.prescribed
         ansatz = build_ansatz(case, spec)
-        rule = area_rule(case.surface.domain, rung.focal, rung.rule)
+        rule = area_rule(case.surface.domain, level.focal, level.rule)
         for t in case.states if case.path.quantity is None else (1.0,):
-            check_balance(case, rule, rung.rule, rung.focal, t)
-        problem = PathProblem(spec, ansatz, rung.features, rung.rule, rung.focal)
+            check_balance(case, rule, level.rule, level.focal, t)
+        problem = PathProblem(spec, ansatz, level.features, level.rule, level.focal)
         self.problem = problem if self.prescribed else problem.independent()
         self.quantities = {q.name: q for q in case.quantities if isinstance(q, DisplacementQuantity)}
         self.rows = self._rows(0.0)
@@ -159,10 +155,10 @@ class _Run:
             return prescribed(solution, self.problem.unstrained)
         if self.case.path.after_buckling == "follow":
             return solution  # beside its neutral modes one linear solve says nothing
-        return challenged(self.problem, self.states, solution, self.rung.resolution, seed, self._field)
+        return challenged(self.problem, self.states, solution, self.level.resolution, seed, self._field)
 
     def summary(self, iteration: int, solution: PathSolution) -> Step:
-        """Return one step for the whole rung."""
+        """Return one step for the whole level."""
         gap = solution.diagnostics["energy_gap"]
         return replace(solution.history[-1], iteration=iteration, gap=gap, phase="solve", iterations=self.iterations)
 
@@ -194,7 +190,7 @@ class _Run:
         """Return the problem at a share of the edit that leads from the start to the case."""
         assert self.start is not None
         ansatz = build_ansatz(between(self.start.case, self.case, share), self.spec)
-        return PathProblem(self.spec, ansatz, self.rung.features, self.rung.rule, self.rung.focal).independent()
+        return PathProblem(self.spec, ansatz, self.level.features, self.level.rule, self.level.focal).independent()
 
     def _rows(self, t: float) -> dict[str, Tensor]:
         if t and not turns(self.case):
@@ -211,12 +207,12 @@ class _Run:
         marks = [s.t if self.controlled is None else float(self.controlled @ s.weights) for s in states]
         kept = []
         for mark in case.states:
-            there = [k for k, value in enumerate(marks) if abs(value - mark) <= 1e-9 * abs(mark)]
+            there = [k for k, value in enumerate(marks) if same(value, mark)]
             kept += there[:1]
         kept = sorted({*kept, *(k for k, state in enumerate(states) if state.critical)})
         if not complete and len(states) - 1 not in kept:
             kept.append(len(states) - 1)
-        fine = replace(self.problem, rule_spec=self.rung.fine)
+        fine = replace(self.problem, rule_spec=self.level.fine)
         certified = [self._certified(fine, states[k]) for k in kept]
         gaps = {
             k: disagreement(states[k].deformed, deformed, self.problem.unstrained)
@@ -235,9 +231,9 @@ class _Run:
                 "energy_gap": float(np.max(list(gaps.values()))),
                 "certified_energy": certified[-1].potential,
                 "strain": self.spec.strain,
-                "features": self.rung.features.count,
+                "features": self.level.features.count,
                 "independent_features": 0 if self.prescribed else self.problem.features.count,
-                "neurons": self.rung.features.network.width,
+                "neurons": self.level.features.network.width,
                 "quadrature_points": len(self.problem.weights),
                 "fine_quadrature_points": len(fine.weights),
                 "newton_iterations": self.iterations,
@@ -290,4 +286,4 @@ class _Run:
 
     def _field(self, state: PathState) -> NdfSolution:
         """Return the solution of a state, its energies left out."""
-        return state_solution(self.problem, self.rung, self.solver, state)
+        return state_solution(self.problem, self.level, self.solver, state)

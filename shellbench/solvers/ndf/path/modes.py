@@ -30,34 +30,36 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.modes import why_too_few
 from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.solvers.ndf.field.build import (
-    FieldSpec,
     build_ansatz,
     build_features,
     build_inputs,
     graded_points,
-    resolution,
+    usual_resolution,
 )
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.network import deep_random_features
 from shellbench.solvers.ndf.field.quadrature import area_rule
 from shellbench.solvers.ndf.field.supports import check_balance
+from shellbench.solvers.ndf.linear.constraints import SAME_ROW
 from shellbench.solvers.ndf.linear.refinement import SAFETY, SLOWEST, Level, first_level, next_level, unsettled
 from shellbench.solvers.ndf.linear.ritz_field import with_settings
-from shellbench.solvers.ndf.linear.ritz_settings import NAME, RitzSettings
+from shellbench.solvers.ndf.linear.ritz_settings import NDF_RITZ, RitzSettings
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
-from shellbench.solvers.ndf.linear.solve import SAME_ROW
-from shellbench.solvers.ndf.path.basis import Basis
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
+from shellbench.solvers.ndf.path.newton import Basis
 from shellbench.solvers.ndf.strains.sampled import elastic_form
 
 Integers = NDArray[np.int64]
 
-SETTLED = 1e-4  # relative uncertainty of a mode's value from which on an answer has not settled
-WANTED = 1e-5  # the same below which one level is enough: corners may give more than their challengers show
+SETTLED_MODE = 1e-4  # relative uncertainty of a mode's value from which on an answer has not settled
+WANTED = (
+    SETTLED_MODE / 10
+)  # the same below which one level is enough: corners may give more than their challengers show
 SHAPES = 25  # points a side at which a shape's largest displacement is looked for
-FAR = 1e-6  # reciprocal of a load factor, relative to the largest, below which errors of the stresses make it
-FINER = "finer"  # kind of features of the next level: what a mode lacks are waves that are shorter
+FAR_FACTOR = 1e-6  # reciprocal of a load factor, relative to the largest, below which errors of the stresses make it
+FINER_KIND = "finer"  # kind of features of the next level: what a mode lacks are waves that are shorter
 
 
 def why_no_modes(case: Case, spec: FieldSpec | None = None) -> str | None:
@@ -86,7 +88,7 @@ class _Found:
 class Recipe:
     """Whose field finds modes: a solver's name, and the widths of hidden layers before the last, if there are any."""
 
-    solver: str = NAME
+    solver: str = NDF_RITZ
     inner: tuple[int, ...] = ()
 
 
@@ -107,7 +109,7 @@ def solve(
     # 2. What challengers change is missed at least. Of a second level on one knows how much more the level after them
     #    changed than they did. One level is enough only where challengers change next to nothing.
     # 3. The values are Rayleigh's quotients on a finer rule. How the rule of the solve differs is uncertain besides.
-    began, usual = time.perf_counter(), with_settings(resolution(case), settings)
+    began, usual = time.perf_counter(), with_settings(usual_resolution(case), settings)
     fixed = settings.neurons is not None or settings.panels is not None
     first = first_level(case, usual, settings.neurons is not None, settings.panels is not None)
     level: Level | None = first
@@ -140,11 +142,11 @@ def solve(
             answer = replace(answer, history=tuple(steps))
             break
         answer = one.solution(kept, sure, steps)
-        if fixed or share <= (WANTED if before is None else SETTLED):
+        if fixed or share <= (WANTED if before is None else SETTLED_MODE):
             break
         before, told = kept.values, gained
         del one  # its matrices, before those of the next level are made
-        level = next_level(first, level, FINER, settings.most_neurons)
+        level = next_level(first, level, FINER_KIND, settings.most_neurons)
     assert answer is not None  # there is a first level
     return answer
 
@@ -189,7 +191,7 @@ class _OneLevel:
         self.problem = PathProblem(exact, build_ansatz(case, exact), self.features, chosen.rule, self.focal, False)
         rule = area_rule(case.surface.domain, self.focal, chosen.rule)
         check_balance(case, rule, chosen.rule, self.focal)
-        weights = self.problem.weights.new_zeros(3 * self.features.count)
+        weights = self.problem.rest_weights
         self.rest = self.problem.deform(weights, 0.0)
         self.stiffness = self.problem.tangent(self.rest, 0.0)
         self.mass = self.problem.sampled.products(case.material.areal_density * self.problem.share)
@@ -254,7 +256,7 @@ class _OneLevel:
             raise SolveFailure("the shell is not stable at the state about which it is to vibrate") from None
         if not self.vibrates:
             least = float(eigh(*pair, eigvals_only=True, subset_by_index=(0, 0))[0])
-            positive = inverse > FAR * max(inverse[-1], -least)
+            positive = inverse > FAR_FACTOR * max(inverse[-1], -least)
             if not positive.all():
                 raise SolveFailure(why_too_few(number, int(positive.sum()), 1 / least if least < 0 else None))
         weights = combine @ torch.as_tensor(shares[:, ::-1].copy(), dtype=combine.dtype, device=combine.device)
@@ -295,7 +297,7 @@ class _OneLevel:
             states=tuple(self._shape(found.weights[:, int(mark) - 1]) for mark in marks),
             history=tuple(steps),
             uncertainty=uncertainty,
-            unsettled=unsettled(uncertainty, values, SETTLED),
+            unsettled=unsettled(uncertainty, values, SETTLED_MODE),
             mode_values={int(mark): float(found.values[int(mark) - 1]) for mark in marks},
             diagnostics={
                 "energy_gap": found.gap,

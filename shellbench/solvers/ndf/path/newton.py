@@ -1,15 +1,139 @@
-"""Newton's method on the output weights of a field: at a load factor, or with one more equation on a path."""
+"""Newton's method on the output weights of a field: at a load factor, or with one more equation on a path.
+
+It takes the stresses of the geometric stiffness from the linear prediction of its last step, and all else from the
+displacement itself: thin shells then take large steps (Magisano, Leonetti & Garcea 2017, CMAME 313).
+
+The unknowns are independent combinations of the features.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import torch
 from torch import Tensor
 
-from shellbench.solvers.ndf.path.basis import Deformed, NotConvergedError
-from shellbench.solvers.ndf.path.equilibrium import MOST_ITERATIONS, PathProblem
+from shellbench.solvers.ndf.field.ansatz import independent
+from shellbench.solvers.ndf.strains.strain_measures import Strained
+from shellbench.solvers.stepping.control import NotConvergedError
+
+CONVERGED = 1e-10  # work of the residual on the last step, relative to the energy: the next one's is its square
+MOST_ITERATIONS = 14  # a step that takes more is cut
+FIRST_STEP = 1 / 8  # of a path under load: so far Newton's method is tried from rest; it is cut where that fails
+HOPELESS = 1e8  # growth of that work that no iteration comes back from: a guard
+
+
+@dataclass(frozen=True)
+class Deformed:
+    """A displacement of the shell.
+
+    Attributes
+    ----------
+    membrane, bending, work
+        Parts of the strain energy, and the work of the loads, J.
+    residual
+        (3 M,): loads less what the strains resist, on the output weights.
+    strained, stresses
+        At the points of the rule: strains, and what is conjugate to them (N, 6).
+    angles
+        By moment (n,): the angles that its normals have turned by.
+    """
+
+    membrane: float
+    bending: float
+    work: float
+    residual: Tensor
+    strained: Strained
+    stresses: Tensor
+    angles: tuple[Tensor, ...]
+
+    @property
+    def potential(self) -> float:
+        """Potential energy, J."""
+        return self.membrane + self.bending - self.work
+
+    @property
+    def magnitude(self) -> float:
+        """What the potential energy is made of, J: its parts, each without its sign."""
+        return self.membrane + self.bending + abs(self.work)
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Independent fields: w = held target + combine y, with `combine` (3 M, r) and `held` (3 M, k)."""
+
+    combine: Tensor
+    held: Tensor
+
+    @classmethod
+    def from_stiffness(cls, stiffness: Tensor, constraints: Tensor, least: float = 0.0) -> Basis:
+        """Choose a basis whose stiffness is the identity, and in which `constraints` (k, 3 M) w = target are held.
+
+        Combinations of constraints that a unit of energy moves by no more than `least`, metres, are left out.
+        """
+        # Null-space method: with K = 1 in `combine`, a singular value decomposition of the constraints splits it
+        # orthogonally. The first columns of V hold the supports' displacements, the others move none of them.
+        combine = independent(stiffness)
+        if not len(constraints):
+            return cls(combine, combine.new_zeros((len(stiffness), 0)))
+        u, moved, v = torch.linalg.svd(constraints @ combine)
+        k = int((moved > least).sum())
+        return cls(combine @ v[k:].T, combine @ (v[:k].T / moved[:k]) @ u[:, :k].T)
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns r."""
+        return self.combine.shape[1]
+
+    def spread(self, y: Tensor) -> Tensor:
+        """Return weights (3 M,) of unknowns (r,), less what is held."""
+        return self.combine @ y
+
+    def gather(self, force: Tensor) -> Tensor:
+        """Return forces (r,) on the unknowns of forces (3 M,) on the weights."""
+        return self.combine.T @ force
+
+
+class Equations(Protocol):
+    """The members of a problem that Newton's method needs; `equilibrium.PathProblem` has them."""
+
+    @property
+    def basis(self) -> Basis:
+        """The unknowns."""
+
+    @property
+    def constraints(self) -> Tensor:
+        """(k, 3 M): rows that are held."""
+
+    @property
+    def rest_weights(self) -> Tensor:
+        """(3 M,) zeros: the output weights at rest."""
+
+    @property
+    def unstrained(self) -> float:
+        """Energy that is rounding, J."""
+
+    def targets(self, t: float) -> Tensor:
+        """Return what the constraints prescribe (k,) at a load factor."""
+
+    def deform(self, weights: Tensor, t: float, near: tuple[Tensor, ...] | None = None) -> Deformed:
+        """Deform the shell by output weights (3 M,); angles are followed from `near`."""
+
+    def tangent(
+        self, deformed: Deformed, t: float, weights: Tensor | None = None, geometric: Tensor | None = None
+    ) -> Tensor:
+        """Return the second variation (3 M, 3 M) of the energy; `geometric` (N, 6) replace its stresses."""
+
+    def load_stiffness(self, weights: Tensor, t: float) -> Tensor | None:
+        """Return the derivative (3 M, 3 M) of loads that follow the shell, if there are any."""
+
+    def predicted(self, deformed: Deformed, change: Tensor, t: float = 0.0) -> Tensor:
+        """Return the stresses (N, 6) that the first variation predicts after a change (3 M,) of weights."""
+
+    def force_rate(self, weights: Tensor) -> Tensor:
+        """Return the derivative (3 M,) of proportional loads in t."""
 
 
 @dataclass(frozen=True)
@@ -36,10 +160,9 @@ class PathState:
     critical: bool = False
 
     @classmethod
-    def rest(cls, problem: PathProblem) -> PathState:
+    def rest(cls, problem: Equations) -> PathState:
         """Return the state that nothing loads."""
-        weights = problem.weights.new_zeros(3 * problem.features.count)
-        return cls(0.0, weights, problem.deform(weights, 0.0))
+        return cls(0.0, problem.rest_weights, problem.deform(problem.rest_weights, 0.0))
 
     @property
     def stable(self) -> bool:
@@ -58,7 +181,7 @@ class Constraint:
     value: float
 
 
-def equilibrium(problem: PathProblem, start: PathState, t: float, neutral: float = 0.0) -> PathState:
+def equilibrium(problem: Equations, start: PathState, t: float, neutral: float = 0.0) -> PathState:
     """Return the state at a load factor, from another one; it is stable if its tangent is positive definite.
 
     Modes whose eigenvalue is less than `neutral` of the stiffness at rest are left as they are.
@@ -74,7 +197,7 @@ def equilibrium(problem: PathProblem, start: PathState, t: float, neutral: float
     return _newton(problem, start, t, change, None, neutral)
 
 
-def on_path(problem: PathProblem, start: PathState, constraint: Constraint, guess: tuple[Tensor, float]) -> PathState:
+def on_path(problem: Equations, start: PathState, constraint: Constraint, guess: tuple[Tensor, float]) -> PathState:
     """Return the state that satisfies a constraint, from another one and a guess (dw, dt) of the step to it.
 
     Raises
@@ -85,7 +208,23 @@ def on_path(problem: PathProblem, start: PathState, constraint: Constraint, gues
     return _newton(problem, start, start.t + guess[1], guess[0], constraint)
 
 
-def drift(problem: PathProblem, state: PathState) -> Tensor:
+def settled(problem: Equations, deformed: Deformed, decrement: float, first: float) -> bool:
+    """Tell whether an iteration has ended here, by the work of its last step and of its first one, J.
+
+    Raises
+    ------
+    NotConvergedError
+        If none comes back from there.
+    """
+    # Below the energy of a strain of 1e-10 all is rounding, as in a shell that nothing loads.
+    scale = max(deformed.magnitude, problem.unstrained)
+    # Written so that what is not a number fails.
+    if not scale < float("inf") or decrement > HOPELESS * first:
+        raise NotConvergedError
+    return decrement <= CONVERGED * scale
+
+
+def drift(problem: Equations, state: PathState) -> Tensor:
     """Return dw/dt (3 M,) along the path at a state.
 
     Raises
@@ -108,7 +247,7 @@ class Tangent:
 
     def __init__(
         self,
-        problem: PathProblem,
+        problem: Equations,
         deformed: Deformed,
         t: float,
         weights: Tensor,
@@ -171,7 +310,7 @@ class Tangent:
 
 
 def _newton(
-    problem: PathProblem,
+    problem: Equations,
     start: PathState,
     t: float,
     step: Tensor,
@@ -210,6 +349,6 @@ def _newton(
         weights = weights + step
         deformed = problem.deform(weights, t, deformed.angles)
         first = first or decrement
-        if problem.settled(deformed, decrement, first):
+        if settled(problem, deformed, decrement, first):
             return PathState(t, weights, deformed, iteration, tangent)
     raise NotConvergedError

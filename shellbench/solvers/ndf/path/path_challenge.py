@@ -27,35 +27,36 @@ from shellbench.problems.shell.quantities.quantities import (
     LimitPoint,
     QuantityModel,
 )
+from shellbench.solvers.ndf.field.ansatz import Combined
 from shellbench.solvers.ndf.field.build import Resolution, graded_points
 from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.jets import Array
 from shellbench.solvers.ndf.field.quadrature import area_rule
 from shellbench.solvers.ndf.field.supports import point_supports
-from shellbench.solvers.ndf.linear.challenge import SHARE, joined_features, looking_everywhere
+from shellbench.solvers.ndf.linear.constraints import SAME_ROW
 from shellbench.solvers.ndf.linear.refinement import (
+    TRAINED_SHARE,
     Miss,
     changes,
     finer_rule,
     first_level,
+    joined_features,
     layered,
+    looking_everywhere,
     probed,
     scale,
     uncertainties,
     unsettled,
 )
+from shellbench.solvers.ndf.linear.regularised import JITTER, RegularisedInverse
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
-from shellbench.solvers.ndf.linear.solve import JITTER, SAME_ROW, RegularisedInverse
-from shellbench.solvers.ndf.path.basis import Deformed
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
-from shellbench.solvers.ndf.path.newton import PathState
-from shellbench.solvers.ndf.strains.energy import rigid_part
-from shellbench.solvers.ndf.strains.sampled import Combined
+from shellbench.solvers.ndf.path.newton import Deformed, PathState
+from shellbench.solvers.stepping.control import same
 
-SETTLED = 2e-2  # of a scale: energies err twice as much as displacements, and these are asked for 1e-2 at most
-GROWTH = 1.5**0.5  # of points a side: a path's features and its challengers are half as many more
+SETTLED_STATE = 2e-2  # of a scale: energies err twice as much as displacements, and these are asked for 1e-2 at most
+RULE_GROWTH = (1 + TRAINED_SHARE) ** 0.5  # of panels a side: as many points a feature as without challengers
 PART = 0.25  # of what is gained, by which even a small part of the energy errs: on 48 drawn shells at most .24
-SAME = 1e-9  # relative distance of a state from its mark
 PRESCRIBED = 1e-12  # of a quantity's scale, where nothing is solved for and all is rounding
 
 
@@ -101,11 +102,11 @@ class Challenge:
         case, spec = solution.case, solution.spec
         level = first_level(case, usual, given_width=True, given_rule=True)
         width = solution.field.features.network.width
-        number = max(1, round(SHARE * width / len(level.kinds)))
+        number = max(1, round(TRAINED_SHARE * width / len(level.kinds)))
         # Both fields are integrated with as many points a feature as the path's own: else the rule tells a difference.
-        rule = layered(case, finer_rule(usual.rule, GROWTH))
+        rule = layered(case, finer_rule(usual.rule, RULE_GROWTH))
         level = replace(level, resolution=replace(level.resolution, neurons=0), challengers=number)
-        features = joined_features(solution, level, seed)
+        features = joined_features(solution.field, solution.spec, level, seed)
         assert isinstance(problem.features, Combined)
         old = problem.features.combine
         count, new = old.shape[1], features.count - len(old)
@@ -175,7 +176,7 @@ class Challenge:
         rule = area_rule(solution.case.surface.domain, self.problem.focal, self.problem.rule_spec)
         return replace(
             solution,
-            field=field.less_rigid(rigid_part(field, rule)),
+            field=field.without_rigid_part(rule),
             rule=self.problem.rule_spec,
             membrane=energies[0],
             bending=energies[1],
@@ -269,7 +270,7 @@ def challenged(
     return replace(
         solution,
         uncertainty=uncertainty,
-        unsettled=solution.unsettled or unsettled(uncertainty, scales, SETTLED),
+        unsettled=solution.unsettled or unsettled(uncertainty, scales, SETTLED_STATE),
         diagnostics={
             **solution.diagnostics,
             "challenge_gain": max(gains),
@@ -289,7 +290,7 @@ def _asked(q: QuantityModel, solution: PathSolution, offset: int) -> tuple[int, 
     along = [step.at if path.quantity is None else step.quantities[path.quantity] for step in steps]
     if not isinstance(q, LimitPoint):
         mark = solution.marks[-1] if q.at is None else q.at
-        there = (k for k, value in enumerate(along) if abs(value - mark) <= SAME * abs(mark))
+        there = (k for k, value in enumerate(along) if same(value, mark))
         return tuple(islice(there, 1))
     values = np.array([0.0, *([step.at for step in steps] if q.turning == "load" else along)])
     turns = np.nonzero(np.diff(np.sign(np.diff(values))))[0]  # state k + 1 of rest and the others is k of these

@@ -23,27 +23,26 @@ from shellbench.problem import ProgressCallback
 from shellbench.problems.series.conditioned import ASKED, ConditionedCase, Material
 from shellbench.problems.series.conditioned_answer import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer, stepped
 from shellbench.problems.series.quantities import Parameter
-from shellbench.problems.shell.quantities.measure import unit
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
-from shellbench.problems.shell.question.places import Point
-from shellbench.solvers.ndf.conditioned.affine import part_rows
-from shellbench.solvers.ndf.conditioned.reduced import stiffnesses
-from shellbench.solvers.ndf.field.build import FieldSpec, build_inputs, focal_points, resolution
-from shellbench.solvers.ndf.field.field import Ansatz
+from shellbench.solvers.ndf.conditioned.reduced import part_rows, stiffnesses
+from shellbench.solvers.ndf.field.ansatz import Ansatz
+from shellbench.solvers.ndf.field.build import build_inputs, focal_points, usual_resolution
+from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.inputs import Inputs
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, constant
 from shellbench.solvers.ndf.field.quadrature import Rule
+from shellbench.solvers.ndf.field.supports import asked_points
 from shellbench.solvers.ndf.field.weights import described, write_described
-from shellbench.solvers.ndf.published.conditioned_published_settings import ConditionedPublishedSettings
 from shellbench.solvers.ndf.published.published_network import InputScale, Siren, initial_siren, published_ansatz
 from shellbench.solvers.ndf.published.published_samples import stratified_samples, usual_modulus_factor
+from shellbench.solvers.ndf.published.published_settings import ConditionedPublishedSettings
 from shellbench.solvers.ndf.published.published_training import LossNotFinite, Plan, beginning, train
 from shellbench.solvers.ndf.strains.energy import concentrated, tabulate
 
 FORMAT = "ndf-material, format 1"
 INPUTS = len(Material._fields)
-BLOCK = 10  # iterations that are tabulated at once
-STEP = 1e-3  # of difference quotients of the network, in double precision
+ITERATIONS_AT_ONCE = 10  # iterations that are tabulated at once
+QUOTIENT_STEP = 1e-3  # of central difference quotients of the network, which err by its square
 SEPARATE = 1  # stream of random numbers for materials, beside that of points
 
 
@@ -125,9 +124,9 @@ class Sampler:
         q, cells = self.question, self.settings.cells
         shell, dtype = q.ansatz.case, q.placement.dtype
         count, exact = math.prod(cells), q.placement._replace(dtype=torch.float64)
-        forces = concentrated(q.ansatz, resolution(shell).rule, focal_points(shell), exact)
-        for first in range(start, stop, BLOCK):
-            numbers = range(first, min(first + BLOCK, stop))
+        forces = concentrated(q.ansatz, usual_resolution(shell).rule, focal_points(shell), exact)
+        for first in range(start, stop, ITERATIONS_AT_ONCE):
+            numbers = range(first, min(first + ITERATIONS_AT_ONCE, stop))
             points = np.concatenate([stratified_samples(shell, cells, self.settings.seed, k) for k in numbers])
             weights = np.full(len(points), math.prod(shell.surface.domain.size) / count)
             parts = [rows.to(dtype) for rows in part_rows(q.ansatz, points, weights, exact)]
@@ -178,9 +177,7 @@ class TrainedField(ConditionedAnswer):
         shell = self._question.ansatz.case
         quantity = shell.quantity(ASKED)
         assert isinstance(quantity, DisplacementQuantity)
-        places = [shell.places[name] for name in quantity.points]
-        points = np.array([place.xi for place in places if isinstance(place, Point)])
-        directions = np.array([unit(d) for d in quantity.directions])
+        points, directions = asked_points(shell, quantity)
         return float(np.mean(np.sum(self.displacement(points, material=material) * directions, axis=-1)))
 
     def value(self, number: int) -> float:
@@ -190,8 +187,8 @@ class TrainedField(ConditionedAnswer):
     def sensitivity(self, number: int, by: Parameter) -> float:
         """Return the derivative of its logarithm, by a difference quotient."""
         material = self.case.materials[number]
-        ahead, behind = (self.asked(stepped(material, by, way * STEP)) for way in (1, -1))
-        return (ahead - behind) / (2 * STEP) / self.asked(material)
+        ahead, behind = (self.asked(stepped(material, by, way * QUOTIENT_STEP)) for way in (1, -1))
+        return (ahead - behind) / (2 * QUOTIENT_STEP) / self.asked(material)
 
     def save(self, path: Path) -> Path:
         """Write weights and biases as safetensors, all else as JSON in the header."""

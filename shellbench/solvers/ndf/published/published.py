@@ -34,8 +34,10 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.declining import why_not_plain
 from shellbench.problems.shell.quantities.measure import measure
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
-from shellbench.solvers.ndf.field.build import FieldSpec, build_features, build_inputs, focal_points, resolution
-from shellbench.solvers.ndf.field.field import Ansatz, Field
+from shellbench.solvers.ndf.field.ansatz import Ansatz
+from shellbench.solvers.ndf.field.build import build_features, build_inputs, focal_points, usual_resolution
+from shellbench.solvers.ndf.field.choices import FieldSpec
+from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.inputs import Inputs
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
@@ -55,7 +57,12 @@ from shellbench.solvers.ndf.published.published_network import (
     published_ansatz,
 )
 from shellbench.solvers.ndf.published.published_samples import Sampler, expected_displacement, usual_modulus_factor
-from shellbench.solvers.ndf.published.published_settings import NAME, PublishedSettings, own_checkpoint, training_key
+from shellbench.solvers.ndf.published.published_settings import (
+    NDF_PUBLISHED,
+    PublishedSettings,
+    own_checkpoint,
+    training_key,
+)
 from shellbench.solvers.ndf.published.published_training import (
     CERTIFIED,
     LossNotFinite,
@@ -65,7 +72,7 @@ from shellbench.solvers.ndf.published.published_training import (
     train,
     why_collapsed,
 )
-from shellbench.solvers.ndf.strains.energy import certify, concentrated, rigid_part
+from shellbench.solvers.ndf.strains.energy import certify, concentrated
 
 WINDOW = 100  # last losses whose mean is held against the fine quadrature
 RIGID_RULE = RuleSpec((4, 4), 4)  # for the mean rigid motion
@@ -137,7 +144,7 @@ def solve(
     if case.dynamics is None:
         training = _Training.from_case(case, settings)
     else:
-        training = MotionTraining.from_case(case, settings, NAME)
+        training = MotionTraining.from_case(case, settings, NDF_PUBLISHED)
     own = own_checkpoint(case, settings)
     if settings.keep == "best" and not settings.certify_every:
         raise InputError('setting keep = "best" needs certified energies, so certify_every must not be 0')
@@ -176,12 +183,12 @@ def _start(training: Training, iterations: int, start: Solution | Path | None) -
             raise InputError(f"{start}: has {found.iteration} iterations, more than the {iterations} asked for")
         return found
     if isinstance(start, Path):
-        start = load(start, NAME)
+        start = load(start, NDF_PUBLISHED)
     if start is None:
         return beginning(training.key, training.siren)
     lent = training.released(start)
     if lent is None:
-        raise InputError(f"{NAME} starts from a checkpoint or solution of its own only")
+        raise InputError(f"{NDF_PUBLISHED} starts from a checkpoint or solution of its own only")
     check_like(lent, training.siren)
     return beginning(training.key, lent)
 
@@ -214,7 +221,7 @@ class _Training:
             multipliers=0,
         )
         ansatz, inputs, focal = published_ansatz(case, spec), build_inputs(case, spec), focal_points(case)
-        edges = resolution(case).rule
+        edges = usual_resolution(case).rule
         check_balance(case, area_rule(case.surface.domain, focal, edges), edges, focal)
         scale = InputScale.from_inputs(inputs, placement)
         if settings.unit == "load" and settings.modulus_factor:
@@ -241,9 +248,7 @@ class _Training:
         placement = self.sampler.placement._replace(dtype=dtype)
         features = build_features(self.case, self.spec, network.to(dtype), placement, self.inputs)
         field = Field(self.ansatz, features, output.to(dtype), output.new_zeros(6, dtype=dtype))
-        return field.less_rigid(
-            rigid_part(field, area_rule(self.case.surface.domain, focal_points(self.case), RIGID_RULE))
-        )
+        return field.without_rigid_part(area_rule(self.case.surface.domain, focal_points(self.case), RIGID_RULE))
 
     def watch(self, siren: Siren) -> dict[str, float]:
         """Return the headline quantity, if it is a displacement."""
@@ -251,12 +256,12 @@ class _Training:
         if not isinstance(primary, DisplacementQuantity):
             return {}
         field = self.field(siren, self.sampler.placement.dtype)
-        solution = NdfSolution(self.case, NAME, self.spec, field, RIGID_RULE, 0.0, 0.0, 0)
+        solution = NdfSolution(self.case, NDF_PUBLISHED, self.spec, field, RIGID_RULE, 0.0, 0.0, 0)
         return {primary.name: measure(solution, primary)}
 
     def certify(self, siren: Siren) -> dict[str, float]:
         """Return energies on the rule for a solved field: finer than the samples, coarser than the last one."""
-        return self._energies(siren, self._around_pins(resolution(self.case).rule))[0]
+        return self._energies(siren, self._around_pins(usual_resolution(self.case).rule))[0]
 
     def _around_pins(self, spec: RuleSpec) -> RuleSpec:
         narrow = isinstance(self.ansatz.factors, PublishedFactors) and self.ansatz.factors.pins
@@ -274,7 +279,7 @@ class _Training:
 
     def released(self, solution: Solution) -> Siren | None:
         """Return the network of an earlier solution; None if it is no field of this recipe."""
-        if not isinstance(solution, NdfSolution) or solution.solver != NAME:
+        if not isinstance(solution, NdfSolution) or solution.solver != NDF_PUBLISHED:
             return None
         place = self.siren.tensors[0]
         moved = solution.field.features.network.to(place)
@@ -285,7 +290,10 @@ class _Training:
     def solution(self, now: Checkpoint, resumed: int) -> NdfSolution:
         """Return the trained field with its energy on the fine quadrature."""
         siren = self.siren.with_tensors([weight.to(self.siren.tensors[0]) for weight in now.best or now.answer])
-        field, fine = self.field(siren, self.sampler.placement.dtype), self._around_pins(resolution(self.case).fine)
+        field, fine = (
+            self.field(siren, self.sampler.placement.dtype),
+            self._around_pins(usual_resolution(self.case).fine),
+        )
         energies, rest, points = self._energies(siren, fine)
         trained = self.sampler.modulus_factor * float(now.losses[-WINDOW:].mean())
         certified = energies[CERTIFIED]
@@ -295,7 +303,7 @@ class _Training:
             last = replace(last, gap=gap, quantities={**last.quantities, **energies})
         return NdfSolution(
             case=self.case,
-            solver=NAME,
+            solver=NDF_PUBLISHED,
             spec=self.spec,
             field=field,
             rule=fine,

@@ -43,18 +43,13 @@ from shellbench.errors import InputError
 from shellbench.problem import Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.measure import measure
-from shellbench.problems.shell.quantities.quantities import (
-    CentreOfMass,
-    DisplacementQuantity,
-    PositionQuantity,
-)
+from shellbench.problems.shell.quantities.quantities import CentreOfMass, DisplacementQuantity, PositionQuantity
 from shellbench.solvers.ndf.field.choices import StrainName
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
-from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
+from shellbench.solvers.ndf.field.quadrature import NOWHERE, RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import force_density
 from shellbench.solvers.ndf.published.checkpoint import Checkpoint
-from shellbench.solvers.ndf.published.published_contact import collision
-from shellbench.solvers.ndf.published.published_motion_field import DT, Ansatz, MotionField, moving
+from shellbench.solvers.ndf.published.published_motion_field import DT, Ansatz, MotionField, collision, moving
 from shellbench.solvers.ndf.published.published_motion_solution import TrainedMotion, read_motion
 from shellbench.solvers.ndf.published.published_network import Siren, initial_siren
 from shellbench.solvers.ndf.published.published_samples import stratified_samples
@@ -179,7 +174,7 @@ class SpaceTime:
     def strain_energy(self, jets: Tensor) -> Tensor:
         """Return the strain energy density W (T, N), N/m, from the jets (6, T, N, 3) of a displacement."""
         gradients = self.gradients @ jets.permute(1, 2, 0, 3)
-        strains = MEASURES[self.strain].from_gradients(self.reference, gradients.flatten(0, 1)).strains
+        strains = MEASURES[self.strain](self.reference, gradients.flatten(0, 1)).strains
         strains = strains.view(*self.weights.shape, 2, 3, 1)
         density: Tensor = 0.5 * (strains * (self.elasticity @ strains)).sum((-3, -2, -1))
         return density
@@ -231,7 +226,7 @@ def why_not_sampled(case: Case) -> str | None:
 
 
 WINDOW = 100  # last losses whose mean is held against the fine quadrature
-FINE = RuleSpec((8, 8), 4)  # in space, of that quadrature
+CERTIFYING_RULE = RuleSpec((8, 8), 4)  # in space, of that quadrature
 FINE_TIMES = 48  # Gauss points in time
 BATCH_TIMES = 4  # of them that are evaluated at once
 
@@ -336,7 +331,7 @@ class MotionTraining:
 
     def _fine(self, placement: Placement) -> Iterator[SpaceTime]:
         ansatz, strain = self.sampler.ansatz, self.sampler.strain
-        rule = area_rule(ansatz.case.surface.domain, np.zeros((0, 2)), FINE)
+        rule = area_rule(ansatz.case.surface.domain, NOWHERE, CERTIFYING_RULE)
         x, w = np.polynomial.legendre.leggauss(FINE_TIMES)
         times: Array = ansatz.until * (x + 1) / 2
         for first in range(0, FINE_TIMES, BATCH_TIMES):

@@ -13,6 +13,14 @@ sign. So is eq. (72), where B stands for exp(-d^2 / sigma), once the sign before
 printed the bottom rim is moved by -m instead of m. A component that is held on the whole surface is zero.
 
 A soft factor has no slope at its place, so that grad u = grad m there: it clamps, whether that is asked for or not.
+
+Also here: the published loss of collisions (equation (75)),
+
+    lambda |Omega| / (N_Omega N_t) sum_ij max(eps - phi(x(xi_i, t_j)), 0),  lambda = 1000, eps = .001 m
+
+It is linear in the depth: an obstacle presses with lambda, in N/m^2, wherever the shell is nearer than eps, and with
+nothing elsewhere. Areas are those of the midsurface, as in the functional (35), and phi is the case's own distance: the
+paper fits a network to it.
 """
 
 from __future__ import annotations
@@ -27,9 +35,10 @@ from torch import Tensor
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.conditions import Support
+from shellbench.problems.shell.question.contact import gaps
 from shellbench.problems.shell.question.places import Edge, Place, Point, Whole
-from shellbench.solvers.ndf.field.build import FieldSpec, build_inputs
-from shellbench.solvers.ndf.field.choices import PeriodicInput
+from shellbench.solvers.ndf.field.build import build_inputs
+from shellbench.solvers.ndf.field.choices import FieldSpec, PeriodicInput
 from shellbench.solvers.ndf.field.inputs import Inputs
 from shellbench.solvers.ndf.field.jets import (
     D1,
@@ -44,12 +53,16 @@ from shellbench.solvers.ndf.field.jets import (
     from_derivatives,
     product,
 )
+from shellbench.solvers.ndf.field.quadrature import ROUNDING
 from shellbench.solvers.ndf.published.published_network import InputScale, Siren, soft_bump
 
-STEP = 1e-3  # of the final time, between the times by which a motion's velocity is found
+RATE_STEP = 1e-3  # of the final time, between the times by which a motion's velocity is found
 STENCILS = {0: (-25, 48, -36, 16, -3), -2: (1, -8, 0, 8, -1), -4: (3, -16, 36, -48, 25)}  # over 12: fourth order
-OVERLAP = 1e-9  # share of a motion that may reach another support
-ALONG = 9  # points of an edge at which that is looked at
+EDGE_POINTS = 9  # points of an edge at which that is looked at
+WEIGHT = 1000.0  # lambda, N/m^2: the paper's value
+MARGIN = 1e-3  # eps, m: the paper's value
+DT = 6  # plane of the derivative in time
+MOVING_PLANES = (VALUE, D1, D2, D11, D12, D22, DT)
 
 
 @dataclass(frozen=True)
@@ -97,14 +110,18 @@ class SoftSupports:
             for other, far in others:
                 shared = set(support.held) & set(other.held)
                 reach = self._bump(far, self._along(place), Placement())[0].max()
-                if shared and float(reach) > OVERLAP:
+                if shared and float(reach) > ROUNDING:
                     return f"the published motion of support '{other.name}' reaches support '{support.name}' too"
         return None
 
     def _bump(self, place: Place, points: Array, placement: Placement) -> Tensor:
         """Return the jet (6, N) of exp(-d^2 / sigma)."""
         assert isinstance(place, Edge | Point)
-        middle = self._along(place)[ALONG // 2 : ALONG // 2 + 1] if isinstance(place, Edge) else np.array([place.xi])
+        middle = (
+            self._along(place)[EDGE_POINTS // 2 : EDGE_POINTS // 2 + 1]
+            if isinstance(place, Edge)
+            else np.array([place.xi])
+        )
         x = self.case.surface.derivatives(middle, 1)
         lengths = tuple(float(np.linalg.norm(x[key])) for key in ((1, 0), (0, 1)))  # metres per unit of xi
         return soft_bump(self.case, place, (lengths[0], lengths[1]), points, placement)
@@ -114,13 +131,13 @@ class SoftSupports:
         if isinstance(place, Point):
             return np.array([place.xi])
         domain, running = self.case.surface.domain, 1 - place.axis
-        return place.points(domain, np.linspace(domain.lower[running], domain.upper[running], ALONG))
+        return place.points(domain, np.linspace(domain.lower[running], domain.upper[running], EDGE_POINTS))
 
     def _velocity(self, support: Support, place: Place, points: Array, t: float) -> Array:
         """Return the velocity (N, 3) of a support's motion by differences that stay within the time of the case."""
         assert self.case.dynamics is not None
         until = self.case.dynamics.until
-        h = STEP * until
+        h = RATE_STEP * until
         first = 0 if t < 2 * h else -4 if t > until - 2 * h else -2
         terms = [
             weight * self.case.motion(support, place, points, t + (first + k) * h)[0, 0]
@@ -128,10 +145,6 @@ class SoftSupports:
             if weight
         ]
         return np.asarray(sum(terms)) / (12 * h)
-
-
-DT = 6  # plane of the derivative in time
-PLANES = (VALUE, D1, D2, D11, D12, D22, DT)
 
 
 @dataclass(frozen=True)
@@ -174,7 +187,7 @@ class Ansatz:
     def seen(self, space: Tensor, times: Tensor) -> Tensor:
         """Return all inputs (7, T N, n + 1) of T times (T,) at the N points of `space`; times vary slowest."""
         moments, (_, count, inputs) = len(times), space.shape
-        seen = space.new_zeros((len(PLANES), moments, count, inputs + 1))
+        seen = space.new_zeros((len(MOVING_PLANES), moments, count, inputs + 1))
         seen[:DT, ..., :-1] = space[:, None]
         seen[VALUE, ..., -1] = times[:, None] / self.until
         seen[DT, ..., -1] = 1 / self.until
@@ -249,3 +262,18 @@ class MotionField:
         for w, b in hidden:
             h = torch.sin(self.siren.omega0 * (h @ w.T + b))
         return h @ weight.T + bias
+
+
+def collision(case: Case, points: Array, times: Array, displacement: Tensor) -> Tensor:
+    """Return lambda max(eps - phi, 0) (T, N), N/m, of a displacement (T, N, 3) at points (N, 2) and times (T,), s."""
+    where = displacement.detach().cpu().double().numpy()
+    found = [gaps(case, points, u, float(t)) for u, t in zip(where, times, strict=True)]
+    gap, normal = (displacement.new_tensor(np.stack(part)) for part in zip(*found, strict=True))
+    along = ((displacement - displacement.detach()) * normal).sum(-1)  # zero; its derivative is that of phi
+    return WEIGHT * torch.relu(MARGIN - gap - along)
+
+
+def pressing(case: Case, points: Array, areas: Array, t: float, displacement: Array) -> Array:
+    """Return what the loss presses with (N, 3), N, at points (N, 2) that stand for areas (N,), m^2, at a time t, s."""
+    gap, normal = gaps(case, points, displacement, t)
+    return np.asarray(WEIGHT * (areas * (gap < MARGIN))[:, None] * normal)

@@ -18,10 +18,9 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.contact import Touch
 from shellbench.problems.shell.solution import time_reached
 from shellbench.protocol.schema import Positive
-from shellbench.solvers.ndf.field.build import SavedPeriodicInput
-from shellbench.solvers.ndf.field.choices import StrainName
-from shellbench.solvers.ndf.field.jets import Array
-from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
+from shellbench.solvers.ndf.field.choices import SavedPeriodicInput, StrainName
+from shellbench.solvers.ndf.field.jets import COMPONENTS, Array
+from shellbench.solvers.ndf.field.quadrature import NOWHERE, RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import force_density
 from shellbench.solvers.ndf.field.weights import (
     CaseHeader,
@@ -34,12 +33,10 @@ from shellbench.solvers.ndf.field.weights import (
     write_tensors,
 )
 from shellbench.solvers.ndf.linear.solution import FieldSolution, one_of_fields, strained
-from shellbench.solvers.ndf.published.published_contact import pressing
-from shellbench.solvers.ndf.published.published_motion_field import MotionField
+from shellbench.solvers.ndf.published.published_motion_field import MotionField, pressing
 from shellbench.solvers.ndf.published.published_network import Siren
 
-HEADER = "shellbench-motion"
-COMPONENTS = 3
+MOTION_HEADER = "shellbench-motion"
 
 
 class MotionHeader(CaseHeader):
@@ -60,13 +57,13 @@ def tensors_of(siren: Siren) -> dict[str, Tensor]:
 def write_motion(path: Path, header: MotionHeader, siren: Siren) -> Path:
     """Write a file; return it with its suffix."""
     target = path.with_suffix(".safetensors")
-    write_tensors(target, tensors_of(siren), {HEADER: header.model_dump_json()})
+    write_tensors(target, tensors_of(siren), {MOTION_HEADER: header.model_dump_json()})
     return target
 
 
 def is_motion(path: Path) -> bool:
     """Tell whether a file is that of a motion; a file that can't be read is none."""
-    return HEADER in texts_of(path)
+    return MOTION_HEADER in texts_of(path)
 
 
 def read_motion(path: Path, solver: str) -> tuple[MotionHeader, Case, Siren]:
@@ -79,7 +76,7 @@ def read_motion(path: Path, solver: str) -> tuple[MotionHeader, Case, Siren]:
     """
     texts, tensors = read_tensors(path)
     with telling_damage(path):
-        header = MotionHeader.model_validate_json(texts.get(HEADER, ""))
+        header = MotionHeader.model_validate_json(texts.get(MOTION_HEADER, ""))
         case = header.read_case()
         check_like_numbers(tensors)
         layers = range(len(tensors) // 2)
@@ -104,8 +101,8 @@ def _fits(siren: Siren) -> bool:
     return width == COMPONENTS
 
 
-QUERY = 4096  # points that are evaluated at once
-FINE = RuleSpec((12, 12), 4)  # of energies and reactions: panels of about sqrt(sigma) on a shell of unit size
+MOTION_QUERY = 4096  # points that are evaluated at once
+ENERGY_RULE = RuleSpec((12, 12), 4)  # of energies and reactions: panels of about sqrt(sigma) on a shell of unit size
 INSTANT = 1e-4  # of the final time, between the velocities by which an acceleration is found
 
 
@@ -144,12 +141,12 @@ class TrainedMotion(FieldSolution):
     def displacement_at(self, xi: Array, at: float | None) -> Array:
         """Return the displacement (N, 3) at points (N, 2) and time `at`, s."""
         t = self._time(at)
-        return self.in_portions(xi, lambda part: self.field.displacement(part, t), QUERY)
+        return self.in_portions(xi, lambda part: self.field.displacement(part, t), MOTION_QUERY)
 
     def velocity_at(self, xi: Array, at: float | None) -> Array:
         """Return the velocity (N, 3) at points (N, 2)."""
         t = self._time(at)
-        return self.in_portions(xi, lambda part: self.field.velocity(part, t), QUERY)
+        return self.in_portions(xi, lambda part: self.field.velocity(part, t), MOTION_QUERY)
 
     def field_at(self, name: str, xi: Array, at: float | None) -> Array:
         """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""
@@ -159,7 +156,7 @@ class TrainedMotion(FieldSolution):
             jet = self.field.planes(xi, t)[:6]
             return one_of_fields(name, *strained(self.case, xi, self.field.placement, jet, self.strain))
 
-        return self.in_portions(xi, asked, QUERY)
+        return self.in_portions(xi, asked, MOTION_QUERY)
 
     def energies(self, at: float | None = None) -> tuple[float, float]:
         """Return the membrane and the bending part of the strain energy of the whole shell, J."""
@@ -229,5 +226,5 @@ class TrainedMotion(FieldSolution):
 
     def _rule(self) -> tuple[Array, Array]:
         """Return points (N, 2) and weights (N,), m^2, that integrate over the midsurface."""
-        rule = area_rule(self.case.surface.domain, np.zeros((0, 2)), FINE)
+        rule = area_rule(self.case.surface.domain, NOWHERE, ENERGY_RULE)
         return rule.points, rule.areas(self.case.surface)

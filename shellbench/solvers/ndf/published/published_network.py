@@ -47,10 +47,9 @@ from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.loads import PointLoad
 from shellbench.problems.shell.question.places import Edge, Point
-from shellbench.solvers.ndf.field.build import FieldSpec
-from shellbench.solvers.ndf.field.choices import Pins
+from shellbench.solvers.ndf.field.ansatz import Ansatz
+from shellbench.solvers.ndf.field.choices import FieldSpec, Pins
 from shellbench.solvers.ndf.field.factors import BoundaryFactors, Lift
-from shellbench.solvers.ndf.field.field import Ansatz
 from shellbench.solvers.ndf.field.geometry import contravariant_basis_jet
 from shellbench.solvers.ndf.field.inputs import Inputs
 from shellbench.solvers.ndf.field.jets import (
@@ -281,7 +280,7 @@ def _uniform(generator: torch.Generator, bound: float, shape: tuple[int, ...], p
 
 SIGMA = 0.01  # Kairanda et al., section 5.2; in squared units of the case file's coordinates
 PINNED_CELLS = 20  # a side, of the published grid: how wide pins are that its samples see
-FAR = 700.0  # d^2 / sigma beyond this is taken as this: exp underflows to nothing
+FAR_FROM_PIN = 700.0  # d^2 / sigma beyond this is taken as this: exp underflows to nothing
 
 
 @dataclass(frozen=True)
@@ -349,8 +348,8 @@ def soft_bump(
         distance = coordinate * (units[axis] / math.sqrt(SIGMA))
         distance[VALUE] = placement.tensor(offset * (units[axis] / math.sqrt(SIGMA)))
         exponent = exponent - _square(distance)
-    value = torch.exp(exponent[VALUE].clamp_min(-FAR))
-    value = torch.where(exponent[VALUE] <= -FAR, torch.zeros_like(value), value)
+    value = torch.exp(exponent[VALUE].clamp_min(-FAR_FROM_PIN))
+    value = torch.where(exponent[VALUE] <= -FAR_FROM_PIN, torch.zeros_like(value), value)
     return compose((value, value, value), exponent)
 
 

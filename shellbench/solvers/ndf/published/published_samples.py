@@ -20,16 +20,16 @@ import torch
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
+from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.build import focal_points
-from shellbench.solvers.ndf.field.field import Ansatz
 from shellbench.solvers.ndf.field.inputs import Inputs
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
-from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec, area_rule
+from shellbench.solvers.ndf.field.quadrature import NOWHERE, Rule, RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density
 from shellbench.solvers.ndf.published.published_network import InputScale, Siren
 from shellbench.solvers.ndf.strains.energy import Concentrated, concentrated, surface_area, tabulate
 
-BLOCK = 10_000  # sampled points that are tabulated at once
+SAMPLES_AT_ONCE = 10_000  # sampled points that are tabulated at once
 PLATE = 0.00406  # deflection of a simply supported square plate: w = PLATE q L^4 / B (Timoshenko, article 30)
 ORDER_ONE = (0.1, 10.0)  # metres: estimated deflections for which the modulus stays as it is
 AIM = 100.0  # metres: what the estimate is brought to where it does not; E = 30 brings the pinched cylinders' to 124
@@ -119,8 +119,10 @@ class Sampler:
         case, count = self.ansatz.case, math.prod(self.cells)
         exact = self.placement._replace(dtype=torch.float64)
         forces = concentrated(self.ansatz, self.edges, focal_points(case), exact)
-        area = surface_area(self.ansatz, area_rule(case.surface.domain, np.zeros((0, 2)), self.edges))
-        step = 1 if self.ansatz.lift.moves else max(1, BLOCK // count)  # the work on a lift is that of one sample
+        area = surface_area(self.ansatz, area_rule(case.surface.domain, NOWHERE, self.edges))
+        step = (
+            1 if self.ansatz.lift.moves else max(1, SAMPLES_AT_ONCE // count)
+        )  # the work on a lift is that of one sample
         for first in range(start - start % step, stop, step):
             points = [stratified_samples(case, self.cells, self.seed, (first + k) // self.every) for k in range(step)]
             samples = self._tabulated(np.concatenate(points), count, forces, area, exact)
@@ -153,17 +155,17 @@ def deflection_of_a_plate(ansatz: Ansatz) -> float:
     """Return the deflection, m, of a plate of the shell's area, stiffness and total load."""
     case = ansatz.case
     spec = RuleSpec((6, 6), 6)
-    rule = area_rule(case.surface.domain, np.zeros((0, 2)), spec)
+    rule = area_rule(case.surface.domain, NOWHERE, spec)
     area = rule.areas(case.surface)
     density = np.linalg.norm(force_density(case, rule.points, ansatz.t), axis=-1)
-    _, forces = concentrated_forces(case, spec, np.zeros((0, 2)), ansatz.t)
+    _, forces = concentrated_forces(case, spec, NOWHERE, ansatz.t)
     load = float(area @ density) + float(np.linalg.norm(forces, axis=-1).sum())
     return PLATE * load * float(area.sum()) / case.material.bending_stiffness
 
 
 def largest_prescribed(ansatz: Ansatz) -> float:
     """Return the largest prescribed displacement, m; 0 where no support moves."""
-    rule = area_rule(ansatz.case.surface.domain, np.zeros((0, 2)), RuleSpec((6, 6), 6))
+    rule = area_rule(ansatz.case.surface.domain, NOWHERE, RuleSpec((6, 6), 6))
     return float(ansatz.lift.jet(rule.points, Placement())[VALUE].abs().max()) if ansatz.lift.moves else 0.0
 
 
@@ -184,4 +186,4 @@ def usual_modulus_factor(ansatz: Ansatz) -> float:
     estimate, moved = deflection_of_a_plate(ansatz), largest_prescribed(ansatz)
     if ORDER_ONE[0] <= max(estimate, moved) <= ORDER_ONE[1] or max(estimate, moved) == 0.0:
         return 1.0
-    return float(10.0 ** round(math.log10(max(estimate / AIM, moved))))
+    return float(10 ** round(math.log10(max(estimate / AIM, moved))))

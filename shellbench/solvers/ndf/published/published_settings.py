@@ -1,4 +1,4 @@
-"""Settings of `ndf-published`, and which of them a training's course depends on."""
+"""Settings of `ndf-published` and of `ndf-material`, and which of them a training's course depends on."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from shellbench.problems.shell.case import Case
 from shellbench.protocol.schema import Positive
 from shellbench.solvers.ndf.field.choices import Components, PeriodicInput, Pins, StrainName
 
-NAME = "ndf-published"  # of the solver, in records and files
+OMEGA0, LEARNING_RATE = 15.0, 1e-4  # the paper's values (Kairanda et al., section 5.2)
+NDF_PUBLISHED = "ndf-published"  # of the solver, in records and files
 
 NOT_OF_THE_TRAINING = {"device", "checkpoint", "checkpoint_every"}
 OF_FIXED_LENGTH = "cosine"  # a schedule whose steps depend on the iterations asked for
@@ -35,8 +36,8 @@ class PublishedSettings(SeededSettings):
     iterations: int = PydanticField(2000, ge=1, description="of Adam; the paper has 2500 for the plate")
     layers: int = PydanticField(5, ge=1, le=20, description="hidden layers")
     width: int = PydanticField(512, ge=1, le=4096, description="of each hidden layer")
-    omega0: Positive = PydanticField(15.0, description="frequency of the sines")
-    learning_rate: Positive = 1e-4
+    omega0: Positive = PydanticField(OMEGA0, description="frequency of the sines")
+    learning_rate: Positive = LEARNING_RATE
     cells: tuple[int, int] = PydanticField((20, 20), description="of the grid of samples, along xi1 and xi2")
     times: int = PydanticField(20, ge=1, le=1000, description="samples of time, one in each of so many intervals")
     modulus_factor: Positive | None = PydanticField(
@@ -89,3 +90,15 @@ def own_checkpoint(case: Case, settings: PublishedSettings) -> Path | None:
     if settings.checkpoint is None:
         return None
     return Path(settings.checkpoint) / f"{case.name}-{training_key(case, settings)[:16]}.safetensors"
+
+
+class ConditionedPublishedSettings(SeededSettings):
+    """Settings of `ndf-material`; the defaults are the paper's."""
+
+    iterations: int = PydanticField(2000, ge=1, description="of Adam, each at one random material")
+    layers: int = PydanticField(5, ge=1, le=20, description="hidden layers")
+    width: int = PydanticField(512, ge=1, le=4096, description="of each hidden layer")
+    omega0: Positive = PydanticField(OMEGA0, description="frequency of the sines")
+    learning_rate: Positive = PydanticField(LEARNING_RATE, description="of Adam")
+    cells: tuple[int, int] = PydanticField((20, 20), description="of the grid of samples, along xi1 and xi2")
+    dtype: Literal["float32", "float64"] = PydanticField("float32", description="precision of the training")

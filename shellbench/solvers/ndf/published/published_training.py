@@ -21,7 +21,7 @@ RECORD = 25  # iterations between two entries of the history
 STRETCH = 10  # entries of the history whose mean is an energy that a training had: 400 random samples are noisy
 CERTAIN = 2.0  # standard errors that this mean is raised by, so that luck is no energy
 CERTIFIED = "certified_energy"  # name in the history, J
-KEPT = 0.5  # of its best gain that a training must end with
+KEPT_GAIN = 0.5  # of its best gain that a training must end with
 
 
 class Sampled(Protocol):
@@ -103,7 +103,7 @@ class Plan:
 
     def kept_of_average(self, iteration: int) -> float:
         """Return what an iteration keeps of the running average: less at first, so that the start is forgotten."""
-        return min(self.averaging, iteration / (iteration + 9.0))
+        return min(self.averaging, iteration / (iteration + 9))
 
     def certifies(self, before: int, iteration: int) -> bool:
         """Whether an energy is due at an iteration that is recorded, the one before being `before`."""
@@ -221,7 +221,7 @@ def why_collapsed(certified: float, course: Sequence[tuple[int, float]], rest: f
     # certified energy can, against rest, and against what the course shows that the network once could do.
     best, first, last = _best_gain(course, rest)
     now = f"its certified energy, {certified:.3g} J, is {f'{gain:.2g} J below' if gain > 0 else 'not below'} rest"
-    if best > 0 and gain < KEPT * best:
+    if best > 0 and gain < KEPT_GAIN * best:
         return f"the training collapsed: {now}, but was at least {best:.2g} J below over iterations {first} to {last}"
     if loaded and gain <= 0:
         return f"the training came to no answer: {now} after {course[-1][0]} iterations"

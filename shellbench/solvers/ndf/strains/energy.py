@@ -20,14 +20,13 @@ import torch
 from torch import Tensor
 
 from shellbench.problems.shell.posed.rigid import free_motions, rigid_modes
-from shellbench.solvers.ndf.field.field import Ansatz, Features, Field
+from shellbench.solvers.ndf.field.ansatz import Ansatz, FeatureSet
 from shellbench.solvers.ndf.field.geometry import apply_rows, energy_rows, geometry, rigidities, through_matrix
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec
 from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density
 
-BATCH = 1024  # points whose strain rows are held in memory at once
-BLOCK = 256  # rows of a strip of the normal matrix; only strips on and above the diagonal are computed
+STRIP = 256  # rows of a strip of the normal matrix; only strips on and above the diagonal are computed
 
 
 @dataclass(frozen=True)
@@ -105,10 +104,8 @@ def pulling_rows(stiffness: Tensor) -> Tensor:
 def tables(ansatz: Ansatz, rule: Rule, placement: Placement) -> Iterator[tuple[Array, Table]]:
     """Yield the points and the table of one batch of a rule after the other."""
     area = surface_area(ansatz, rule)
-    for start in range(0, len(rule.points), BATCH):
-        part = slice(start, start + BATCH)
-        points = rule.points[part]
-        yield points, tabulate(ansatz, Rule(points, rule.weights[part]), placement, area)
+    for batch in rule.batches():
+        yield batch.points, tabulate(ansatz, batch, placement, area)
 
 
 def surface_area(ansatz: Ansatz, rule: Rule) -> float:
@@ -171,12 +168,11 @@ class NormalEquations:
     uncancelled: float = 0.0
 
 
-def normal_equations(ansatz: Ansatz, features: Features, rule: Rule, forces: Concentrated) -> NormalEquations:
+def normal_equations(ansatz: Ansatz, features: FeatureSet, rule: Rule, forces: Concentrated) -> NormalEquations:
     """Integrate the energy of the output weights on a rule."""
     unknowns, placement = 3 * features.count, features.placement
-    like = features.network.weights[0]
-    stiffness, load = like.new_zeros((unknowns, unknowns)), like.new_zeros(unknowns)
-    anchor, constant = like.new_zeros((free_motions(ansatz.case).shape[1], unknowns)), -forces.work
+    stiffness, load = placement.zeros(unknowns, unknowns), placement.zeros(unknowns)
+    anchor, constant = placement.zeros(free_motions(ansatz.case).shape[1], unknowns), -forces.work
     uncancelled = torch.zeros_like(load)
     for points, table in tables(ansatz, rule, placement):
         jets = features.jets(points)
@@ -197,8 +193,8 @@ def add_gram(total: Tensor, rows: Tensor) -> None:
     """Add rows^T rows to the blocks on and above the diagonal: nearly half the work of one product."""
     # Strips of rows of the total, each from the diagonal on. Its columns are long in memory: strips of columns, as many
     # products of the same size, take a quarter more.
-    for start in range(0, total.shape[0], BLOCK):
-        strip = slice(start, start + BLOCK)
+    for start in range(0, total.shape[0], STRIP):
+        strip = slice(start, start + STRIP)
         total[strip, start:].addmm_(rows[:, strip].T, rows[:, start:])
 
 
@@ -265,7 +261,7 @@ class Certified:
 
 
 def certify(
-    ansatz: Ansatz, features: Features, outputs: list[Tensor], rule: Rule, forces: Concentrated
+    ansatz: Ansatz, features: FeatureSet, outputs: list[Tensor], rule: Rule, forces: Concentrated
 ) -> list[Certified]:
     """Return the energies on a rule of the fields with these output layers (3, M), all of the same features."""
     # All energies are polynomials in s for lift + s (u - lift), as strains are linear here:
@@ -322,18 +318,3 @@ def exploits(gap: float, largest: float, rule: str = "finer") -> str | None:
         f"the field exploits its quadrature: its energy on the {rule} one differs by {gap:.2g},"
         f" more than the {largest:g} allowed"
     )
-
-
-def rigid_part(field: Field, rule: Rule) -> Tensor:
-    """Return the rigid motion (6,) left free by the supports that a field has in the mean over the area."""
-    case, placement = field.ansatz.case, field.features.placement
-    free = free_motions(case)
-    if not free.shape[1]:
-        return torch.zeros_like(field.rigid)
-    area = rule.areas(case.surface)
-    modes = rigid_modes(case.surface, rule.points)[0, 0] @ free
-    displacement = field.less_rigid(torch.zeros_like(field.rigid)).displacement(rule.points).cpu().numpy()
-    # Least squares over the area, for the modes that no support holds.
-    gram = np.einsum("p,pik,pil->kl", area, modes, modes)
-    moments = np.einsum("p,pik,pi->k", area, modes, displacement)
-    return placement.tensor(free @ np.linalg.solve(gram, moments))

@@ -1,13 +1,15 @@
-"""What edge moments do to a shell at finite rotation, and what a support exerts on it.
+"""Loads that follow the deformed shell, and the reactions of supports.
 
-Moments work on the angle by which the normal turns about their fixed axis e.
+Edge moments work on the angle by which the normal turns about their fixed axis e. With q the part of the deformed
+normal n across e, the angle's variation is (e x q) . dn / q . q, where e x q = e x n: such a moment is conservative,
+its work the moment times the angle from the undeformed normal.
 
-With q the part of the deformed normal n across e, the angle's variation is (e x q) . dn / q . q, where e x q = e x n:
-such a moment is conservative, its work the moment times the angle from the undeformed normal.
+A following pressure exerts p a1 x a2 per parametric area, of the deformed base vectors. Where an edge is free it has no
+potential: its derivative is not symmetric, and neither is the tangent that a Newton step is solved with.
 
-Reactions are told by virtual work. For a virtual displacement v that is a rigid motion on the support and vanishes on
-all others, the work of the reaction is a(u, v) - f(v). No stress is evaluated at the edge, so the error is of second
-order in that of the field.
+Reactions follow by virtual work. For a virtual displacement v that is a rigid motion on the support and vanishes on all
+others, the work of the reaction is a(u, v) - f(v). No stress is evaluated at the edge, so the error is of second order
+in that of the field.
 """
 
 from __future__ import annotations
@@ -25,15 +27,14 @@ from shellbench.problems.shell.question.conditions import Support
 from shellbench.problems.shell.question.contact import Touch
 from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.problems.shell.question.places import Edge, Whole
+from shellbench.solvers.ndf.field.ansatz import Ansatz, FeatureSet
 from shellbench.solvers.ndf.field.choices import StrainName
 from shellbench.solvers.ndf.field.factors import edge_weight
-from shellbench.solvers.ndf.field.field import Ansatz, Field
+from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, constant, from_derivatives, product
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule, edge_rule
 from shellbench.solvers.ndf.field.supports import concentrated_forces, edge_supports, force_density, point_supports
-from shellbench.solvers.ndf.strains.energy import BATCH
-from shellbench.solvers.ndf.strains.following import FollowingPressure
-from shellbench.solvers.ndf.strains.sampled import FeatureSet, Sampled
+from shellbench.solvers.ndf.strains.sampled import Sampled
 from shellbench.solvers.ndf.strains.strain_measures import GRADIENTS, Turned, Undeformed, stresses
 
 TURN = 2 * np.pi
@@ -133,6 +134,33 @@ def edge_moments(
                     yield EdgeMoment(case, load, Sampled.at_points(ansatz, features, rule.points), lengths, finite)
 
 
+@dataclass(frozen=True)
+class FollowingPressure:
+    """All pressures of a case that follow, at the points of a rule with parametric weights (N,)."""
+
+    case: Case
+    weights: Tensor
+
+    def values(self, points: Array, t: float) -> Tensor:
+        """Return the pressures (N,) times the parametric weights, at a load factor."""
+        return self.weights * self.weights.new_tensor(self.case.pressure(points, t))
+
+    def push(self, points: Array, tangents: Tensor, gradients: Tensor, t: float) -> Tensor:
+        """Return the forces (N, 3), N, at points with base vectors (N, 2, 3) and displacement gradients (N, 5, 3)."""
+        base = tangents + gradients[:, :2]
+        normal: Tensor = torch.linalg.cross(base[:, 0], base[:, 1], dim=-1)
+        return self.values(points, t)[:, None] * normal
+
+    def tangent(self, sampled: Sampled, gradients: Tensor, t: float) -> Tensor:
+        """Return the derivative (3 M, 3 M) of the forces on the output weights."""
+        # d(a1 x a2) = -a2 x du,1 + a1 x du,2, component by component.
+        base = sampled.undeformed.geometry.tangents + gradients[:, :2]
+        unit = torch.eye(3).to(base)
+        sides = [torch.linalg.cross(-base[:, 1, None], unit[None]), torch.linalg.cross(base[:, 0, None], unit[None])]
+        spread = torch.cat(sides, dim=1).mT * self.values(sampled.points, t)[:, None, None]
+        return sampled.values_by_slopes(spread)
+
+
 Sides = tuple[set[Edge], set[Edge]]
 
 
@@ -230,10 +258,10 @@ def edge_reaction(
 
     rule = area_rule(case.surface.domain, focal, spec)
     total = placement.tensor(np.zeros(6))
-    for start in range(0, len(rule.points), BATCH):
-        points = rule.points[start : start + BATCH]
+    for batch in rule.batches():
+        points = batch.points
         surface = Undeformed.at_points(case.surface, points, placement)
-        weights = placement.tensor(rule.weights[start : start + BATCH]) * surface.geometry.jacobian
+        weights = placement.tensor(batch.weights) * surface.geometry.jacobian
         density = force_density(case, points, t)
         force = placement.tensor(density if body is None else density + body(points)) * weights[:, None]
         u = field.jet(points)
@@ -241,7 +269,7 @@ def edge_reaction(
         if case.springs and case.dynamics is None:  # in motion `body` has them
             force = force - placement.tensor(case.spring_stiffness(points)) * u[VALUE] * weights[:, None]
         if case.following:
-            pressure = FollowingPressure(case, placement.tensor(rule.weights[start : start + BATCH]))
+            pressure = FollowingPressure(case, placement.tensor(batch.weights))
             force = force + pressure.push(points, surface.geometry.tangents, gradients, t)
         strained = surface.strained(measure, gradients)
         stress = stresses(surface.elasticity(case.material), strained.strains) * weights[:, None]

@@ -1,110 +1,19 @@
-"""Features and reference geometry at points, and what goes between the output weights and displacement gradients.
-
-Also here: combinations of nearly dependent features. On a path they are independent in stiffness. In motion they are
-orthonormal in mass, ordered by how quickly they vary, and as smooth at edges as inside.
-
-Random features are nearly dependent, and what they leave to tell apart at the end is rough. Their combinations are
-ordered by the scalar operator
-
-    sum_a (L / L_a) d/dt_a ( t_a (1 - t_a) d/dt_a ),   t_a = 0 .. 1 along side a of length L_a, L the longest,
-
-whose eigenfunctions along one side are Legendre's polynomials P_m, with the eigenvalues m (m + 1). Because its weight
-vanishes at the edges it asks for no condition there, so that smooth fields converge faster than any power of the
-degree; eigenfunctions of the plain stiffness have no slope across free edges and converge as a power of it (Canuto et
-al., Spectral Methods, 2006, section 2.3). A periodic side has the weight 1/4, which gives it waves of the same length.
-"""
+"""Features and reference geometry at points, and what goes between the output weights and displacement gradients."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import torch
 from torch import Tensor
 
-from shellbench.errors import SolveFailure
-from shellbench.solvers.ndf.field.field import Ansatz
-from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
+from shellbench.solvers.ndf.field.ansatz import Ansatz, FeatureSet
+from shellbench.solvers.ndf.field.jets import COMPONENTS, VALUE, Array
+from shellbench.solvers.ndf.field.quadrature import BATCH
 from shellbench.solvers.ndf.strains.strain_measures import GRADIENTS, Undeformed, gradients_through
 
-DEPENDENT = 1e-12  # combinations less stiff than this share of the stiffest are rounding, with ten times its room
-
-
-class FeatureSet(Protocol):
-    """Scalar features of which a field is a linear combination."""
-
-    @property
-    def count(self) -> int:
-        """Number of features M."""
-        ...
-
-    @property
-    def placement(self) -> Placement:
-        """Where they live and in what precision."""
-        ...
-
-    def jets(self, points: Array) -> Tensor:
-        """Return the jets (6, N, M) at points (N, 2)."""
-        ...
-
-    def values(self, points: Array) -> Tensor:
-        """Return the values (N, M) at points (N, 2)."""
-        ...
-
-
-@dataclass(frozen=True)
-class Combined:
-    """Combinations (M, r) of other features, independent in a stiffness (M, M) if it is given."""
-
-    features: FeatureSet
-    combine: Tensor
-    stiffness: Tensor | None = None
-
-    def __post_init__(self) -> None:
-        # as in `shellbench.solvers.ndf.field.network.Network`; eigenvectors come column by column
-        object.__setattr__(self, "combine", self.combine.contiguous())
-
-    @property
-    def count(self) -> int:
-        """Number of combinations r."""
-        return self.combine.shape[1]
-
-    @property
-    def placement(self) -> Placement:
-        """Where they live and in what precision."""
-        return self.features.placement
-
-    def jets(self, points: Array) -> Tensor:
-        """Return the jets (6, N, r) at points (N, 2)."""
-        return self.features.jets(points) @ self.combine
-
-    def values(self, points: Array) -> Tensor:
-        """Return the values (N, r) at points (N, 2)."""
-        return self.features.values(points) @ self.combine
-
-
-def independent(stiffness: Tensor) -> Tensor:
-    """Return combinations (n, r) whose stiffness is the identity, from a positive semidefinite matrix (n, n).
-
-    Raises
-    ------
-    SolveFailure
-        If the matrix is not finite.
-    """
-    if not bool(torch.isfinite(stiffness).all()):
-        raise SolveFailure("the energy of the features is not finite")
-    diagonal = stiffness.diagonal().clamp_min(0.0).sqrt()
-    scale = torch.where(diagonal > 0, 1 / diagonal, torch.zeros_like(diagonal))
-    values, vectors = torch.linalg.eigh(stiffness * scale[:, None] * scale)
-    kept = values > DEPENDENT * values[-1]
-    combine: Tensor = scale[:, None] * vectors[:, kept] / values[kept].sqrt()
-    return combine
-
-
-COMPONENTS = 3
 COLUMNS = 6 * COMPONENTS  # components of F by planes of its jet
-PORTION = 1024  # points whose jets are held at once where they are not kept
 CACHED = 256  # points whose products are summed at once: a processor's cache holds them
 
 
@@ -155,7 +64,7 @@ class Sampled:
         if self.kept is not None and not small:
             yield slice(None), self.kept
             return
-        size = CACHED if small else PORTION
+        size = CACHED if small else BATCH
         for some in (slice(start, start + size) for start in range(0, len(self.points), size)):
             kept = None if self.kept is None else self.kept[some]
             yield some, self.features.jets(self.points[some]).permute(1, 0, 2).contiguous() if kept is None else kept

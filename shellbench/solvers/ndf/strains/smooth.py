@@ -1,4 +1,15 @@
-"""Smooth trial functions: combinations of features with no more waves than asked for, and rules that suit them."""
+"""Smooth trial functions: combinations of features with no more waves than asked for, and rules that suit them.
+
+Random features are nearly dependent, and what they leave to tell apart at the end is rough. Their combinations are
+ordered by the scalar operator
+
+    sum_a (L / L_a) d/dt_a ( t_a (1 - t_a) d/dt_a ),   t_a = 0 .. 1 along side a of length L_a, L the longest,
+
+whose eigenfunctions along one side are Legendre's polynomials P_m, with the eigenvalues m (m + 1). Because its weight
+vanishes at the edges it asks for no condition there, so that smooth fields converge faster than any power of the
+degree; eigenfunctions of the plain stiffness have no slope across free edges and converge as a power of it (Canuto et
+al., Spectral Methods, 2006, section 2.3). A periodic side has the weight 1/4, which gives it waves of the same length.
+"""
 
 from __future__ import annotations
 
@@ -11,27 +22,25 @@ from torch import Tensor
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf.field.field import Ansatz
+from shellbench.solvers.ndf.field.ansatz import Ansatz, Combined, FeatureSet, independent
 from shellbench.solvers.ndf.field.geometry import side_lengths
 from shellbench.solvers.ndf.field.inputs import Inputs
 from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Array, Placement
 from shellbench.solvers.ndf.field.network import Network
-from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec, area_rule
-from shellbench.solvers.ndf.strains.sampled import Combined, FeatureSet, independent
+from shellbench.solvers.ndf.field.quadrature import NOWHERE, Rule, RuleSpec, area_rule
 from shellbench.solvers.ndf.strains.strain_measures import Undeformed
 
-REACH = 2.5  # standard deviations of the weights within which waves of the highest degree are drawn
+WEIGHT_REACH = 2.5  # standard deviations of the weights within which waves of the highest degree are drawn
 SURPLUS = 1.5  # random features, in products of degrees: with both, nine in ten polynomials of a degree are met
-POINTS = 2.0  # Gauss points a degree, at first: strain energy is of the fourth degree in the field
-ORDER = 6  # Gauss points a panel
+POINTS_A_DEGREE = 2.0  # Gauss points a degree, at first: strain energy is of the fourth degree in the field
+PANEL_ORDER = 6  # Gauss points a panel
 LONG_ORDER = 22  # the same for placed features: a few long panels crowd points at edges, where such fields vary most
-LONG_SHARE = 0.75  # of the usual points: exact for third powers of the field; strain energy has fourth ones
+LONG_SHARE = 3 / 4  # of the usual points: exact for third powers of the field; strain energy has fourth ones
 PERIOD = 1.5  # of placed waves, in sides: longer ones depend more on each other, shorter ones fit edges worse
-OVER = 1.5  # their highest frequency, over that of a polynomial of the degree in the middle of a side
-FINER = 1.25  # panels of the certificate
+HIGHEST_PLACED = 1.5  # their highest frequency, over that of a polynomial of the degree in the middle of a side
+CERTIFYING_PANELS = 1.25  # times as many panels, of the certificate, with one more point in each
 SPRING = 1e-6  # relative error of the springs' whole stiffness that is nothing to the motion
 MOST_PANELS = 64  # of a side, for springs
-NOWHERE = np.zeros((0, 2))
 
 
 def degrees(case: Case, degree: int) -> tuple[float, float]:
@@ -51,7 +60,9 @@ def scales(case: Case, inputs: Inputs, degree: int) -> Array:
     """Return the standard deviation (n,) of the weights of each input."""
     along = degrees(case, degree)
     periodic = case.surface.domain.periodic
-    plain = [along[axis] / (2 * math.pi if periodic[axis] else REACH) for axis in inputs.axes if axis is not None]
+    plain = [
+        along[axis] / (2 * math.pi if periodic[axis] else WEIGHT_REACH) for axis in inputs.axes if axis is not None
+    ]
     return np.array(plain)
 
 
@@ -68,7 +79,7 @@ def placed_features(case: Case, inputs: Inputs, degree: int, placement: Placemen
     """
     if inputs.axes != (0, 1):
         raise InputError(f'{case.name}: setting hidden = "placed" needs two coordinates that are not periodic')
-    most = [max(1.0, OVER * PERIOD * along / math.pi) for along in degrees(case, degree)]
+    most = [max(1.0, HIGHEST_PLACED * PERIOD * along / math.pi) for along in degrees(case, degree)]
     reach = [range(-int(each), int(each) + 1) for each in most]
     waves = [
         (first, second)
@@ -81,7 +92,7 @@ def placed_features(case: Case, inputs: Inputs, degree: int, placement: Placemen
     return Network((weight.repeat(2, 1),), (phases,))
 
 
-def rule_of(case: Case, degree: int, points: float = POINTS, order: int = ORDER) -> RuleSpec:
+def rule_of(case: Case, degree: int, points: float = POINTS_A_DEGREE, order: int = PANEL_ORDER) -> RuleSpec:
     """Return a rule of some points a degree that takes the springs in."""
     first, second = (math.ceil(points * along / order) for along in degrees(case, degree))
     spec = RuleSpec((first, second), order, joints=case.kinks)
@@ -95,7 +106,7 @@ def rule_of(case: Case, degree: int, points: float = POINTS, order: int = ORDER)
 
 def finer(spec: RuleSpec) -> RuleSpec:
     """Return the rule that another one is judged by."""
-    panels = (math.ceil(FINER * spec.panels[0]), math.ceil(FINER * spec.panels[1]))
+    panels = (math.ceil(CERTIFYING_PANELS * spec.panels[0]), math.ceil(CERTIFYING_PANELS * spec.panels[1]))
     return replace(spec, panels=panels, order=spec.order + 1)
 
 
@@ -116,7 +127,7 @@ def smooth(ansatz: Ansatz, features: FeatureSet, rule: Rule, degree: int) -> Com
     operator = combine.new_zeros((combine.shape[1],) * 2)
     for axis, plane in enumerate((D1, D2)):
         t = placement.tensor((rule.points[:, axis] - domain.lower[axis]) / domain.size[axis])
-        weight = torch.full_like(t, 0.25) if domain.periodic[axis] else t * (1 - t)
+        weight = torch.full_like(t, 1 / 4) if domain.periodic[axis] else t * (1 - t)
         stretch = domain.size[axis] ** 2 * max(lengths) / lengths[axis]
         operator += _gram(jets[plane] @ combine, stretch * weight * weights)
     values, vectors = torch.linalg.eigh(operator)

@@ -21,7 +21,8 @@ from torch import Tensor
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.problems.shell.question.places import Whole
-from shellbench.solvers.ndf.field.field import Ansatz, Features, Field
+from shellbench.solvers.ndf.field.ansatz import Ansatz
+from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.jets import VALUE, Array
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule, edge_rule
 from shellbench.solvers.ndf.field.supports import edge_samples, edge_supports, point_supports

@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import torch
@@ -186,12 +187,11 @@ class Exact:
 
     reference: Reference
     gradients: Tensor
-    turned: Turned
 
-    @classmethod
-    def from_gradients(cls, reference: Reference, gradients: Tensor) -> Exact:
-        """Strain by gradients (N, 5, 3)."""
-        return cls(reference, gradients, Turned.by_slopes(reference, gradients[:, :2]))
+    @cached_property
+    def turned(self) -> Turned:
+        """The deformed normal."""
+        return Turned.by_slopes(self.reference, self.gradients[:, :2])
 
     @property
     def strains(self) -> Tensor:
@@ -245,11 +245,6 @@ class Published:
 
     reference: Reference
     gradients: Tensor
-
-    @classmethod
-    def from_gradients(cls, reference: Reference, gradients: Tensor) -> Published:
-        """Strain by gradients (N, 5, 3)."""
-        return cls(reference, gradients)
 
     @property
     def _slope(self) -> tuple[Tensor, Tensor]:
@@ -305,11 +300,6 @@ class Linear:
 
     reference: Reference
     gradients: Tensor
-
-    @classmethod
-    def from_gradients(cls, reference: Reference, gradients: Tensor) -> Linear:
-        """Strain by gradients (N, 5, 3)."""
-        return cls(reference, gradients)
 
     @property
     def strains(self) -> Tensor:
@@ -381,7 +371,7 @@ class Undeformed:
 
     def strained(self, measure: StrainName, gradients: Tensor) -> Strained:
         """Return the strains that displacement gradients (N, 5, 3) make."""
-        return MEASURES[measure].from_gradients(self.reference, gradients)
+        return MEASURES[measure](self.reference, gradients)
 
     def elasticity(self, material: Material) -> Tensor:
         """Return D H and B H (eqs. (17)-(19)) as (N, 2, 3, 3), N/m and N m."""

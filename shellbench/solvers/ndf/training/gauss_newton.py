@@ -23,12 +23,13 @@ import torch
 from torch import Tensor
 
 from shellbench.errors import SolveFailure
-from shellbench.solvers.ndf.field.field import Ansatz, Features
+from shellbench.solvers.ndf.field.ansatz import Ansatz
+from shellbench.solvers.ndf.field.field import Features
 from shellbench.solvers.ndf.field.geometry import apply_rows
 from shellbench.solvers.ndf.field.jets import VALUE, activation, compose
 from shellbench.solvers.ndf.field.network import Network
-from shellbench.solvers.ndf.field.quadrature import Rule
-from shellbench.solvers.ndf.linear.solve import IndefiniteError, RegularisedInverse
+from shellbench.solvers.ndf.field.quadrature import BATCH, Rule
+from shellbench.solvers.ndf.linear.regularised import JITTER, IndefiniteError, RegularisedInverse
 from shellbench.solvers.ndf.strains.energy import (
     Concentrated,
     NormalEquations,
@@ -40,12 +41,10 @@ from shellbench.solvers.ndf.strains.energy import (
     tabulate,
     value_vector,
 )
-from shellbench.solvers.ndf.training.layers import Layer, flatten_layers, through_activation
+from shellbench.solvers.ndf.training.sketch import Layer, flatten_layers, through_activation
 
 if TYPE_CHECKING:
     from shellbench.solvers.ndf.training.sketch import Sketch
-
-PART = 1024  # points whose feature strains are held in memory at once
 
 
 @dataclass(frozen=True)
@@ -68,9 +67,9 @@ class Sample:
         return self.inputs.shape[1]
 
     def parts(self) -> Iterator[Sample]:
-        """Yield the sample in portions of `PART` points; the lift's work is whole in each."""
-        for start in range(0, len(self), PART):
-            part, table = slice(start, start + PART), self.table
+        """Yield the sample in portions of `BATCH` points; the lift's work is whole in each."""
+        for start in range(0, len(self), BATCH):
+            part, table = slice(start, start + BATCH), self.table
             yield Sample(
                 Table(table.rows[part], table.offset[part], table.force[part], table.work, table.anchors[:, part]),
                 self.inputs[:, part],
@@ -240,7 +239,7 @@ def unflatten(vector: Tensor, like: Network) -> Network:
     )
 
 
-JITTER = 1e-11  # on the unit diagonal of the features' matrix, which a coarse quadrature conditions worse
+GRAM_JITTER = 10 * JITTER  # on the unit diagonal of the features' matrix, which a coarse quadrature conditions worse
 FLOOR = 1e-6  # of the unprojected diagonal, in Marquardt's scaling: weights that the output layer replaces stay
 
 
@@ -339,7 +338,7 @@ def quadratic_model(
     own = own + anchors.T @ anchors
     try:
         # half^T half is subtracted: positive semidefinite whatever the rounding of the inverse.
-        half = RegularisedInverse.from_matrix(own, JITTER).half(cross)
+        half = RegularisedInverse.from_matrix(own, GRAM_JITTER).half(cross)
     except IndefiniteError:
         raise SolveFailure("the Gauss-Newton matrix is not positive definite") from None
     slope = energy_gradient(sample, tips, network, output) if slope is None else slope

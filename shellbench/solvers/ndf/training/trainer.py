@@ -26,38 +26,38 @@ from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Solution, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.loads import MomentLoad
-from shellbench.solvers.ndf.field import paths
+from shellbench.problems.shell.solution import checked_start
+from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.build import (
-    FieldSpec,
     build_features,
     build_inputs,
-    first_rung,
+    first_path_level,
     focal_points,
     graded_points,
     is_flat,
-    rung,
-    rung_count,
+    path_level_count,
+    path_resolution,
 )
-from shellbench.solvers.ndf.field.choices import StrainName
-from shellbench.solvers.ndf.field.field import Ansatz, Features, Field
+from shellbench.solvers.ndf.field.choices import FieldSpec, StrainName
+from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.jets import VALUE, Placement, smooth_activation
 from shellbench.solvers.ndf.field.network import Network, deep_random_features
 from shellbench.solvers.ndf.field.quadrature import area_rule
 from shellbench.solvers.ndf.field.supports import check_balance, point_supports
 from shellbench.solvers.ndf.linear.answer import displacement_values
 from shellbench.solvers.ndf.linear.challenge import stated
-from shellbench.solvers.ndf.linear.ritz_field import strain_of
+from shellbench.solvers.ndf.linear.constraints import point_constraints
+from shellbench.solvers.ndf.linear.ritz_field import is_path, strain_of
 from shellbench.solvers.ndf.linear.ritz_settings import RitzSettings
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
-from shellbench.solvers.ndf.linear.solve import point_constraints
 from shellbench.solvers.ndf.motion import motion
 from shellbench.solvers.ndf.motion.motion_solution import MotionSolution, load_solution
 from shellbench.solvers.ndf.path import large_displacement, modes
-from shellbench.solvers.ndf.path.edited import checked_start, start_of_path
-from shellbench.solvers.ndf.path.rungs import Rung
-from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, exploits, rigid_part
+from shellbench.solvers.ndf.path.edited import start_of_path
+from shellbench.solvers.ndf.path.levels import PathLevel
+from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, exploits
 from shellbench.solvers.ndf.strains.smooth import scales
-from shellbench.solvers.ndf.training.trainer_settings import NAME, TrainerSettings
+from shellbench.solvers.ndf.training.trainer_settings import NDF, TrainerSettings
 from shellbench.solvers.ndf.training.training import (
     CERTIFICATE,
     MIRRORED_SCALES,
@@ -104,22 +104,26 @@ def follow(
         linear, spec.model_copy(update={"strain": "linear", "t": full}), placement, constraints
     )
 
-    def build(number: int, width: int, kept: Network | None = None) -> Rung:
-        chosen = rung(case, number)
+    def build(number: int, width: int, kept: Network | None = None) -> PathLevel:
+        chosen = path_resolution(case, number)
         if kept is not None:
             trained = kept.parameters if may_be_trained(case, width) else 0
             features = problem.with_network(kept)
-            return Rung(features, chosen.rule, chosen.fine, graded_points(case, spec), chosen, trained)
+            return PathLevel(features, chosen.rule, chosen.fine, graded_points(case, spec), chosen, trained)
         points = Quadratures.for_width(problem, width)
         scales = placement.tensor(chosen.scales(problem.features.inputs))
         values = points.train.inputs[VALUE]
         drawn = deep_random_features(values, scales, (*plan.inner, width), plan.seed, plan.activation)
         network = _trained(problem, plan, drawn, points) if may_be_trained(case, width) else drawn
         trained = 0 if network is drawn else network.parameters
-        return Rung(problem.with_network(network), chosen.rule, chosen.fine, graded_points(case, spec), chosen, trained)
+        return PathLevel(
+            problem.with_network(network), chosen.rule, chosen.fine, graded_points(case, spec), chosen, trained
+        )
 
-    count = rung_count(case)
-    widths = plan.widths or tuple(rung(case, number).neurons for number in range(first_rung(case), count))
+    count = path_level_count(case)
+    widths = plan.widths or tuple(
+        path_resolution(case, number).neurons for number in range(first_path_level(case), count)
+    )
     numbers = [max(0, count - len(widths) + k) for k in range(len(widths))]
     builds = [partial(build, number, width) for number, width in zip(numbers, widths, strict=True)]
     path = None
@@ -163,9 +167,9 @@ def solve(
 ) -> NdfSolution | PathSolution | MotionSolution:
     """Train a field; see `shellbench.solvers.ndf.trainer_solver.NdfSolver`."""
     strain = strain_of(case, settings.strain)
-    begin = load_solution(start, NAME) if isinstance(start, Path) else start
+    begin = load_solution(start, NDF) if isinstance(start, Path) else start
     if begin is not None:
-        checked_start(begin, case, NAME)
+        checked_start(begin, case, NDF, NdfSolution, PathSolution)
     with torch.no_grad():
         if case.dynamics is not None:
             smooth_activation(settings.activation)
@@ -178,9 +182,9 @@ def solve(
                 neurons=settings.widths[-1] if settings.widths else None,
                 largest_gap=settings.largest_gap,
             )
-            recipe = modes.Recipe(NAME, settings.inner)
+            recipe = modes.Recipe(NDF, settings.inner)
             return modes.solve(case, field_spec(settings, strain), chosen, tell, recipe)
-        if not paths.is_path(case):
+        if not is_path(case):
             return _Run(case, settings, begin, tell).solve(begin)
         smooth_activation(settings.activation)
         return follow(
@@ -190,7 +194,7 @@ def solve(
             Placement.on(settings.device),
             point_constraints,
             settings.largest_gap,
-            NAME,
+            NDF,
             tell,
             begin,
         )
@@ -225,15 +229,15 @@ def _move(case: Case, settings: TrainerSettings, strain: StrainName, tell: Progr
     placement, inputs = Placement.on(settings.device), build_inputs(case, spec)
     values = inputs.jets(case.surface.domain.grid(FITTED, FITTED).reshape(-1, 2), placement)[VALUE]
 
-    def build(degree: int, width: int) -> motion.Rung:
+    def build(degree: int, width: int) -> motion.MotionLevel:
         spread = placement.tensor(scales(case, inputs, degree))
         layers = (*settings.inner, width)
         network = deep_random_features(values, spread, layers, settings.seed, settings.activation)
-        return motion.Rung(degree, build_features(case, spec, network, placement, inputs))
+        return motion.MotionLevel(degree, build_features(case, spec, network, placement, inputs))
 
-    rungs = motion.rungs_of(case, settings.widths)
-    builds = [partial(build, degree, width) for degree, width in rungs]
-    solution = motion.solve(case, spec, NAME, builds, settings.largest_gap, tell)
+    levels = motion.motion_levels(case, settings.widths)
+    builds = [partial(build, degree, width) for degree, width in levels]
+    solution = motion.solve(case, spec, NDF, builds, settings.largest_gap, tell)
     return replace(solution, diagnostics={**solution.diagnostics, "hidden_layers": "as drawn"})
 
 
@@ -248,7 +252,6 @@ def training_plan(settings: TrainerSettings, widths: tuple[int, ...], scales: tu
         tolerance=settings.tolerance,
         gap=settings.gap,
         damping=settings.damping,
-        attempts=settings.attempts,
         seed=settings.seed,
         directions=settings.directions,
     )
@@ -303,7 +306,7 @@ class _Run:
             return first_state(self.problem, self.plan)
         inputs = self.problem.features.inputs.count
         if not isinstance(start, NdfSolution) or start.field.features.network.weights[0].shape[1] != inputs:
-            raise InputError(f"the start is no solution of '{NAME}' with the {inputs} inputs of this case")
+            raise InputError(f"the start is no solution of '{NDF}' with the {inputs} inputs of this case")
         network = start.field.features.network
         points = Quadratures.for_width(self.problem, network.width)
         return points.evaluate(self.problem, network), points
@@ -338,7 +341,7 @@ class _Run:
         rule = self.problem.rule_spec(CERTIFICATE, FINAL_ORDER)
         return NdfSolution(
             case=self.case,
-            solver=NAME,
+            solver=NDF,
             spec=self.spec,
             field=field,
             rule=rule,
@@ -364,7 +367,7 @@ class _Run:
         train_rule = area_rule(domain, problem.focal, points.spec)
         solution = replace(
             solution,
-            field=solution.field.less_rigid(rigid_part(solution.field, train_rule)),
+            field=solution.field.without_rigid_part(train_rule),
             rule=spec,
             membrane=membrane,
             bending=bending,

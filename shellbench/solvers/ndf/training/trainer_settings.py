@@ -8,10 +8,12 @@ from shellbench.problem import SeededSettings
 from shellbench.protocol.schema import Positive
 from shellbench.solvers.ndf.field.choices import LARGEST_GAP, Components, PeriodicInput, StrainName
 
-NAME = "ndf"  # of the solver, in records and files
+NDF = "ndf"  # of the solver, in records and files
 
-LAYER = 2.2  # l of stretched inputs in sqrt(h R): between 2 and 2.5 the certified energy of pinched cylinders is flat
-MULTIPLIERS = 4  # singular features a point force; more gained under a tenth of the remaining error
+TRAINED_LAYER = (
+    2.2  # l of stretched inputs in sqrt(h R): between 2 and 2.5 the certified energy of pinched cylinders is flat
+)
+TRAINED_MULTIPLIERS = 4  # singular features a point force; more gained under a tenth of the remaining error
 INNER = (8, 8)  # hidden layers before the last; wider ones gained nothing certified
 
 
@@ -36,9 +38,10 @@ class TrainerSettings(SeededSettings):
     tolerance: Positive = PydanticField(2e-6, description="certified relative gain below which training ends")
     gap: Positive = PydanticField(1e-5, description="gap of a training state beyond which more points are taken")
     damping: Positive = PydanticField(0.1, description="Marquardt's, at the start")
-    attempts: int = PydanticField(5, ge=1, le=50, description="steps tried an iteration, ever more damped")
-    layer: Positive = PydanticField(LAYER, description="length of stretched inputs, in sqrt(h R)")
-    singular: int = PydanticField(MULTIPLIERS, ge=0, le=6, description="singular features a point force; 0 for none")
+    layer: Positive = PydanticField(TRAINED_LAYER, description="length of stretched inputs, in sqrt(h R)")
+    singular: int = PydanticField(
+        TRAINED_MULTIPLIERS, ge=0, le=6, description="singular features a point force; 0 for none"
+    )
     stretched: bool = PydanticField(True, description="whether inputs are stretched toward point forces")
     mirrors: bool | None = PydanticField(
         None, description="whether planes of symmetry are built in; None: on curved shells under forces at points"

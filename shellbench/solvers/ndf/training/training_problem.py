@@ -11,8 +11,10 @@ import numpy as np
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf.field.build import FieldSpec, build_ansatz, build_features, build_inputs, focal_points
-from shellbench.solvers.ndf.field.field import Ansatz, Features
+from shellbench.solvers.ndf.field.ansatz import Ansatz
+from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs, focal_points
+from shellbench.solvers.ndf.field.choices import FieldSpec
+from shellbench.solvers.ndf.field.field import Features
 from shellbench.solvers.ndf.field.jets import Array, Placement
 from shellbench.solvers.ndf.field.network import Network, random_features
 from shellbench.solvers.ndf.field.quadrature import RuleSpec
@@ -22,12 +24,12 @@ from shellbench.solvers.ndf.training.gauss_newton import Energy, Sample, Tips, e
 
 # Points a feature of the last hidden layer; more where the field is singular. With these, converged fields agree with
 # themselves to 1e-6 and less on independent points.
-POINTS, SINGULAR_POINTS, MIRRORED_POINTS = 8.0, 18.0, 20.0
-MOST_POINTS = 7200  # at first: with 400, 500 and 600 features about point forces gaps are 2e-6 alike
+TRAINING_POINTS, SINGULAR_POINTS, MIRRORED_POINTS = 8.0, 18.0, 20.0
+MOST_TRAINING_POINTS = 7200  # at first: with 400, 500 and 600 features about point forces gaps are 2e-6 alike
 LEAST_POINTS = 550  # 4 x 4 panels: below, even the inputs are not resolved
 CHECK = 2.0  # check points, as a multiple of the training points
-ORDER, COARSE_ORDER, FINAL_ORDER = 6, 4, 7  # Gauss points along a panel
-GRADING = 3.0  # of panels toward point forces
+TRAINING_ORDER, COARSE_ORDER, FINAL_ORDER = 6, 4, 7  # Gauss points along a panel
+GRADING = 3.0  # of panels toward point forces, which have no cuts here; neighbours are not on record
 
 
 @dataclass(frozen=True)
@@ -123,11 +125,11 @@ class Quadratures:
     @classmethod
     def for_width(cls, problem: TrainingProblem, width: int, refinement: float = 1.0) -> Quadratures:
         """Take as many points as a width asks for."""
-        each = SINGULAR_POINTS if problem.singular else POINTS
+        each = SINGULAR_POINTS if problem.singular else TRAINING_POINTS
         if problem.ansatz.mirrors:
             each = MIRRORED_POINTS
-        count = refinement * min(max(LEAST_POINTS, each * width), MOST_POINTS)
-        spec, check = problem.rule_spec(count, ORDER), problem.rule_spec(CHECK * count, ORDER, more=1)
+        count = refinement * min(max(LEAST_POINTS, each * width), MOST_TRAINING_POINTS)
+        spec, check = problem.rule_spec(count, TRAINING_ORDER), problem.rule_spec(CHECK * count, TRAINING_ORDER, more=1)
         return cls(spec, problem.sample(spec), problem.sample(check), problem.tips(check), refinement)
 
     def evaluate(self, problem: TrainingProblem, network: Network) -> Trained:

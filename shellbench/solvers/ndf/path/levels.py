@@ -1,24 +1,22 @@
-"""A rung of features that a path is followed with, and its states as solutions."""
+"""A level of features that a path is followed with, and its states as solutions."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from shellbench.solvers.ndf.field.ansatz import Combined
 from shellbench.solvers.ndf.field.build import Resolution, build_ansatz
 from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.jets import Array
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import point_supports
 from shellbench.solvers.ndf.linear.solution import NdfSolution
-from shellbench.solvers.ndf.path.basis import Deformed
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
-from shellbench.solvers.ndf.path.newton import PathState
-from shellbench.solvers.ndf.strains.energy import rigid_part
-from shellbench.solvers.ndf.strains.sampled import Combined
+from shellbench.solvers.ndf.path.newton import Deformed, PathState
 
 
 @dataclass(frozen=True)
-class Rung:
+class PathLevel:
     """Features with the two rules that their energy is integrated with, and the points these are graded toward.
 
     `resolution` tells challengers how finely the features are drawn.
@@ -32,15 +30,15 @@ class Rung:
     trained: int = 0
 
 
-def state_solution(problem: PathProblem, rung: Rung, solver: str, state: PathState) -> NdfSolution:
+def state_solution(problem: PathProblem, level: PathLevel, solver: str, state: PathState) -> NdfSolution:
     """Return the solution of a state of a path, its energies left out."""
-    features, combined, case = rung.features, problem.features, problem.ansatz.case
+    features, combined, case = level.features, problem.features, problem.ansatz.case
     output = state.weights.view(3, -1)
     if isinstance(combined, Combined):
         output = output @ combined.combine.T
     spec = problem.spec.model_copy(update={"t": state.t})
     field = Field(build_ansatz(case, spec), features, output, output.new_zeros(6))
-    rule = area_rule(case.surface.domain, rung.focal, rung.rule)
+    rule = area_rule(case.surface.domain, level.focal, level.rule)
     supports = point_supports(case, state.t)
     # Where all is prescribed there is no basis, and no point is held.
     held = -problem.basis.held.T @ state.deformed.residual if supports else output.new_zeros(0)
@@ -48,11 +46,11 @@ def state_solution(problem: PathProblem, rung: Rung, solver: str, state: PathSta
         case=case,
         solver=solver,
         spec=spec,
-        field=field.less_rigid(rigid_part(field, rule)),
-        rule=rung.fine,
+        field=field.without_rigid_part(rule),
+        rule=level.fine,
         membrane=float("nan"),
         bending=float("nan"),
-        parameters=0 if case.prescribed else output.numel() + rung.trained,
+        parameters=0 if case.prescribed else output.numel() + level.trained,
         point_forces=tuple(held[: len(supports)].tolist()),
     )
 

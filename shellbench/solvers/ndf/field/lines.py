@@ -1,7 +1,12 @@
-"""Features of a field that turns within a narrow line, where a shell is much softer than beside it.
+"""Features of a field about coordinate lines: edges of contact, and hinges.
 
-Across such a line forces N and moments M are smooth, and strains are not: they follow the compliance c, which is
-1/(E h) of the membrane and 1/(E h^3) of bending. So displacements are integrals of it,
+Along an edge of contact the third derivative jumps. Without friction displacement, slope and moment are continuous
+where contact begins, and the shear force jumps. So the displacement is smooth but for s^3 times smooth functions on one
+side, with s the distance from the edge. Features that are smooth throughout would ring there.
+
+A hinge is a narrow line where a shell is much softer than beside it, so that the field turns there. Across such a line
+forces N and moments M are smooth, and strains are not: they follow the compliance c, which is 1/(E h) of the membrane
+and 1/(E h^3) of bending. So displacements are integrals of it,
 
     u = int c N,   w = int int c M,
 
@@ -11,6 +16,7 @@ functions, span them, however narrow the line is. Random features would need as 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -23,19 +29,70 @@ from torch import Tensor
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.features import quick_lines
-from shellbench.solvers.ndf.field.creases import chebyshev
-from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, compose, coordinates, product
+from shellbench.problems.shell.question.surface import Domain
+from shellbench.solvers.ndf.field.choices import Crease
+from shellbench.solvers.ndf.field.geometry import LINE
+from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, chebyshev, compose, coordinates, product
 
-Mask = NDArray[np.bool_]
-
-ALONG, ACROSS = 6, 3  # Chebyshev polynomials of the coordinate that integrals are multiplied by, and of the other one
+# Chebyshev polynomials of the coordinate across a line, and of the other one, that features are multiplied by.
+CREASE_POLYNOMIALS, HINGE_POLYNOMIALS = (8, 3), (6, 3)
 TOGETHER = 2  # cells that tell a stiffness in a panel: its Gauss points are exact to twice their degree
-NODES = 8  # of the polynomial in a panel
-TOLD = 1e-6  # of the largest compliance that the polynomial of a panel may be off by
+PANEL_NODES = 8  # of the polynomial in a panel
+TOLD = 1e-6  # of the largest compliance that the polynomial of a panel may be off by: far below what a field errs
 HALVINGS = 12  # of panels that no polynomial tells: they are left as they are
 MIDDLE, ENDS = 0.5, (0.0, 1.0)  # of a line: where its compliance is taken, and where it may be another
 SOFTER = 2.0  # times the compliance of most of the coordinate line: less is no hinge
-LINE = 65  # points of a coordinate line on which that is looked at
+
+Mask = NDArray[np.bool_]
+
+
+def _centred(domain: Domain, points: Array, placement: Placement) -> list[Tensor]:
+    """Return the jets (6, N) of both coordinates, scaled to [-1, 1]."""
+    centred = []
+    for axis, coordinate in enumerate(coordinates(points, placement)):
+        unit = 2 / domain.size[axis] * coordinate
+        unit[VALUE] -= (domain.lower[axis] + domain.upper[axis]) / domain.size[axis]
+        centred.append(unit)
+    return centred
+
+
+def _times_polynomials(profile: Tensor, centred: list[Tensor], axis: int, counts: tuple[int, int]) -> list[Tensor]:
+    """Return the products of a jet with so many polynomials of the coordinate of `axis`, and of the other one."""
+    cuts = [product(profile, along) for along in chebyshev(centred[axis], counts[0])]
+    return [product(cut, across) for cut in cuts for across in chebyshev(centred[1 - axis], counts[1])]
+
+
+@dataclass(frozen=True)
+class Creases:
+    """Cubes of the distance on one side of coordinate lines, times polynomials of both coordinates.
+
+    Attributes
+    ----------
+    domain
+        Of the coordinates.
+    lines
+        Where.
+    """
+
+    domain: Domain
+    lines: tuple[Crease, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of features."""
+        return len(self.lines) * math.prod(CREASE_POLYNOMIALS)
+
+    def columns(self, points: Array, placement: Placement) -> list[Tensor]:
+        """Return the jets (6, N) of all features at points (N, 2)."""
+        centred = _centred(self.domain, points, placement)
+        columns: list[Tensor] = []
+        for axis, at, side in self.lines:
+            s = side * centred[axis]
+            s[VALUE] -= side * (2 * at - self.domain.lower[axis] - self.domain.upper[axis]) / self.domain.size[axis]
+            v = s[VALUE].clamp_min(0.0)
+            cube = compose((v**3, 3 * v**2, 6 * v), s)
+            columns += _times_polynomials(cube, centred, axis, CREASE_POLYNOMIALS)
+        return columns
 
 
 @dataclass(frozen=True)
@@ -83,7 +140,7 @@ class Hinge:
         )
         breaks = np.unique([self.start, *ends[(ends > self.start) & (ends < self.stop)], self.stop])
         along = self.compliance(3)
-        between = np.linspace(0, 1, 2 * NODES + 1)
+        between = np.linspace(0, 1, 2 * PANEL_NODES + 1)
         for _ in range(HALVINGS):
             found = _piecewise(along, breaks)
             points = breaks[:-1, None] + between * np.diff(breaks)[:, None]
@@ -127,10 +184,10 @@ class Hinge:
 
 def _piecewise(formula: Callable[[Array], Array], breaks: Array) -> PPoly:
     """Return polynomials through Chebyshev's points of panels."""
-    nodes = (1 - np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)) / 2
+    nodes = (1 - np.cos(np.pi * (np.arange(PANEL_NODES) + 0.5) / PANEL_NODES)) / 2
     sizes = np.diff(breaks)
     values = formula(breaks[:-1, None] + nodes * sizes[:, None])
-    powers = np.arange(NODES - 1, -1, -1)
+    powers = np.arange(PANEL_NODES - 1, -1, -1)
     local = np.linalg.solve(nodes[:, None] ** powers, values.T)
     return PPoly(local / sizes ** powers[:, None], breaks)
 
@@ -149,23 +206,18 @@ class Hinges:
 
     def former(self) -> Mask:
         """Return (count,): whether each feature is of the middle of its line; the others challenge these."""
-        each = [np.full(len(hinge.profiles) * ALONG * ACROSS, hinge.across == MIDDLE) for hinge in self.hinges]
+        each = [
+            np.full(len(hinge.profiles) * math.prod(HINGE_POLYNOMIALS), hinge.across == MIDDLE) for hinge in self.hinges
+        ]
         return np.concatenate(each)
 
     def columns(self, points: Array, placement: Placement) -> list[Tensor]:
         """Return the jets (6, N) of all features at points (N, 2)."""
-        domain, plain = self.case.surface.domain, coordinates(points, placement)
-        centred = []
-        for axis, coordinate in enumerate(plain):
-            unit = 2 / domain.size[axis] * coordinate
-            unit[VALUE] -= (domain.lower[axis] + domain.upper[axis]) / domain.size[axis]
-            centred.append(unit)
+        plain, centred = coordinates(points, placement), _centred(self.case.surface.domain, points, placement)
         columns: list[Tensor] = []
         for hinge in self.hinges:
             for profile in hinge.columns(points, plain[hinge.axis], placement):
-                for along in chebyshev(centred[hinge.axis], ALONG):
-                    cut = product(profile, along)
-                    columns += [product(cut, across) for across in chebyshev(centred[1 - hinge.axis], ACROSS)]
+                columns += _times_polynomials(profile, centred, hinge.axis, HINGE_POLYNOMIALS)
         return columns
 
 

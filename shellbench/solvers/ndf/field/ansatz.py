@@ -1,0 +1,138 @@
+"""The parts of a displacement u = lift + M F: the lift and the matrix M of the supports, and the features of F.
+
+Also here: combinations of features that are independent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import torch
+from torch import Tensor
+
+from shellbench.errors import SolveFailure
+from shellbench.problems.shell.case import Case
+from shellbench.solvers.ndf.field.choices import Slopes
+from shellbench.solvers.ndf.field.jets import Array, Placement
+from shellbench.solvers.ndf.field.mirrors import Mirrors
+from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec, area_rule
+
+DEPENDENT = 1e-12  # combinations less stiff than this share of the stiffest are rounding, with ten times its room
+
+
+class Factors(Protocol):
+    """What multiplies the network so that supports are held."""
+
+    def matrix(self, points: Array, placement: Placement) -> Tensor:
+        """Return the jet (6, N, 3, 3) of M at points (N, 2)."""
+        ...
+
+
+class Lifting(Protocol):
+    """What moves the supports as prescribed."""
+
+    @property
+    def moves(self) -> bool:
+        """Whether any support is moved at all."""
+        ...
+
+    def jet(self, points: Array, placement: Placement) -> Tensor:
+        """Return the jet (6, N, 3) of the lift at points (N, 2)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Ansatz:
+    """A case with the way its supports are built in: u = lift + M F for any F; if `soft`, springs hold them instead.
+
+    With `mirrors`, for any F that is even about their planes.
+    """
+
+    case: Case
+    factors: Factors
+    lift: Lifting
+    t: float = 1.0
+    soft: bool = False
+    slopes: Slopes = "even"
+    mirrors: Mirrors | None = None
+
+    def rule(self, focal: Array, spec: RuleSpec) -> Rule:
+        """Return the rule over which energies are integrated, graded toward focal points (k, 2).
+
+        With mirrors its points are those of one part, and its weights stand for the images, too.
+        """
+        if self.mirrors is not None:
+            return self.mirrors.rule(focal, spec)
+        return area_rule(self.case.surface.domain, focal, spec)
+
+
+class FeatureSet(Protocol):
+    """Scalar features of which a field is a linear combination."""
+
+    @property
+    def count(self) -> int:
+        """Number of features M."""
+        ...
+
+    @property
+    def placement(self) -> Placement:
+        """Where they live and in what precision."""
+        ...
+
+    def jets(self, points: Array) -> Tensor:
+        """Return the jets (6, N, M) at points (N, 2)."""
+        ...
+
+    def values(self, points: Array) -> Tensor:
+        """Return the values (N, M) at points (N, 2)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Combined:
+    """Combinations (M, r) of other features, independent in a stiffness (M, M) if it is given."""
+
+    features: FeatureSet
+    combine: Tensor
+    stiffness: Tensor | None = None
+
+    def __post_init__(self) -> None:
+        # as in `shellbench.solvers.ndf.field.network.Network`; eigenvectors come column by column
+        object.__setattr__(self, "combine", self.combine.contiguous())
+
+    @property
+    def count(self) -> int:
+        """Number of combinations r."""
+        return self.combine.shape[1]
+
+    @property
+    def placement(self) -> Placement:
+        """Where they live and in what precision."""
+        return self.features.placement
+
+    def jets(self, points: Array) -> Tensor:
+        """Return the jets (6, N, r) at points (N, 2)."""
+        return self.features.jets(points) @ self.combine
+
+    def values(self, points: Array) -> Tensor:
+        """Return the values (N, r) at points (N, 2)."""
+        return self.features.values(points) @ self.combine
+
+
+def independent(stiffness: Tensor) -> Tensor:
+    """Return combinations (n, r) whose stiffness is the identity, from a positive semidefinite matrix (n, n).
+
+    Raises
+    ------
+    SolveFailure
+        If the matrix is not finite.
+    """
+    if not bool(torch.isfinite(stiffness).all()):
+        raise SolveFailure("the energy of the features is not finite")
+    diagonal = stiffness.diagonal().clamp_min(0.0).sqrt()
+    scale = torch.where(diagonal > 0, 1 / diagonal, torch.zeros_like(diagonal))
+    values, vectors = torch.linalg.eigh(stiffness * scale[:, None] * scale)
+    kept = values > DEPENDENT * values[-1]
+    combine: Tensor = scale[:, None] * vectors[:, kept] / values[kept].sqrt()
+    return combine

@@ -1,0 +1,85 @@
+"""Rows of the output layer that hold point supports, and slopes at edges that no factor holds (`choices.Slopes`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from shellbench.solvers.ndf.field.ansatz import Ansatz, FeatureSet
+from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Array, Placement, from_derivatives
+from shellbench.solvers.ndf.field.quadrature import NOWHERE, RuleSpec, edge_rule
+from shellbench.solvers.ndf.field.supports import PointSupport, edge_supports, point_supports
+
+SAME_ROW = 1e-6  # share of the softest combination of constraints below which one is stiffer than rounding can tell
+SLOPES = RuleSpec((12, 12), 6)  # along an edge whose slope is held by rows; twice the panels around a turn
+
+
+def point_constraints(ansatz: Ansatz, features: FeatureSet) -> tuple[Tensor, Tensor]:
+    """Return rows (k, 3 M) and targets (k,), metres, that hold the point supports."""
+    if ansatz.soft:
+        return features.placement.zeros(0, 3 * features.count), features.placement.zeros(0)
+    return point_rows(ansatz, features), point_targets(ansatz, features.placement)
+
+
+def point_rows(ansatz: Ansatz, features: FeatureSet) -> Tensor:
+    """Return rows (k, 3 M) whose products with the output weights are what point supports hold of M F."""
+    placement, supports = features.placement, point_supports(ansatz.case)
+    if not supports:
+        return placement.zeros(0, 3 * features.count)
+    points, components = _held_at(supports)
+    held = ansatz.factors.matrix(points, placement)[VALUE][range(len(supports)), components]
+    return (held[:, :, None] * features.values(points)[:, None, :]).reshape(len(supports), -1)
+
+
+def point_targets(ansatz: Ansatz, placement: Placement) -> Tensor:
+    """Return what the point supports prescribe (k,), metres, less the lift."""
+    supports = point_supports(ansatz.case, ansatz.t)
+    targets = placement.tensor(np.array([s.value for s in supports]))
+    if not supports or not ansatz.lift.moves:
+        return targets
+    points, components = _held_at(supports)
+    return targets - ansatz.lift.jet(points, placement)[VALUE][range(len(supports)), components]
+
+
+def _held_at(supports: Sequence[PointSupport]) -> tuple[Array, list[int]]:
+    return np.array([s.point.xi for s in supports]), [s.component for s in supports]
+
+
+def slope_constraints(
+    ansatz: Ansatz, features: FeatureSet, spec: RuleSpec | None = None, focal: Array = NOWHERE
+) -> Iterator[tuple[Tensor, Tensor]]:
+    """Yield, edge by edge, rows (k, 3 M) and targets (k,), metres, that hold slopes where an ansatz asks for rows.
+
+    `spec` and the points (k, 2) that it is graded toward give the Gauss points; None: those of `SLOPES`.
+    A row is u,n . a3 at a Gauss point, times sqrt(h ds): as stiff as the membrane, it is as stiff as bending over h.
+    """
+    case, placement = ansatz.case, features.placement
+    for support in edge_supports(case):
+        edge, held = support.edge, support.slope
+        if held is None or not support.free or ansatz.slopes == "even":
+            continue
+        panels = [n * (1 + turns) for n, turns in zip(SLOPES.panels, case.surface.domain.periodic, strict=True)]
+        chosen = spec or replace(SLOPES, panels=(panels[0], panels[1]))
+        rule = edge_rule(case.surface.domain, edge, focal, chosen)
+        x = from_derivatives(case.surface.derivatives(rule.points, 2), placement)
+        across, along = (D1, D2) if edge.axis == 0 else (D2, D1)
+        length = x[along].norm(dim=-1)
+        share = (x[across] * x[along]).sum(-1) / length**2
+        conormal = torch.zeros_like(x[..., 0])  # the planes of a jet that make its derivative along n
+        conormal[across], conormal[along] = 1.0, -share
+        conormal /= (x[across] - share[:, None] * x[along]).norm(dim=-1)
+        normal = torch.linalg.cross(x[D1], x[D2], dim=-1)
+        normal /= normal.norm(dim=-1, keepdim=True)
+        normal *= (case.material.thickness * placement.tensor(rule.weights) * length).sqrt()[:, None]
+        matrix, jets = ansatz.factors.matrix(rule.points, placement), features.jets(rule.points)
+        turned = torch.einsum("nc,pn,pncd->nd", normal, conormal, matrix)
+        moved = torch.einsum("nc,ncd->nd", normal, matrix[VALUE])
+        slopes = torch.einsum("pn,pnj->nj", conormal, jets)
+        rows = turned[:, :, None] * jets[VALUE][:, None] + moved[:, :, None] * slopes[:, None]
+        wanted = from_derivatives(case.motion(held, edge, rule.points, ansatz.t, 2), placement)
+        wanted = wanted - ansatz.lift.jet(rule.points, placement)
+        yield rows.reshape(len(rows), -1), torch.einsum("nc,pn,pnc->n", normal, conormal, wanted)
