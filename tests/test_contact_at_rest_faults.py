@@ -85,7 +85,7 @@ def test_one_coarse_mesh_is_green(name):
 )
 def test_a_fault_is_red(fault, name, monkeypatch):
     catalog.named_case(name)  # read before anything is broken
-    monkeypatch.setattr(solving, "SHORTEST_STEP", 0.1)  # of the path: what is right takes 0.1 and more
+    monkeypatch.setattr(solving, "SMALLEST_STEP", 0.1)  # of the path: what is right takes 0.1 and more
     monkeypatch.setattr(newton, "MOST_IN_CONTACT", 30)
     fault(monkeypatch)
     try:

@@ -98,7 +98,7 @@ def test_one_coarse_mesh_is_green(name):
 )
 def test_a_fault_is_red(fault, name, monkeypatch):
     catalog.named_case(name)  # read before anything is broken
-    monkeypatch.setattr(contact, "MOST_STEPS", 6)  # what is right takes two
+    monkeypatch.setattr(contact, "MOST_MULTIPLIERS", 6)  # what is right takes two
     fault(monkeypatch)
     try:
         found = errors(name)

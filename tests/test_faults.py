@@ -23,7 +23,7 @@ from shellbench.bench.store.store import Store
 from shellbench.bench.store.task import Task
 from shellbench.problems.shell.question.conditions import Material
 from shellbench.solvers.fem import solving
-from shellbench.solvers.fem.mechanics import constraints, kinematics, ties
+from shellbench.solvers.fem.mechanics import constraints, kinematics
 from shellbench.solvers.fem.mechanics import loads as fem_loads
 from shellbench.solvers.fem.mesh import quadrature
 from shellbench.solvers.ndf.field import factors, field, geometry, jets, network
@@ -111,8 +111,8 @@ def flipped_christoffel(rows):
 
 
 def only_three_edges(patch: pytest.MonkeyPatch) -> None:
-    original = ties.conditions
-    patch.setattr(ties, "conditions", lambda *args: list(original(*args))[:-1])
+    original = constraints.conditions
+    patch.setattr(constraints, "conditions", lambda *args: list(original(*args))[:-1])
 
 
 def leaking_slope(patch: pytest.MonkeyPatch) -> None:
@@ -126,13 +126,13 @@ def leaking_slope(patch: pytest.MonkeyPatch) -> None:
 
 
 def clamped_too(patch: pytest.MonkeyPatch) -> None:
-    original = ties.conditions
+    original = constraints.conditions
 
     def stiffer(case, mesh, states):
         supports = tuple(s.model_copy(update={"clamped": True}) for s in case.supports)
         return original(case.model_copy(update={"supports": supports}), mesh, states)
 
-    patch.setattr(ties, "conditions", stiffer)
+    patch.setattr(constraints, "conditions", stiffer)
 
 
 def reduced_integration(patch: pytest.MonkeyPatch) -> None:

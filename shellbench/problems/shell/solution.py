@@ -379,10 +379,7 @@ class ShellSolver(CheckedSolver):
         raise NotImplementedError
 
 
-Earlier = TypeVar("Earlier", bound=ShellSolution)
-
-
-def checked_start(start: Solution, case: Case, solver: str, *kinds: type[Earlier]) -> Earlier:
+def checked_start(start: Solution, case: Case, solver: str, *kinds: type[S]) -> S:
     """Return an earlier solution from which a solver goes on; InputError if it is none of its kinds, or no edit."""
     if case.dynamics is not None:
         raise InputError(f"{solver} can't go on from an earlier solution in {case.name}: a motion begins at rest")

@@ -10,7 +10,6 @@ from shellbench.problem import FIELDS
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.symmetry.mirror_frame import in_frame_of_mirrors
 from shellbench.problems.shell.variants.placing import ASKEW, placed_data, turning
-from shellbench.solvers.fem.linear import folding
 from shellbench.solvers.fem.linear.symmetry import SYMMETRIC, FoldedMesh
 from shellbench.solvers.fem.mesh.grading import graded_mesh
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
@@ -377,7 +376,7 @@ def test_a_wrong_image_would_be_seen(monkeypatch, wrong):
     """The comparison above is not blind: an image with a wrong sign differs."""
     case, cells, _ = SYMMETRIC_CASES["clamped_roof_with_edge_loads"]
     whole, _ = both(case, cells)
-    honest = folding.FoldedMesh.from_case
+    honest = FoldedMesh.from_case
 
     def spoilt(*args):
         folded = honest(*args)
@@ -386,7 +385,7 @@ def test_a_wrong_image_would_be_seen(monkeypatch, wrong):
         folded.__dict__["images"] = ((first[0], replace(first[1], **change)), second)
         return folded
 
-    monkeypatch.setattr(folding.FoldedMesh, "from_case", staticmethod(spoilt))
+    monkeypatch.setattr(FoldedMesh, "from_case", staticmethod(spoilt))
     spoiled = both(case, cells)[1]
     with pytest.raises(AssertionError):
         agree(whole, spoiled)

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
 
 from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Solution, Step
@@ -21,9 +20,7 @@ from shellbench.problems.shell.quantities.quantities import (
     QuantityModel,
     ReactionQuantity,
 )
-from shellbench.problems.shell.solution import ShellSolution
-
-S = TypeVar("S", bound=ShellSolution)
+from shellbench.problems.shell.solution import S, ShellSolution
 
 
 @dataclass
