@@ -5,12 +5,8 @@ import pytest
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.plugins.kinds import read_problem
 from shellbench.errors import InputError
-<<<<<<< HEAD:tests/problems/series/test_editing.py
-from shellbench.problems.series.edited import EditingCase
-=======
 from shellbench.problems.series.edited import EditingCase
 from shellbench.problems.shell import solution
->>>>>>> ndf46:tests/problems/editing/test_editing.py
 from shellbench.problems.shell.variants.edit import between
 from shellbench.solvers.fem.editing_solver import FemEditSolver
 from shellbench.solvers.fem.path import large_displacement
