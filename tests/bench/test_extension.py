@@ -254,7 +254,7 @@ def test_a_claim_of_its_own_solver_is_none_of_our_tolerances(here: Path) -> None
 )
 def test_a_broken_section_is_left_out_with_a_sentence(here: Path, tmp_path: Path, body: str, words: str) -> None:
     file = here / "toy_springs" / "report.py"
-    file.write_text(f"from shellbench.report.data.evidence import Section\ndef section(found):\n    {body}\n")
+    file.write_text(f"from shellbench.report.data.section import Section\ndef section(found):\n    {body}\n")
     for name in [name for name in sys.modules if name.partition(".")[0] == "toy_springs"]:
         del sys.modules[name]
     said: list[str] = []
@@ -291,10 +291,7 @@ def test_a_broken_command_is_one_sentence_and_ours_stay_ours(shellbench: Call, s
     assert "Traceback" not in raised.stderr
     (site / "toy_springs" / "cli.py").write_text("def pull():\n    raise ZeroDivisionError('by\\nzero')\n")
     raised = shellbench("pull")
-    assert (raised.returncode, raised.stderr) == (
-        1,
-        "shellbench: command 'pull' failed: ZeroDivisionError: by zero\n",
-    )
+    assert (raised.returncode, raised.stderr) == (1, "shellbench: command 'pull' failed: ZeroDivisionError: by zero\n")
 
 
 def test_names_that_two_packages_use_are_refused() -> None:

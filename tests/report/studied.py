@@ -44,15 +44,7 @@ def studied(
     diagnostics = (diagnostics or {}) | ({} if gap is None else {"energy_gap": gap})
     reason = None if status == "ok" else "it was refused"
     made = record(
-        folder,
-        catalog.named_case(case),
-        solver,
-        seed,
-        error,
-        history,
-        diagnostics,
-        settings,
-        unknowns=unknowns,
+        folder, catalog.named_case(case), solver, seed, error, history, diagnostics, settings, unknowns=unknowns
     ).model_copy(
         update={
             "status": status,
