@@ -19,32 +19,12 @@ from tests.bench import strip
 from tests.bench.conftest import forget, tolerances_of
 from tests.bench.running import run
 
-CONTRACT = [
-    "case",
-    "suite",
-    "solver",
-    "settings",
-    "seed",
-    "quantity",
-    "primary",
-    "at",
-    "value",
-    "reference",
-    "reference_uncertainty",
-    "reference_theory",
-    "reference_source",
-    "literature",
-    "relative_error",
-    "absolute_error",
-    "tolerance",
-    "passed",
-    "status",
-    "seconds",
-    "peak_memory_bytes",
-    "parameters",
-    "storage_bytes",
-    "run_id",
-]
+CONTRACT = (
+    *("case", "suite", "solver", "settings", "seed", "quantity", "primary", "at", "value"),
+    *("reference", "reference_uncertainty", "reference_theory", "reference_source", "literature"),
+    *("relative_error", "absolute_error", "tolerance", "passed", "status"),
+    *("seconds", "peak_memory_bytes", "parameters", "storage_bytes", "run_id"),
+)
 
 pytestmark = pytest.mark.usefixtures("toys")
 

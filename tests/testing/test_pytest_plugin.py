@@ -306,10 +306,7 @@ def test_the_page_describes_every_option() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    ("setting", "outcome"),
-    [("seconds=0.5", {"passed": 2}), ("behaviour=fail", {"failed": 2})],
-)
+@pytest.mark.parametrize(("setting", "outcome"), [("seconds=0.5", {"passed": 2}), ("behaviour=fail", {"failed": 2})])
 def test_processes_of_xdist_solve_a_case_once(
     course: Path,
     plugin: Path,  # noqa: F811
