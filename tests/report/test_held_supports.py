@@ -31,6 +31,7 @@ def test_a_failed_run_is_shown_with_its_reason(tmp_path, runs):
     table = support_table(found)
     assert list(table.data["ended"]) == ["solved", "solved", "run failed"]
     assert [note.text for note in table.notes] == ["it was refused"]
+    assert all("run failed" in table.write(format) for format in ("text", "markdown", "latex", "html"))
 
 
 def test_the_share_is_of_the_largest_displacement(tmp_path, runs):

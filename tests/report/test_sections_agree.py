@@ -63,6 +63,7 @@ def assert_they_agree(tables):
             [*numbers_of(text, format), *sizes_of(text, format)] for format in MARKUP for text in (shown.write(format),)
         )
         assert first, table.name
+        assert all(table.write(format) for format in ("text", "csv", *MARKUP)), table.name
         assert all(other == first for other in others), table.name
 
 
