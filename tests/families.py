@@ -1,7 +1,5 @@
 """Cases of the suite that have something new, and shells of their data with something changed."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any

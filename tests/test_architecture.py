@@ -52,8 +52,8 @@ ROOMS = {  # of a package, from the lowest up; what stands at its root is a room
 MOST_MODULES, MOST_LINES = 20, 400  # of a folder, its `__init__` apart; of a module
 STILL_LONG = {"fem/path/problem.py": 511}  # lines; it holds the equations and Newton's method, and may not grow
 CEILINGS = {  # lines of code: no blanks, comments and docstrings; the aims are 52,000 and 42,000
-    "shellbench": 53_750,
-    "tests": 40_500,
+    "shellbench": 53_740,
+    "tests": 40_420,
     "shellbench/protocol": 1_000,
     "shellbench/bench": 6_950,
     "shellbench/bench/catalogue": 900,

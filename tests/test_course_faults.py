@@ -3,8 +3,6 @@
 Faults in the mechanics behind these answers are injected by tests/test_cloth_faults.py and tests/test_cloth_ndf_faults.py.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path

@@ -26,10 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from shellbench.errors import InputError, without_middle
 from shellbench.problems.formula_functions import CONSTANTS, FUNCTIONS, PIECEWISE
 from shellbench.problems.interval import Interval, interval_of
-from shellbench.problems.taylor import (
-    Array,
-    Taylor,
-)
+from shellbench.problems.taylor import Array, Taylor
 
 MAX_LENGTH = 100_000  # characters: the longest formula that is read
 MAX_DEPTH = 200  # deepest nesting of a formula that is read

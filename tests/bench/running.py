@@ -1,7 +1,5 @@
 """Running tasks in tests, as the command line does."""
 
-from __future__ import annotations
-
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Rows say what a record is worth, and to whom it is compared."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

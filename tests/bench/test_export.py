@@ -1,7 +1,5 @@
 """What is exported is read back as other programs read it: values, components, and a mesh without slits."""
 
-from __future__ import annotations
-
 import base64
 import struct
 import xml.etree.ElementTree as ElementTree

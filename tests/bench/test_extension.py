@@ -1,7 +1,5 @@
 """A package that brings a kind of problem, a solver, data, a section and a command; and packages that are broken."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

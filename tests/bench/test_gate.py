@@ -1,7 +1,5 @@
 """The gates are green for good records alone, and say what they looked at."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

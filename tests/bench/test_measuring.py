@@ -1,7 +1,5 @@
 """What a record keeps of a path: all of a whole one, and of a broken one what it reached."""
 
-from __future__ import annotations
-
 import errno
 import math
 import re

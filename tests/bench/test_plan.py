@@ -1,7 +1,5 @@
 """What is run for what was asked."""
 
-from __future__ import annotations
-
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any

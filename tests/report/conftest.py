@@ -1,7 +1,5 @@
 """A synthetic store: records made from formulas, for the report to show. No solver ran; no figure is a result."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """A synthetic store of cloth: records measured from formulas. No solver ran; no figure is a result."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any

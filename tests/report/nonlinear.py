@@ -1,7 +1,5 @@
 """A synthetic store of large displacements: records made from formulas. No solver ran; no figure is a result."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A synthetic study of resolutions: fields by formulas with known differences. No solver ran; no figure is a result."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Synthetic records of studies, their figures made from formulas. No solver ran; no figure is a result."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The kept summary of resolution: what it says of synthetic runs, turned waves, and the committed file."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from pathlib import Path

@@ -5,8 +5,6 @@ small meshes and narrow fields, which need not be accurate, are kept in unseen.j
 `python -m tests.solvers.unseen` writes them anew.
 """
 
-from __future__ import annotations
-
 import json
 import tomllib
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The gate in pytest: right answers pass, everything else fails or is skipped with one sentence."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """What docs/cluster.md shows is what works."""
 
-from __future__ import annotations
-
 import ast
 import os
 import re

@@ -1,7 +1,5 @@
 """Series: what a record keeps of a motion, against free fall in closed form; of a path its torques."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

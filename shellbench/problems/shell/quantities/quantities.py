@@ -18,11 +18,7 @@ from shellbench.problems.shell.quantities.displacement_quantities import (
     PositionQuantity,
     largest_displacement,
 )
-from shellbench.problems.shell.quantities.energy_quantities import (
-    EnergyQuantity,
-    MotionEnergy,
-    PotentialEnergy,
-)
+from shellbench.problems.shell.quantities.energy_quantities import EnergyQuantity, MotionEnergy, PotentialEnergy
 from shellbench.problems.shell.quantities.force_quantities import (
     ContactForce,
     ContactPoint,
