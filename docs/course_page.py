@@ -16,7 +16,7 @@ from docs.studies_page import table
 from shellbench.bench.catalogue import catalog
 from shellbench.report.data.kept_data import KeptRun, Summary, read_summary, sweeps_of
 from shellbench.report.data.notation import byte_size, duration
-from shellbench.report.data.solutions import grouped
+from shellbench.report.data.runs import grouped
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/findings/course.md"

@@ -1,14 +1,16 @@
-"""Cases that have something new: what is true of every case is shown by these, and by all of them in the long tests."""
+"""Cases of the suite that have something new, and shells of their data with something changed."""
 
-from __future__ import annotations
-
-from collections.abc import Iterable
+import copy
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import pytest
 
 from shellbench.bench.catalogue import catalog
+from shellbench.errors import InputError
 from shellbench.problem import Problem
+from shellbench.problems.shell.case import Case as Shell
+from shellbench.problems.shell.case import build_case
 
 
 def features(case: Problem) -> set[str]:
@@ -35,3 +37,17 @@ def with_something_new(names: Iterable[str]) -> list[Any]:
         parameters.append(pytest.param(name, marks=[pytest.mark.long] if known <= seen else []))
         seen |= known
     return parameters
+
+
+def altered(data: Mapping[str, Any], change: Callable[[dict[str, Any]], object] = lambda data: None) -> Shell:
+    """Build a shell of data, in which something is changed; the data themselves stay as they are."""
+    own = copy.deepcopy({key: value for key, value in data.items() if key != "name"})
+    change(own)
+    return build_case(own, name="case", where="case.toml")
+
+
+def refusal(data: Mapping[str, Any], change: Callable[[dict[str, Any]], object]) -> str:
+    """Return the sentence in which changed data are refused: it names the file first."""
+    with pytest.raises(InputError, match=r"^case\.toml: [^\n]*$") as caught:
+        altered(data, change)
+    return str(caught.value)

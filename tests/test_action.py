@@ -1,7 +1,5 @@
 """The action and the workflow that gate a solver elsewhere: what they call exists, and their steps do what they say."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

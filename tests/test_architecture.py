@@ -52,8 +52,8 @@ ROOMS = {  # of a package, from the lowest up; what stands at its root is a room
 }
 MOST_MODULES, MOST_LINES = 20, 400  # of a folder, its `__init__` apart; of a module
 CEILINGS = {  # lines of code: no blanks, comments and docstrings; the aims are 52,000 and 42,000
-    "shellbench": 53_750,
-    "tests": 41_150,
+    "shellbench": 53_740,
+    "tests": 40_420,
     "shellbench/protocol": 1_000,
     "shellbench/bench": 6_950,
     "shellbench/bench/catalogue": 900,
@@ -65,7 +65,7 @@ CEILINGS = {  # lines of code: no blanks, comments and docstrings; the aims are 
     "shellbench/problems": 8_750,
     "shellbench/problems/shell": 5_600,
     "shellbench/report": 9_600,
-    "shellbench/report/data": 2_450,
+    "shellbench/report/data": 2_400,
     "shellbench/report/figures": 850,
     "shellbench/report/page": 950,
     "shellbench/report/sections": 2_700,

@@ -4,13 +4,12 @@ As in tests/test_faults.py: the fault is injected, the case is solved and judged
 """
 
 import numpy as np
-import pytest
 
 from shellbench.problems.shell.question.conditions import Material
 from shellbench.solvers.fem.mechanics import kinematics
 from shellbench.solvers.ndf.bspline import bspline, bspline_solution, splines
 from shellbench.solvers.ndf.strains import energy
-from tests.test_faults import Fault, must_be_green, must_be_red, stop_early, wrapped
+from tests.test_faults import Fault, gate_tests, stop_early, wrapped
 
 BRIDGE, PLATE, ROOF = "bridge_plate", "square_plate", "scordelis_lo"
 
@@ -101,17 +100,4 @@ FAULTS = [
     Fault("bending by the membrane's ratio, in its own stiffness", "fem", BRIDGE, one_ratio_in_elements),
     Fault("bending by the membrane's ratio, in its own energy", "ndf-ritz", BRIDGE, one_ratio_in_fields),
 ]
-pytestmark = pytest.mark.long
-CASES = sorted({(fault.solver, fault.case) for fault in FAULTS})
-
-
-@pytest.mark.parametrize(("solver", "case"), CASES)
-def test_without_a_fault_the_gate_is_green(solver, case, tmp_path, monkeypatch):
-    stop_early(monkeypatch)
-    must_be_green(solver, case, tmp_path)
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=lambda f: f"{f.solver}: {f.name}")
-def test_a_fault_turns_the_gate_red(fault, tmp_path, monkeypatch):
-    stop_early(monkeypatch)
-    must_be_red(fault, tmp_path, monkeypatch)
+test_a_fault_is_red, test_without_a_fault_it_is_green = gate_tests(FAULTS, stop_early)

@@ -24,6 +24,8 @@ RAW = [
 ]
 WORDS = ("Input should", "Input tag", "discriminator", "tagged", "after validation", "[key]", "[type=", "pydantic")
 WRONG = ("far", -1, 1e400, math.nan, 0, True, [], ["x", "y", "z", "t"], [[1]], {}, {"kind": "blob"}, "x" * 999)
+BASELINES = ("", "{", "[]", '{"values": []}', '{"values": 1, "costs": []}', '{"values": [{}], "costs": []}')
+BASELINES = (*BASELINES, '{"schema_version": 9, "values": [], "costs": []}')
 CASES = ("scordelis_lo", pytest.param("sleeve_compression", marks=pytest.mark.long))
 
 
@@ -126,7 +128,7 @@ def shortened(data):
     return {key: value[:3] if isinstance(value, list) else value for key, value in data.items()}
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"values": 1, "costs": []}', '{"values": [{}], "costs": []}'])
+@pytest.mark.parametrize("text", BASELINES)
 def test_a_broken_baseline_is_told_in_words_of_the_file(text, tmp_path):
     path = tmp_path / "baseline.json"
     path.write_text(text, encoding="utf-8")

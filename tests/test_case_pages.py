@@ -1,7 +1,5 @@
 """Pages of the cases: all that judges a case stands on its page, and its picture shows it."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The command line's contract: names, options, exit codes, and one sentence for whatever is wrong."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """``shellbench pack`` and ``board``: what is packed, which files are refused, and what counts as made again."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import shutil

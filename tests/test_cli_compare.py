@@ -1,7 +1,5 @@
 """``shellbench compare``: what is a loss, what is none, what each format says, and what can't be compared."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

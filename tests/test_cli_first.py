@@ -1,7 +1,5 @@
 """The first minute: templates, doctor, a quick look, names that were nearly right, completion, Ctrl-C, 80 columns."""
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import importlib

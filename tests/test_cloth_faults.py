@@ -21,6 +21,7 @@ from shellbench.solvers.fem.mechanics import constraints, kinematics, strain_ene
 from shellbench.solvers.fem.motion import generalised_alpha, time_step
 from shellbench.solvers.fem.path import problem
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
+from tests.injecting import room
 from tests.test_faults import stiffness
 
 
@@ -58,18 +59,10 @@ def shortened(level: Level) -> Case:
     return build_case(data | {"quantities": kept} | end, level.case, level.case)
 
 
-def tolerance(case: Case, name: str) -> float | None:
-    """Return how far `fem` may be from the known value of a quantity; None if it is not gated."""
-    judge, allowed = catalog.known_values(case.name).judge(name, case.theory), catalog.tolerance(case.name, name, "fem")
-    if judge is None or allowed is None:
-        return None
-    return allowed.largest * (1.0 if allowed.is_absolute else abs(judge.value))
-
-
 def solved(level: Level) -> dict[str, float]:
     """Return the gated quantities of a case on a level, and infinity for each if it can't be solved."""
     case = shortened(level)
-    gated = [q.name for q in case.quantities if tolerance(case, q.name) is not None]
+    gated = [q.name for q in case.quantities if np.isfinite(room(case, q.name, "fem"))]
     try:
         found = measure_all(FemSolver().solve(case, level.settings))
     except (SolveFailure, ArithmeticError):
@@ -80,7 +73,7 @@ def solved(level: Level) -> dict[str, float]:
 def tolerances(level: Level, first: dict[str, float], second: dict[str, float]) -> dict[str, float]:
     """Return how many tolerances lie between two answers."""
     case = catalog.named_case(level.case)
-    return {name: abs(first[name] - value) / (tolerance(case, name) or np.inf) for name, value in second.items()}
+    return {name: abs(first[name] - value) / room(case, name, "fem") for name, value in second.items()}
 
 
 right: dict[Level, dict[str, float]] = {}

@@ -27,6 +27,7 @@ from shellbench.solvers.ndf.path import buckling, equilibrium, large_displacemen
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.strains import strain_measures
 from shellbench.solvers.ndf.strains.smooth import widest
+from tests.injecting import share
 from tests.test_faults import more_poisson, stiffness, wrapped
 from tests.test_large_displacement_faults import ndf_strain
 
@@ -79,17 +80,8 @@ def missed(small: Small) -> dict[str, float]:
     """Return by how many of its tolerances each gated quantity misses the known value."""
     case = shortened(small)
     neurons = small.neurons if small.degree is None else widest(case, small.degree)
-    known = catalog.known_values(small.case)
     found = measure_all(RitzSolver().solve(case, RitzSettings(neurons=neurons)))
-    result = {}
-    for quantity in case.quantities:
-        judge = known.judge(quantity.name, case.theory)
-        tolerance = catalog.tolerance(case.name, quantity.name, GATED)
-        assert judge is not None
-        assert tolerance is not None
-        allowed = tolerance.largest * (1.0 if tolerance.is_absolute else abs(judge.value))
-        result[quantity.name] = abs(found[quantity.name] - judge.value) / allowed
-    return result
+    return {quantity.name: share(case, quantity.name, found[quantity.name], GATED) for quantity in case.quantities}
 
 
 class Fault(NamedTuple):

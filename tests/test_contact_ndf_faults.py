@@ -111,16 +111,7 @@ def test_one_answer_is_green_and_kept_in_its_file(change, tmp_path):
 @pytest.mark.long
 @pytest.mark.parametrize(
     "fault",
-    [
-        pulled,
-        glued,
-        turned_normal,
-        without_thickness,
-        without_offset,
-        halved,
-        left_out_of_reactions,
-        without_creases,
-    ],
+    [pulled, glued, turned_normal, without_thickness, without_offset, halved, left_out_of_reactions, without_creases],
 )
 def test_a_fault_is_red(fault, monkeypatch):
     case = catalog.named_case(STRIP)

@@ -1,7 +1,5 @@
 """What README and docs show can be given: commands, with their options and number of names; sessions; Python."""
 
-from __future__ import annotations
-
 import ast
 import re
 import shlex

@@ -209,11 +209,7 @@ def test_a_fault_that_an_earlier_exam_let_through_turns_the_gate_red(fault, tmp_
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("solver", "inject"),
-    [
-        ("fem", metric_without_shear),
-        ("fem", normal_part_left(1)),
-        ("ndf-ritz", field_metric_without_shear),
-    ],
+    [("fem", metric_without_shear), ("fem", normal_part_left(1)), ("ndf-ritz", field_metric_without_shear)],
 )
 def test_right_angled_lines_hide_it(solver, inject, tmp_path, monkeypatch):
     """On the roof as declared these faults are green: its lines are lines of curvature, and xi1 is the angle."""

@@ -4,7 +4,7 @@ A fault is put into one solver's mechanics (or into what both are given), the ca
 and the record is judged as `shellbench gate` would. The same path without a fault is green.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -308,6 +308,24 @@ def must_be_red(fault: Fault, folder, patch: pytest.MonkeyPatch) -> None:
     for finding in found:
         if finding.row.status == "ok":
             assert np.isfinite(finding.row.value)
+
+
+def gate_tests(faults: Iterable[Fault], patch_first: Callable[[pytest.MonkeyPatch], None] = lambda patch: None):
+    """Return two long tests: each fault turns the gate red, and what is solved is green without one."""
+
+    @pytest.mark.long
+    @pytest.mark.parametrize("fault", faults, ids=lambda fault: f"{fault.solver}: {fault.name}")
+    def test_a_fault_is_red(fault, tmp_path, monkeypatch):
+        patch_first(monkeypatch)
+        must_be_red(fault, tmp_path, monkeypatch)
+
+    @pytest.mark.long
+    @pytest.mark.parametrize(("solver", "case"), sorted({(fault.solver, fault.case) for fault in faults}))
+    def test_without_a_fault_it_is_green(solver, case, tmp_path, monkeypatch):
+        patch_first(monkeypatch)
+        must_be_green(solver, case, tmp_path)
+
+    return test_a_fault_is_red, test_without_a_fault_it_is_green
 
 
 @pytest.mark.parametrize(

@@ -12,11 +12,10 @@ import pytest
 
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.plugins.registry import load_solver, solver_entries
-from shellbench.errors import SolveFailure
 from shellbench.problems.field import solution, structure
 from shellbench.problems.field.body import Ball
 from shellbench.solvers.field import basis, direct, energy, field, mesh, sampling, solver, training
-from tests.injecting import given, wrapped
+from tests.injecting import exceeded, given, wrapped
 
 SMALLER = {  # as right, and cheaper
     ("field_stretch", "grid"): {"resolution": 8},
@@ -32,26 +31,8 @@ LONG = {"field_sine", "field_stretch", "field_hang", "field_ball", "field_drape"
 RUNS = sorted((case, name) for name, held in catalog.tolerances().items() for case in held if case.startswith("field_"))
 
 
-def exceeded(case_name: str, solver_name: str) -> set[str]:
-    """Solve a case, and return the quantities whose error is larger than their frozen tolerance."""
-    case, known = catalog.named_case(case_name), catalog.known_values(case_name)
-    allowed = catalog.tolerances()[solver_name][case_name]
-    settings = SMALLER.get((case_name, solver_name), {})
-    try:
-        answer = load_solver(solver_entries()[solver_name]).solve(case, settings)
-    except SolveFailure:
-        return set(allowed)
-    red = set()
-    for quantity, tolerance in allowed.items():
-        judge = known.judge(quantity, case.theory).value
-        try:
-            error = abs(case.quantity(quantity).measure(answer) - judge)
-        except ValueError:
-            error = np.inf
-        limit = tolerance.absolute if tolerance.is_absolute else tolerance.relative * abs(judge)
-        if not error <= limit:
-            red.add(quantity)
-    return red
+def red(case: str, name: str) -> set[str]:
+    return exceeded(case, load_solver(solver_entries()[name]), SMALLER.get((case, name), {}))
 
 
 def expected(case: str, solver_name: str) -> set[str]:
@@ -65,7 +46,7 @@ def marked(runs):
 
 @pytest.mark.parametrize(("case", "name"), marked(RUNS))
 def test_without_a_fault_only_open_findings_are_red(case, name):
-    assert exceeded(case, name) == expected(case, name)
+    assert red(case, name) == expected(case, name)
 
 
 class Fault(NamedTuple):
@@ -188,7 +169,7 @@ FAULTS = tuple(f if "though they are weighed" not in f.name else f._replace(inje
 def test_a_fault_is_red(fault, monkeypatch):
     fault.inject(monkeypatch)
     with np.errstate(all="ignore"):
-        assert exceeded(fault.case, fault.solver) != expected(fault.case, fault.solver)
+        assert red(fault.case, fault.solver) != expected(fault.case, fault.solver)
 
 
 def test_every_case_of_the_suite_has_a_fault():

@@ -1,7 +1,5 @@
 """A new user's first hour: the commands of the two tutorials, one after another, in an empty folder."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import re

@@ -1,7 +1,5 @@
 """`shellbench.run` and `shellbench.table`: the store's rows as a DataFrame; and what notebooks show."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -109,11 +109,7 @@ def test_variants_carry_load_and_displacement_along(variant):
 # --- the exact theory ----------------------------------------------------------------------------
 
 CLAMPED = [{"name": "rim", "on": ["xi1_min", "xi1_max", "xi2_min", "xi2_max"], "clamped": True}]
-EXACT = {
-    "theory": "kirchhoff-love-nonlinear",
-    "supports": CLAMPED,
-    "loads": [{"kind": "area", "vector": [0, 0, "t"]}],
-}
+EXACT = {"theory": "kirchhoff-love-nonlinear", "supports": CLAMPED, "loads": [{"kind": "area", "vector": [0, 0, "t"]}]}
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -3,21 +3,16 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from shellbench.problems.shell.question.conditions import Material
 from shellbench.solvers.fem.linear import modes as fem
 from shellbench.solvers.ndf.path import equilibrium
 from shellbench.solvers.ndf.strains import sampled
-from tests.test_faults import Fault, must_be_green, must_be_red, wrapped
+from tests.test_faults import Fault, gate_tests, wrapped
 
 
 def wrong_bending(patch):
-    patch.setattr(
-        Material,
-        "bending_stiffness",
-        property(lambda self: self.youngs_modulus * self.thickness**3 / 12),
-    )
+    patch.setattr(Material, "bending_stiffness", property(lambda self: self.youngs_modulus * self.thickness**3 / 12))
 
 
 def counted_from_zero(patch):
@@ -72,16 +67,4 @@ FAULTS = (
     Fault("mass without density", "ndf-ritz", "plate_modes", wrapped(sampled.Sampled, "products", lambda m, *_: 80.0 * m)),
     Fault("shear stress by half", "ndf-ritz", "plate_shear", unloaded_shear),
 )  # fmt: skip
-CLEAN = sorted({(fault.solver, fault.case) for fault in FAULTS})
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: f"{fault.solver}: {fault.name}")
-def test_a_fault_is_red(fault, monkeypatch, tmp_path):
-    must_be_red(fault, tmp_path, monkeypatch)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(("solver", "case"), CLEAN)
-def test_the_same_path_without_a_fault_is_green(solver, case, tmp_path):
-    must_be_green(solver, case, tmp_path)
+test_a_fault_is_red, test_without_a_fault_it_is_green = gate_tests(FAULTS)

@@ -19,10 +19,7 @@ from derivations.cylinder import (
 )
 from derivations.elastica import Cantilever, extensible
 from derivations.estimate import algebraic_series_sum
-from derivations.exponentials import (
-    edge_displacement_of_roof_harmonic,
-    end_displacement_under_point_load,
-)
+from derivations.exponentials import edge_displacement_of_roof_harmonic, end_displacement_under_point_load
 from derivations.hinged_roof import Path, hinged_roof
 from derivations.levy_roof import CROWN, HALF_ANGLE, LOAD, roof, solve_roof
 from derivations.navier_plate import SquarePlate, levy, navier
@@ -260,10 +257,7 @@ def test_free_cylinder_by_polynomials_and_by_exponentials():
     load = free.LOAD / (np.pi * cylinder.radius)
     exact = [
         end_displacement_under_point_load(
-            strains_of_angular_harmonic(cylinder.radius, int(n)),
-            sum(cylinder.elasticity()),
-            cylinder.length / 2,
-            load,
+            strains_of_angular_harmonic(cylinder.radius, int(n)), sum(cylinder.elasticity()), cylinder.length / 2, load
         )
         for n in series.n[1:]
     ]

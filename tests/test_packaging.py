@@ -1,7 +1,5 @@
 """The package outside of the repository: what is shipped, and that all that a user is promised works from it."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Packages outside of shellbench import what docs/solver_protocol.md lists as public, and nothing else of it."""
 
-from __future__ import annotations
-
 import ast
 import re
 import tomllib

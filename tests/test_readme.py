@@ -5,8 +5,6 @@ braces in its place, which are filled from a file. What is left are numbers that
 `python -m tests.test_readme` writes the whole tables anew; a failing sentence says what it should read.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import re

@@ -1,7 +1,6 @@
 """The gate of stress resultants: mistakes of either mechanics must turn it red, and the same path without one is green."""
 
 import numpy as np
-import pytest
 
 from shellbench.problems.shell.quantities import resultant_quantities
 from shellbench.problems.shell.quantities.resultant_quantities import TensorResultant
@@ -9,7 +8,7 @@ from shellbench.solvers.fem.mechanics import resultants as fem
 from shellbench.solvers.fem.mechanics.kinematics import elasticity
 from shellbench.solvers.ndf.field import supports
 from shellbench.solvers.ndf.linear import patches as ndf
-from tests.test_faults import Fault, must_be_green, must_be_red, wrapped
+from tests.test_faults import Fault, gate_tests, wrapped
 
 
 def uncoupled(patch):
@@ -80,16 +79,4 @@ FAULTS = (
     Fault("a mean weighed by the parameter", "fem", "pulled_ring", weighed_by_parameter),
     Fault("shear by one slope", "ndf-ritz", "resultants_plate", one_slope_alone),
 )  # fmt: skip
-CLEAN = sorted({(fault.solver, fault.case) for fault in FAULTS})
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: f"{fault.solver}: {fault.name}")
-def test_a_fault_is_red(fault, monkeypatch, tmp_path):
-    must_be_red(fault, tmp_path, monkeypatch)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(("solver", "case"), CLEAN)
-def test_the_same_path_without_a_fault_is_green(solver, case, tmp_path):
-    must_be_green(solver, case, tmp_path)
+test_a_fault_is_red, test_without_a_fault_it_is_green = gate_tests(FAULTS)

@@ -1,7 +1,5 @@
 """The sessions of the noxfile: what a user's command asks of the gate, and what the maintainers' does."""
 
-from __future__ import annotations
-
 import runpy
 import sys
 import types

@@ -1,7 +1,5 @@
 """The template of a third-party package: installed, found, checked, gated; and faults in a copy of it are caught."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

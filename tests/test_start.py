@@ -3,8 +3,6 @@
 Looked at is what a command has imported when it ends, and not how long it took. Each runs in a process of its own.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

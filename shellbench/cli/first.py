@@ -9,14 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from shellbench.cli.options import (
-    CASES,
-    DEFAULT_STORE,
-    StoreOption,
-    WideOption,
-    text_width,
-    warn,
-)
+from shellbench.cli.options import CASES, DEFAULT_STORE, StoreOption, WideOption, text_width, warn
 from shellbench.cli.solve import QUICK_SOLVERS, carry_out
 
 DOCTORED = ("square_plate", "fem")  # what `doctor` solves

@@ -252,10 +252,7 @@ def _compared(low: str, high: str, holds: Callable[..., Any]) -> Callable[[Any, 
 
     def compare(a: Any, b: Any) -> Undecided:
         x, y = interval_of(a), interval_of(b)
-        return Undecided(
-            holds(getattr(x, low), getattr(y, high)),
-            ~holds(getattr(x, high), getattr(y, low)),
-        )
+        return Undecided(holds(getattr(x, low), getattr(y, high)), ~holds(getattr(x, high), getattr(y, low)))
 
     return compare
 

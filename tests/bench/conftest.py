@@ -1,7 +1,5 @@
 """A plug-in with toy solvers, and a catalog with one case of their own."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 from collections.abc import Iterator

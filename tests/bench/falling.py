@@ -1,7 +1,5 @@
 """Free fall in closed form: solutions of the suite's own case, by Newton's law and as the published functional has it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

@@ -5,8 +5,6 @@ whatever the source is today: their digests are pinned. `python -m tests.bench.f
 this file for the published ones, and into the archive otherwise.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Running tasks in tests, as the command line does."""
 
-from __future__ import annotations
-
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,9 +9,11 @@ from shellbench.bench.run.execute import Ended, Event, Executor, Outcome, execut
 from shellbench.bench.run.local import LocalProcesses
 from shellbench.bench.run.plan import Request, make_plan
 from shellbench.bench.run.worker import RECORD, work
-from shellbench.bench.store.record import Record, document, read_document
+from shellbench.bench.store.environment import environment
+from shellbench.bench.store.record import Identity, Record, document, read_document
 from shellbench.bench.store.store import Store
-from shellbench.bench.store.task import Task
+from shellbench.bench.store.task import Task, case_data
+from shellbench.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -73,3 +73,21 @@ def changed(store: Store, record: Record, **change: Any) -> None:
     """Have a record of a store say something else, as if it had been written so."""
     made = Record.model_validate({**record.model_dump(), **change})
     (store.folder / f"{record.run_id}.json").write_bytes(document(made))
+
+
+def task_of(case: Problem, target: str) -> Task:
+    """A run of a user's own case by a solver of the tests, as the worker is given it."""
+    solver = target.rpartition(":")[2]
+    where = {"source": "0", "settings": {}, "seed": None, "device": "cpu", "dtype": "float64"}
+    return Task(
+        run_id="run",
+        created="2000-01-01T00:00:00Z",
+        identity=Identity(case=case.digest(), solver=solver, **where),
+        target=target,
+        case_name=case.name,
+        case=case_data(case),
+        own_case=True,
+        settings={},
+        solver_label="",
+        environment=environment(),
+    )

@@ -1,7 +1,5 @@
 """A plate that moves as a block on a non-linear spring: cases of the non-linear theory, and solutions that may end early."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path

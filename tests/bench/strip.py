@@ -1,7 +1,5 @@
 """The case that the toy solvers answer, and its exact values."""
 
-from __future__ import annotations
-
 LENGTH, LOAD, MODULUS, THICKNESS = 2.0, 3.0, 1.2e6, 0.1
 STIFFNESS = MODULUS * THICKNESS**3 / 12  # at nu = 0
 CENTRE = 5 * LOAD * LENGTH**4 / (384 * STIFFNESS)  # Timoshenko & Woinowsky-Krieger, strip at nu = 0

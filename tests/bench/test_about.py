@@ -1,7 +1,5 @@
 """All about one case, suite or solver: nothing that judges is left out."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The baseline where a known value is zero, and where a figure has no mark."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

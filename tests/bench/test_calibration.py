@@ -1,7 +1,5 @@
 """A solver that is wrong with confidence is named, however well its values hold their tolerances."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

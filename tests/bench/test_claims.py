@@ -1,7 +1,5 @@
 """Commands that ask the same question at the same time: one makes the run, the others take its record."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import threading

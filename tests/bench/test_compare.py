@@ -1,7 +1,5 @@
 """Rows say what a record is worth, and to whom it is compared."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -19,32 +17,12 @@ from tests.bench import strip
 from tests.bench.conftest import forget, tolerances_of
 from tests.bench.running import run
 
-CONTRACT = [
-    "case",
-    "suite",
-    "solver",
-    "settings",
-    "seed",
-    "quantity",
-    "primary",
-    "at",
-    "value",
-    "reference",
-    "reference_uncertainty",
-    "reference_theory",
-    "reference_source",
-    "literature",
-    "relative_error",
-    "absolute_error",
-    "tolerance",
-    "passed",
-    "status",
-    "seconds",
-    "peak_memory_bytes",
-    "parameters",
-    "storage_bytes",
-    "run_id",
-]
+CONTRACT = (
+    *("case", "suite", "solver", "settings", "seed", "quantity", "primary", "at", "value"),
+    *("reference", "reference_uncertainty", "reference_theory", "reference_source", "literature"),
+    *("relative_error", "absolute_error", "tolerance", "passed", "status"),
+    *("seconds", "peak_memory_bytes", "parameters", "storage_bytes", "run_id"),
+)
 
 pytestmark = pytest.mark.usefixtures("toys")
 

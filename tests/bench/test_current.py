@@ -1,7 +1,5 @@
 """Which records count: what today's case and solver would make again, and what an absent solver has left."""
 
-from __future__ import annotations
-
 from importlib.metadata import version
 from pathlib import Path
 

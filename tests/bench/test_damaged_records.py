@@ -1,7 +1,5 @@
 """One bad record costs that record only: each kind of damage is named, and the rest is shown, in every command."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

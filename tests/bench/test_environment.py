@@ -1,7 +1,5 @@
 """What is known of where a run is made."""
 
-from __future__ import annotations
-
 from importlib.metadata import version
 
 import pytest

@@ -1,7 +1,5 @@
 """Runs end as records, whatever the solver does."""
 
-from __future__ import annotations
-
 import contextlib
 import time
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What is exported is read back as other programs read it: values, components, and a mesh without slits."""
 
-from __future__ import annotations
-
 import base64
 import struct
 import xml.etree.ElementTree as ElementTree
@@ -98,8 +96,7 @@ def test_vtu_is_plain_xml_with_named_components(tmp_path: Path) -> None:
     assert arrays["xi"][1] == ["xi1", "xi2"]
     np.testing.assert_array_equal(arrays["Points"][0], made.position[kept].reshape(-1, 3))
     np.testing.assert_array_equal(
-        arrays["strain_energy_density"][0],
-        arrays["membrane_energy_density"][0] + arrays["bending_energy_density"][0],
+        arrays["strain_energy_density"][0], arrays["membrane_energy_density"][0] + arrays["bending_energy_density"][0]
     )
 
 

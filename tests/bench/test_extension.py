@@ -1,7 +1,5 @@
 """A package that brings a kind of problem, a solver, data, a section and a command; and packages that are broken."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
@@ -254,7 +252,7 @@ def test_a_claim_of_its_own_solver_is_none_of_our_tolerances(here: Path) -> None
 )
 def test_a_broken_section_is_left_out_with_a_sentence(here: Path, tmp_path: Path, body: str, words: str) -> None:
     file = here / "toy_springs" / "report.py"
-    file.write_text(f"from shellbench.report.data.evidence import Section\ndef section(found):\n    {body}\n")
+    file.write_text(f"from shellbench.report.data.section import Section\ndef section(found):\n    {body}\n")
     for name in [name for name in sys.modules if name.partition(".")[0] == "toy_springs"]:
         del sys.modules[name]
     said: list[str] = []
@@ -291,10 +289,7 @@ def test_a_broken_command_is_one_sentence_and_ours_stay_ours(shellbench: Call, s
     assert "Traceback" not in raised.stderr
     (site / "toy_springs" / "cli.py").write_text("def pull():\n    raise ZeroDivisionError('by\\nzero')\n")
     raised = shellbench("pull")
-    assert (raised.returncode, raised.stderr) == (
-        1,
-        "shellbench: command 'pull' failed: ZeroDivisionError: by zero\n",
-    )
+    assert (raised.returncode, raised.stderr) == (1, "shellbench: command 'pull' failed: ZeroDivisionError: by zero\n")
 
 
 def test_names_that_two_packages_use_are_refused() -> None:

@@ -1,7 +1,5 @@
 """Series of states are read back as other programs read them, and one garment is the same at any resolution."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tables and the gate say of archived records what they have always said."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.bench.frozen import FOLDER, outputs

@@ -1,7 +1,5 @@
 """Right values of what judges everybody: each of them is another one as soon as a single rule is wrong."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

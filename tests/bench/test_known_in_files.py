@@ -1,7 +1,5 @@
 """What a user's own case file knows judges the answers to it, and nothing else."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

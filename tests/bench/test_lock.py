@@ -1,7 +1,5 @@
 """Whoever makes the exam easier, or another one, turns the gate red until the lock is moved."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Callable

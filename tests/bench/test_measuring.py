@@ -1,7 +1,5 @@
 """What a record keeps of a path: all of a whole one, and of a broken one what it reached."""
 
-from __future__ import annotations
-
 import errno
 import math
 import re
@@ -13,11 +11,9 @@ import pytest
 
 from shellbench.bench.run import worker
 from shellbench.bench.run.worker import RECORD, run, work
-from shellbench.bench.store.environment import environment
 from shellbench.bench.store.measuring import FIELDS, measured, values_of, without_values, write_fields
-from shellbench.bench.store.record import LARGEST_RECORD, LONGEST_REASON, Identity, Record, read_document
+from shellbench.bench.store.record import LARGEST_RECORD, LONGEST_REASON, Record, read_document
 from shellbench.bench.store.store import Store
-from shellbench.bench.store.task import Task, case_data
 from shellbench.errors import SolveFailure
 from shellbench.problem import Capabilities, Settings, Step
 from shellbench.problems.shell.case import Case
@@ -25,27 +21,11 @@ from shellbench.problems.shell.records import self_intersection
 from shellbench.problems.shell.records.sampling import PICTURE, RESOLUTIONS, energies_of_states, resolution_study
 from shellbench.protocol.history import HistoryStep, ResolutionStep
 from tests.bench import spring
+from tests.bench.running import task_of
 from tests.bench.spring import END, FIRST, REASON, SECOND, SpringSolution
 
 FINE = 1e-4  # relative: a spline through sixty states
 SINGLE = 1e-6  # relative: rounding of single precision
-
-
-def task_of(case: Case, target: str) -> Task:
-    return Task(
-        run_id="broken",
-        created="2000-01-01T00:00:00Z",
-        identity=Identity(
-            case=case.digest(), solver="breaking", source="0", settings={}, seed=None, device="cpu", dtype="float64"
-        ),
-        target=target,
-        case_name=case.name,
-        case=case_data(case),
-        own_case=True,
-        settings={},
-        solver_label="",
-        environment=environment(),
-    )
 
 
 def broken_run(case: Case, folder: Path) -> Record:

@@ -1,7 +1,5 @@
 """Third-party solvers and kinds, asked from outside: however they end, it is one sentence, and never a good exit."""
 
-from __future__ import annotations
-
 import datetime
 import os
 import subprocess

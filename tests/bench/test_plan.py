@@ -1,7 +1,5 @@
 """What is run for what was asked."""
 
-from __future__ import annotations
-
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -80,10 +78,7 @@ def test_an_own_case_is_told_from_the_suites_by_its_physics(toys: Path, tmp_path
 
 def test_settings_are_checked_in_one_sentence(toys: Path) -> None:
     for settings, said in [
-        (
-            {"toy": {"factr": 1}},
-            "field 'factr' is not known here (did you mean factor?)",
-        ),
+        ({"toy": {"factr": 1}}, "field 'factr' is not known here (did you mean factor?)"),
         ({"toy": {"factor": "big"}}, "field 'factor': found 'big'"),
         ({"toy": {"seed": 1}}, "--seed"),
         ({"toy": {"device": "cuda"}}, "--device"),

@@ -1,7 +1,5 @@
 """Who has had its time: a process that computes is measured by its processor, one that hangs by the clock."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

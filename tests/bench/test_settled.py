@@ -1,7 +1,5 @@
 """An answer has settled if what its solver states of its headline is small enough."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from io import StringIO
 from pathlib import Path

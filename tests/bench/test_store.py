@@ -1,7 +1,5 @@
 """The store holds whole records only, whatever happens to whoever writes them."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import json

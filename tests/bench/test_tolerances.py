@@ -1,7 +1,5 @@
 """Files of tolerances: read whole, refused in one sentence, and of our cases the only place."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

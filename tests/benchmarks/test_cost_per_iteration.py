@@ -19,10 +19,7 @@ from tests.solvers.ndf.trainings import sampler_of
 LAYERS, WIDTH, CELLS = 5, 512, (20, 20)
 ROUNDS = 5
 TOP, BOTTOM = ((1.5707963, 300.0), (0, 0, -1)), ((4.7123890, 300.0), (0, 0, 1))
-CASES = {
-    "square_plate": (plate_factor, []),
-    "pinched_cylinder_diaphragm": (diaphragm_factor, [TOP, BOTTOM]),
-}
+CASES = {"square_plate": (plate_factor, []), "pinched_cylinder_diaphragm": (diaphragm_factor, [TOP, BOTTOM])}
 
 
 def seconds(function):

@@ -1,7 +1,5 @@
 """Rounding to shorter formats: how much a number errs, whatever its magnitude."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

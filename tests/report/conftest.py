@@ -1,12 +1,11 @@
 """A synthetic store: records made from formulas, for the report to show. No solver ran; no figure is a result."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,9 +15,10 @@ from shellbench.bench.catalogue.reference import KnownValue, KnownValues
 from shellbench.bench.judge.row import Row
 from shellbench.bench.store.record import Environment, Identity, Measured, Record
 from shellbench.bench.store.store import Store as Records
+from shellbench.bench.store.task import case_data
 from shellbench.problem import Problem
 from shellbench.problems.shell.case import Case
-from shellbench.protocol.history import HistoryStep, ResolutionStep
+from shellbench.protocol.history import HistoryStep
 from shellbench.report.data import exhibit, kept_data
 from shellbench.report.figures import shells
 from shellbench.report.page import paper
@@ -68,46 +68,23 @@ class Store:
         return self.known.get(case, KnownValues())
 
 
+def known_value(quantity: str, value: float, role: str = "judge", **facts: Any) -> KnownValue:
+    """A known value of a synthetic source."""
+    told = {"theory": "kirchhoff-love-linear", "origin": "synthetic series", "source": "series1900"} | facts
+    return KnownValue(quantity=quantity, value=value, role=role, **told)
+
+
 def synthetic_known(case: str) -> KnownValues:
-    quantity = catalog.named_case(case).primary.name
-    value = TRUTH[case]
+    quantity, value = catalog.named_case(case).primary.name, TRUTH[case]
+    book = {"theory": "mixed", "origin": "synthetic book & table", "source": "book_1985"}
+    paper = {"origin": "synthetic paper", "source": "paper2024"}
+    note = "The book's figure is 0.6 % high because its elements shear."
     return KnownValues(
         values=(
-            KnownValue(
-                quantity=quantity,
-                role="judge",
-                value=value,
-                uncertainty=UNCERTAINTY * value,
-                theory="kirchhoff-love-linear",
-                origin="synthetic series",
-                source="series1900",
-            ),
-            KnownValue(
-                quantity=quantity,
-                role="literature",
-                value=float(f"{1.006 * value:.4g}"),
-                theory="mixed",
-                origin="synthetic book & table",
-                source="book_1985",
-                note="The book's figure is 0.6 % high because its elements shear.",
-            ),
-            KnownValue(
-                quantity=quantity,
-                role="published",
-                value=float(f"{0.99 * value:.3g}"),
-                theory="kirchhoff-love-linear",
-                origin="synthetic paper",
-                source="paper2024",
-            ),
-            KnownValue(
-                quantity=quantity,
-                role="published",
-                value=float(f"{1.1 * value:.3g}"),
-                theory="kirchhoff-love-linear",
-                origin="synthetic paper",
-                source="paper2024",
-                label="GELU",
-            ),
+            known_value(quantity, value, uncertainty=UNCERTAINTY * value),
+            known_value(quantity, float(f"{1.006 * value:.4g}"), "literature", note=note, **book),
+            known_value(quantity, float(f"{0.99 * value:.3g}"), "published", **paper),
+            known_value(quantity, float(f"{1.1 * value:.3g}"), "published", label="GELU", **paper),
         )
     )
 
@@ -173,15 +150,17 @@ def training(case: str, seed: int) -> tuple[HistoryStep, ...]:
 
 def identity(case: Problem, solver: str, settings: Mapping[str, object], seed: int | None) -> Identity:
     """Return the identity of a synthetic run on a processor."""
-    return Identity(
-        case=case.digest(),
-        solver=solver,
-        source="0" * 64,
-        settings=dict(settings),
-        seed=seed,
-        device="cpu",
-        dtype="float64",
-    )
+    where = {"source": "0" * 64, "device": "cpu", "dtype": "float64"}
+    return Identity(case=case.digest(), solver=solver, settings=dict(settings), seed=seed, **where)
+
+
+def keep(folder: Path, run_id: str, case: Problem, run_of: Identity, **facts: Any) -> Record:
+    """Write the record of a synthetic run; return it."""
+    told = {"created": "2000-01-01T00:00:00Z", "solver_label": f"synthetic {run_of.solver}", "status": "ok"}
+    told |= {"case_name": case.name, "case": case_data(case), "environment": ENVIRONMENT}
+    made = Record(run_id=run_id, identity=run_of, **told | facts)
+    (folder / f"{run_id}.json").write_text(json.dumps(made.model_dump(mode="json")), encoding="utf-8")
+    return made
 
 
 def record(
@@ -207,111 +186,89 @@ def record(
     if ok:
         fields_file = f"{run_id}.npz"
         np.savez_compressed(folder / fields_file, **field(case, GRID, 1 + error))
-    made = Record(
-        run_id=run_id,
-        created="2000-01-01T00:00:00Z",
-        identity=identity(case, solver, settings, seed),
-        case_name=case.name,
-        case=case.model_dump(mode="json"),
-        solver_label=f"synthetic {solver}",
+    steps = [
+        {
+            "points": n,
+            "probe_difference": 0.0,
+            "interpolation_difference": truth * 2 / n**2,
+            "largest_displacement": truth,
+        }
+        for n in (10, 20, 50, 100, 200)
+    ]
+    left = {"parameters": unknowns, "storage_bytes": 8 * unknowns, "resolution": steps} if ok else {}
+    left |= {"values": {case.primary.name: Measured(value=truth * (1 + error))}} if ok else {}
+    return keep(
+        folder,
+        run_id,
+        case,
+        identity(case, solver, settings, seed),
         status=status,
         reason=reason,
         seconds=1.5 if seed is None else 2.25 + seed,
         peak_memory_bytes=310_000_000,
         idle_memory_bytes=200_000_000,
-        parameters=unknowns if ok else None,
-        storage_bytes=8 * unknowns if ok else None,
-        values={case.primary.name: Measured(value=truth * (1 + error))} if ok else {},
         diagnostics=diagnostics or {},
         history=history,
-        resolution=tuple(
-            ResolutionStep(
-                points=n,
-                probe_difference=0.0,
-                interpolation_difference=truth * 2.0 / n**2,
-                largest_displacement=truth,
-            )
-            for n in (10, 20, 50, 100, 200)
-        )
-        if ok
-        else (),
-        environment=ENVIRONMENT,
         fields_file=fields_file,
+        **left,
     )
-    (folder / f"{run_id}.json").write_text(json.dumps(made.model_dump(mode="json")), encoding="utf-8")
-    return made
+
+
+RECORDED = ("run_id", "status", "seconds", "peak_memory_bytes", "parameters", "storage_bytes", "solver_label")
+
+
+def headline(case: Problem, solver: str, value: float | None, **facts: Any) -> Row:
+    """The row of a case's headline quantity, by default of a good run of default settings without a known value."""
+    asked = case.primary
+    told = {"suite": None, "settings": {}, "seed": None, "at": asked.at, "status": "ok"}
+    told |= {"case_title": case.title, "unit": asked.unit, "description": asked.description}
+    return Row(case=case.name, solver=solver, quantity=asked.name, primary=True, value=value, **told | facts)
+
+
+def headline_of(record: Record, value: float | None, **facts: Any) -> Row:
+    """The headline row of a record: its settings, seed and cost are told."""
+    told = {"settings": record.identity.settings, "seed": record.identity.seed}
+    told |= {name: getattr(record, name) for name in RECORDED}
+    return headline(catalog.named_case(record.case_name), record.identity.solver, value, **told | facts)
+
+
+def judged(case: str, suite: str) -> dict[str, Any]:
+    """What rows of the course say of the suite and the known value."""
+    known = {"reference": TRUTH[case], "reference_uncertainty": UNCERTAINTY * TRUTH[case]}
+    known |= {"reference_theory": "kirchhoff-love-linear", "reference_source": "series1900"}
+    return known | {"suite": suite, "suites": (suite,)}
 
 
 def row(record: Record, tolerance: float | None = 1e-3, label: str = "", suite: str = "obstacle_course") -> Row:
     """The headline row of a synthetic record."""
-    case = catalog.named_case(record.case_name)
-    quantity = case.primary
-    measured = record.values.get(quantity.name)
-    truth = TRUTH[case.name]
+    measured = record.values.get(catalog.named_case(record.case_name).primary.name)
+    truth = TRUTH[record.case_name]
     error = measured.value / truth - 1 if measured else None
     passed = None if tolerance is None else error is not None and abs(error) <= tolerance
-    return Row(
-        case=case.name,
-        suite=suite,
-        suites=(suite,),
-        solver=record.identity.solver,
-        settings=record.identity.settings,
-        seed=record.identity.seed,
-        quantity=quantity.name,
-        primary=True,
-        at=1.0,
-        value=measured.value if measured else None,
-        reference=truth,
-        reference_uncertainty=UNCERTAINTY * truth,
-        reference_theory="kirchhoff-love-linear",
-        reference_source="series1900",
+    return headline_of(
+        record,
+        measured.value if measured else None,
         relative_error=error,
         absolute_error=measured.value - truth if measured else None,
         tolerance=tolerance,
         passed=passed,
-        status=record.status,
-        seconds=record.seconds,
-        peak_memory_bytes=record.peak_memory_bytes,
-        parameters=record.parameters,
-        storage_bytes=record.storage_bytes,
-        run_id=record.run_id,
-        case_title=case.title,
-        solver_label=record.solver_label,
         label=label,
         overrides=record.identity.settings if label else {},
         default_settings=not label,
-        unit=quantity.unit,
-        description=quantity.description,
         reason=record.reason or ("the error exceeds the tolerance" if passed is False else None),
+        **judged(record.case_name, suite),
     )
 
 
-def missing_row(case_name: str, solver: str, seed: int | None) -> Row:
+def missing_row(case: Problem, solver: str, seed: int | None, **facts: Any) -> Row:
     """The row of a run that was asked for and never made."""
-    case = catalog.named_case(case_name)
-    return Row(
-        case=case_name,
-        suite="obstacle_course",
-        suites=("obstacle_course",),
-        solver=solver,
-        settings={"width": 600},
-        seed=seed,
-        quantity=case.primary.name,
-        primary=True,
-        at=1.0,
-        value=None,
-        reference=TRUTH[case_name],
-        reference_uncertainty=UNCERTAINTY * TRUTH[case_name],
-        reference_theory="kirchhoff-love-linear",
-        reference_source="series1900",
-        tolerance=1e-3,
-        passed=False,
-        status="missing",
-        case_title=case.title,
-        unit="m",
-        description=case.primary.description,
-        reason="no record of this run is in the store",
-    )
+    reason = "no record of this run is in the store"
+    return headline(case, solver, None, seed=seed, status="missing", reason=reason, **facts)
+
+
+def missing_of_course(case: str, solver: str, seed: int | None) -> Row:
+    facts = {"settings": {"width": 600}, "tolerance": 1e-3, "passed": False, "unit": "m"}
+    return missing_row(catalog.named_case(case), solver, seed, **facts, **judged(case, "obstacle_course"))
 
 
 def with_densities(path: Path) -> None:
@@ -349,7 +306,7 @@ def make_store(folder: Path) -> Store:
             failed = name == "pinched_cylinder_free" and seed == 1
             slow = name == "pinched_cylinder_free" and seed == 2
             if name == "pinched_cylinder_diaphragm" and seed == 2:
-                rows.append(missing_row(name, "ndf", seed))
+                rows.append(missing_of_course(name, "ndf", seed))
                 continue
             trained = record(
                 folder,
@@ -397,6 +354,22 @@ def course_report(store: Store, tmp_path_factory: pytest.TempPathFactory) -> Pat
     """The report of the store; its start page."""
     with coarse_figures():
         return write_report(Records(store.folder), store.rows, tmp_path_factory.mktemp("report"), store.known_values)
+
+
+@pytest.fixture
+def plate(tmp_path: Path):
+    """The plate at several resolutions, as evidence."""
+    from tests.report.resolutions import evidence, plate_runs
+
+    return evidence(tmp_path, plate_runs(tmp_path))
+
+
+@pytest.fixture
+def napkin(tmp_path: Path):
+    """The napkin at several resolutions, as evidence."""
+    from tests.report.resolutions import evidence, napkin_runs
+
+    return evidence(tmp_path, napkin_runs(tmp_path))
 
 
 @pytest.fixture(scope="session")

@@ -1,8 +1,5 @@
 """A synthetic store of cloth: records measured from formulas. No solver ran; no figure is a result."""
 
-from __future__ import annotations
-
-import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -17,12 +14,11 @@ from shellbench.bench.judge.row import Row
 from shellbench.bench.store.current import CurrentRun
 from shellbench.bench.store.measuring import measured
 from shellbench.bench.store.record import Record
-from shellbench.bench.store.task import case_data
 from shellbench.errors import InputError
 from shellbench.problem import Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.records import sampling, self_intersection
-from tests.report.conftest import ENVIRONMENT, Store, identity
+from tests.report.conftest import Store, identity, keep, known_value, missing_row
 
 THEORY = "kirchhoff-love-nonlinear"
 REASON = "no equilibrium of the step from 0.604 s was found"
@@ -134,82 +130,27 @@ def make_record(
     found, _ = measured(solution, case, parts)
     (parts / "fields.npz").rename(folder / f"{run_id}.fields.npz")
     found |= {"fields_file": f"{run_id}.fields.npz", "solution_file": None}
-    made = Record(
-        run_id=run_id,
-        created="2000-01-01T00:00:00Z",
-        identity=identity(case, solver, {}, seed),
-        case_name=case.name,
-        case=case_data(case),
-        solver_label=f"synthetic {solver}",
-        status="ok" if reason is None else "failed",
-        reason=reason,
-        seconds=2.5,
-        environment=ENVIRONMENT,
-        **found,
+    status = "ok" if reason is None else "failed"
+    return keep(
+        folder, run_id, case, identity(case, solver, {}, seed), status=status, reason=reason, seconds=2.5, **found
     )
-    (folder / f"{run_id}.json").write_text(json.dumps(made.model_dump(mode="json")), encoding="utf-8")
-    return made
 
 
 def judge(quantity: str, value: float, uncertainty: float) -> KnownValue:
-    return KnownValue(
-        quantity=quantity,
-        role="judge",
-        value=value,
-        uncertainty=uncertainty,
-        theory=THEORY,
-        origin="synthetic formula",
-        source="series1900",
-    )
+    return known_value(quantity, value, uncertainty=uncertainty, theory=THEORY)
 
 
 def synthetic_known() -> dict[str, KnownValues]:
-    second = KnownValue(
-        quantity="corner_x_200ms",
-        role="origin",
-        value=0.97,
-        uncertainty=0.01,
-        theory=THEORY,
-        origin="synthetic splines",
-        source="series1900",
-    )
+    facts = {"uncertainty": 0.01, "theory": THEORY, "origin": "synthetic splines"}
+    second = known_value("corner_x_200ms", 0.97, "origin", **facts)
+    fallen = (judge("fall_500ms", G / 8, 0.0), judge("fall_1000ms", G / 2, 0.0), judge("strain_energy_500ms", 0.0, 0.0))
+    critical = (judge("critical_twist", CRITICAL, 1e-4), judge("critical_torque", torque(CRITICAL), 1e-4))
     return {
-        "free_fall": KnownValues(
-            values=(
-                judge("fall_500ms", G / 8, 0.0),
-                judge("fall_1000ms", G / 2, 0.0),
-                judge("strain_energy_500ms", 0.0, 0.0),
-            )
-        ),
+        "free_fall": KnownValues(values=fallen),
         "pendulum_strip": KnownValues(),
         "napkin_plane": KnownValues(values=(judge("corner_x_200ms", 0.96, 2e-3), second)),
-        "sleeve_twist": KnownValues(
-            values=(
-                judge("critical_twist", CRITICAL, 1e-4),
-                judge("critical_torque", torque(CRITICAL), 1e-4),
-                judge("torque_300mrad", torque(0.3), 1e-3),
-            )
-        ),
+        "sleeve_twist": KnownValues(values=(*critical, judge("torque_300mrad", torque(0.3), 1e-3))),
     }
-
-
-def missing_row(case: Case, solver: str, seed: int) -> Row:
-    return Row(
-        case=case.name,
-        suite="cloth",
-        suites=("cloth",),
-        solver=solver,
-        settings={},
-        seed=seed,
-        quantity=case.primary.name,
-        primary=True,
-        at=case.primary.at,
-        value=None,
-        status="missing",
-        case_title=case.title,
-        unit=case.primary.unit,
-        reason="no record of this run is in the store",
-    )
 
 
 def make_motion_store(folder: Path) -> Store:
@@ -239,5 +180,5 @@ def make_motion_store(folder: Path) -> Store:
         for record in records:
             case = catalog.named_case(record.case_name)
             rows += [row_of(CurrentRun(record, case, {}, {"cloth": ""}), q) for q in case.quantities]
-    rows.append(missing_row(pendulum, "ndf-published", 0))
+    rows.append(missing_row(pendulum, "ndf-published", 0, suite="cloth", suites=("cloth",)))
     return Store(folder, tuple(records), tuple(rows), known)

@@ -1,8 +1,5 @@
 """A synthetic store of large displacements: records made from formulas. No solver ran; no figure is a result."""
 
-from __future__ import annotations
-
-import json
 import math
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -17,11 +14,10 @@ from shellbench.bench.judge.compare import row_of
 from shellbench.bench.judge.row import Row
 from shellbench.bench.store.current import CurrentRun
 from shellbench.bench.store.record import Measured, Record
-from shellbench.bench.store.task import case_data
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.protocol.history import HistoryStep, StateEnergies
-from tests.report.conftest import ENVIRONMENT, Store, identity
+from tests.report.conftest import Store, identity, keep, known_value
 
 THEORY = "kirchhoff-love-nonlinear"
 ELSEWHERE = "reissner-mindlin"
@@ -154,14 +150,13 @@ def make_record(
             marks=np.array(marks),
             displacements=np.stack([bent(case, t) for t in marks]).astype(np.float32),
         )
-    made = Record(
-        run_id=run_id,
-        created="2000-01-01T00:00:00Z",
-        identity=identity(case, solver, {"width": 600, "strain": "exact"} | dict(settings or {}), seed),
-        case_name=case.name,
-        case=case_data(case),
-        defaults={"width": 600, "strain": "exact"},
-        solver_label=f"synthetic {solver}",
+    defaults = {"width": 600, "strain": "exact"}
+    return keep(
+        folder,
+        run_id,
+        case,
+        identity(case, solver, defaults | dict(settings or {}), seed),
+        defaults=defaults,
         status="ok" if reason is None else "failed",
         reason=reason,
         seconds=2.5 if seed is None else 4.0 + seed,
@@ -172,62 +167,32 @@ def make_record(
         values={name: Measured(value=value) for name, value in values.items()},
         history=history,
         energies=energies,
-        environment=ENVIRONMENT,
         fields_file=fields_file,
     )
-    (folder / f"{run_id}.json").write_text(json.dumps(made.model_dump(mode="json")), encoding="utf-8")
-    return made
 
 
 def judge(quantity: str, value: float, uncertainty: float = 1e-6) -> KnownValue:
-    return KnownValue(
-        quantity=quantity,
-        role="judge",
-        value=value,
-        uncertainty=uncertainty,
-        theory=THEORY,
-        origin="synthetic elastica",
-        source="series1900",
-    )
+    return known_value(quantity, value, uncertainty=uncertainty, theory=THEORY, origin="synthetic elastica")
 
 
 def synthetic_known() -> dict[str, KnownValues]:
-    case = catalog.named_case("cantilever_shear")
-    displacements = [q for q in case.quantities if isinstance(q, DisplacementQuantity)]
+    beam, plate = catalog.named_case("cantilever_shear"), catalog.named_case("rolled_plate")
+    displacements = [q for q in beam.quantities if isinstance(q, DisplacementQuantity)]
+    book = {"theory": ELSEWHERE, "origin": "synthetic elements", "source": "book_1985"}
+    loads, values = (0.3, 0.6, 1.0), (2.4, 4.8, 6.69)
+    curve = KnownCurve(quantity="deflection_4", label="book", loads=loads, values=values, **book)
+    tip = [judge(q.name, form_of(q.name)(q.at)) for q in displacements]
+    tip.append(known_value("deflection_4", 6.69, "literature", **book))
+    tip.append(judge("deflection_4", 6.0).model_copy(update={"theory": ELSEWHERE}))
+    snapping = judge("limit_load", 2200.0, 1.0), judge("load_20", 1770.0, 1.0)
     return {
-        "cantilever_shear": KnownValues(
-            values=(
-                *(judge(q.name, form_of(q.name)(q.at)) for q in displacements),
-                KnownValue(
-                    quantity="deflection_4",
-                    role="literature",
-                    value=6.69,
-                    theory=ELSEWHERE,
-                    origin="synthetic elements",
-                    source="book_1985",
-                ),
-                judge("deflection_4", 6.0).model_copy(update={"theory": ELSEWHERE}),
-            ),
-            curves=(
-                KnownCurve(
-                    quantity="deflection_4",
-                    theory=ELSEWHERE,
-                    origin="synthetic elements",
-                    source="book_1985",
-                    label="book",
-                    loads=(0.3, 0.6, 1.0),
-                    values=(2.4, 4.8, 6.69),
-                ),
-            ),
-        ),
-        "hinged_roof_thick": KnownValues(values=(judge("limit_load", 2200.0, 1.0), judge("load_20", 1770.0, 1.0))),
+        "cantilever_shear": KnownValues(values=tuple(tip), curves=(curve,)),
+        "hinged_roof_thick": KnownValues(values=snapping),
         "rolled_plate": KnownValues(
-            values=tuple(
-                judge(q.name, rolled_energy("exact", q.at), 0.0) for q in catalog.named_case("rolled_plate").quantities
-            )
+            values=tuple(judge(q.name, rolled_energy("exact", q.at), 0.0) for q in plate.quantities)
         ),
         "rigid_rotation": KnownValues(
-            values=(judge("strain_energy_90", 0.0, 0.0), judge("strain_energy_180", 0.0, 0.0))
+            values=tuple(judge(f"strain_energy_{degrees}", 0.0, 0.0) for degrees in (90, 180))
         ),
     }
 

@@ -1,18 +1,19 @@
 """A synthetic study of resolutions: fields by formulas with known differences. No solver ran; no figure is a result."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+import pytest
 
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.judge.row import Row
 from shellbench.bench.store.record import Measured, Record
-from shellbench.protocol.history import FrameRateStep, HistoryStep, PrecisionStep, ResolutionStep
+from shellbench.protocol.history import PrecisionStep
 from shellbench.report.data.evidence import Evidence
-from tests.report.conftest import ENVIRONMENT, identity
+from tests.report.conftest import headline_of, identity, keep
 
 PLATE, NAPKIN = "square_plate", "napkin_plane"
 LENGTH = 0.5  # m, the largest displacement of the exact field
@@ -24,6 +25,16 @@ MESHES, FRAMES = (10, 100), (11, 101)
 INTERPOLATION = 2.0  # a mesh of n x n points differs by so much times the largest displacement / n^2
 ROUNDING = {"float32": (4, 1e-7), "float16": (2, 1e-3)}  # bytes a number, and relative difference
 UNCERTAINTY = 1e-9
+
+
+def only_suites(patch: pytest.MonkeyPatch, suites: Sequence[str], **facts: object) -> None:
+    """Leave the catalog no suites but some, each a study of its name but for the obstacle course."""
+    told = {"order": (), "title": "", "runs": (), "remarks": ()} | facts
+    kept = {
+        name: SimpleNamespace(name=name, study=None if name == "obstacle_course" else name, **told) for name in suites
+    }
+    patch.setattr(catalog, "suite_names", lambda: list(kept))
+    patch.setattr(catalog, "find_suite", kept.__getitem__)
 
 
 def unknowns(n: int) -> int:
@@ -60,50 +71,28 @@ def run(
         size = at / at[-1] * (1 + error * np.exp(growth * at))
         stored = {"probes": POINTS, "probe_marks": at, "probe_displacements": length * size[:, None, None] * SHAPE}
         np.savez_compressed(folder / f"{run_id}.npz", **(stored if probes else {}))
-    value = HEADLINE * (1 + error)
-    record = Record(
-        run_id=run_id,
-        created="2000-01-01T00:00:00Z",
-        identity=identity(case, solver, settings, seed),
-        case_name=case_name,
-        case=case.model_dump(mode="json"),
-        solver_label=f"synthetic {solver}",
-        status=status,
-        reason=None if ok else "it did not converge",
-        seconds=1.0,
-        peak_memory_bytes=200_000_000 + 1000 * number,
-        idle_memory_bytes=200_000_000,
-        parameters=number if ok else None,
-        storage_bytes=8 * number * max(1, steps) if ok else None,
-        values={case.primary.name: Measured(value=value)} if ok else {},
-        history=tuple(
-            HistoryStep(
-                iteration=i, seconds=0.1 * i, energy=0.0, unknowns=number, at=marks[-1] * i / steps, phase="time"
-            )
-            for i in range(1, steps + 1)
-        ),
-        resolution=tuple(
-            ResolutionStep(
-                points=p,
-                probe_difference=0.0,
-                interpolation_difference=INTERPOLATION * length / p**2,
-                interpolation_rms=0.5 * INTERPOLATION * length / p**2,
-                largest_displacement=length,
-            )
-            for p in (MESHES if ok else ())
-        ),
-        frame_rates=tuple(
-            FrameRateStep(
-                frames=f,
-                frames_per_second=(f - 1) / marks[-1],
-                probe_difference=0.0,
-                interpolation_difference=length / (f - 1) ** 2,
-                interpolation_rms=0.5 * length / (f - 1) ** 2,
-                largest_displacement=length,
-            )
-            for f in (FRAMES if steps and ok else ())
-        ),
-        precision=tuple(
+    value, bytes_ = HEADLINE * (1 + error), 8 * number * max(1, steps)
+    facts: dict[str, Any] = {"status": status, "seconds": 1.0, "idle_memory_bytes": 200_000_000}
+    facts["history"] = [
+        {
+            "iteration": i,
+            "seconds": 0.1 * i,
+            "energy": 0.0,
+            "unknowns": number,
+            "at": marks[-1] * i / steps,
+            "phase": "time",
+        }
+        for i in range(1, steps + 1)
+    ]
+    if ok:
+        facts |= {"parameters": number, "storage_bytes": bytes_, "values": {case.primary.name: Measured(value=value)}}
+        facts["fields_file"] = f"{run_id}.npz"
+        facts["resolution"] = [{"points": p} | interpolated(length, INTERPOLATION / p**2) for p in MESHES]
+        facts["frame_rates"] = [
+            {"frames": f, "frames_per_second": (f - 1) / marks[-1]} | interpolated(length, 1 / (f - 1) ** 2)
+            for f in (FRAMES if steps else ())
+        ]
+        facts["precision"] = [
             PrecisionStep(
                 format=format,
                 storage_bytes=size * number * max(1, steps),
@@ -111,38 +100,33 @@ def run(
                 rms_difference=0.5 * relative * length,
                 quantities={case.primary.name: value * (1 + relative)},
             )
-            for format, (size, relative) in (ROUNDING.items() if ok else ())
-        ),
-        environment=ENVIRONMENT,
-        fields_file=f"{run_id}.npz" if ok else None,
-    )
-    row = Row(
-        case=case_name,
+            for format, (size, relative) in ROUNDING.items()
+        ]
+    else:
+        facts["reason"] = "it did not converge"
+    memory = 200_000_000 + 1000 * number
+    record = keep(folder, run_id, case, identity(case, solver, settings, seed), peak_memory_bytes=memory, **facts)
+    judged = {"reference": HEADLINE, "reference_uncertainty": UNCERTAINTY * HEADLINE} if known else {}
+    row = headline_of(
+        record,
+        value if ok else None,
         suite=suites[0],
         suites=tuple(suites),
-        solver=solver,
-        settings=settings,
         overrides=dict(overrides or {"cells": [n, n]}) if label else {},
         default_settings=not label,
         label=label,
         declared=True,
-        seed=seed,
-        quantity=case.primary.name,
-        primary=True,
-        at=1.0,
-        value=value if ok else None,
-        reference=HEADLINE if known else None,
-        reference_uncertainty=UNCERTAINTY * HEADLINE if known else None,
         relative_error=error if known and ok else None,
-        status=status,
-        run_id=run_id,
-        parameters=record.parameters,
-        storage_bytes=record.storage_bytes,
-        case_title=case.title,
-        unit="m",
-        description=case.primary.description,
+        reason=None,
+        **judged,
     )
     return record, row
+
+
+def interpolated(length: float, share: float) -> dict[str, float]:
+    """What interpolation by a share of the largest displacement leaves."""
+    found = {"probe_difference": 0.0, "largest_displacement": length}
+    return found | {"interpolation_difference": share * length, "interpolation_rms": 0.5 * share * length}
 
 
 def evidence(folder: Path, runs: Sequence[tuple[Record, Row]]) -> Evidence:

@@ -1,7 +1,5 @@
 """Synthetic records of studies, their figures made from formulas. No solver ran; no figure is a result."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -44,15 +42,7 @@ def studied(
     diagnostics = (diagnostics or {}) | ({} if gap is None else {"energy_gap": gap})
     reason = None if status == "ok" else "it was refused"
     made = record(
-        folder,
-        catalog.named_case(case),
-        solver,
-        seed,
-        error,
-        history,
-        diagnostics,
-        settings,
-        unknowns=unknowns,
+        folder, catalog.named_case(case), solver, seed, error, history, diagnostics, settings, unknowns=unknowns
     ).model_copy(
         update={
             "status": status,

@@ -36,11 +36,7 @@ def test_an_overconfident_solver_is_named(runs):
     found = section(evidence(runs))
     (table,) = found.tables
     lines = table.data.set_index("solver")
-    assert lines["verdict"].to_dict() == {
-        "fem": "well calibrated",
-        "ndf": "states none",
-        "ndf-ritz": "over-confident",
-    }
+    assert lines["verdict"].to_dict() == {"fem": "well calibrated", "ndf": "states none", "ndf-ritz": "over-confident"}
     assert lines["where"]["ndf-ritz"] == f"{COURSE[-1]} {catalog.named_case(COURSE[-1]).primary.name}"
     assert lines["worst"]["ndf-ritz"] == pytest.approx(1e-3 / (1e-6 + UNCERTAINTY), rel=1e-3)
     assert [note.about for note in table.notes] == [f"ndf-ritz, {lines['where']['ndf-ritz']}"]

@@ -1,47 +1,19 @@
 """Resolution consistency from records of fields by formulas, whose differences are known."""
 
 import itertools
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from shellbench.bench.catalogue import catalog
 from shellbench.report.data.ladder import Probes, case_runs, difference, read_probes
 from shellbench.report.sections.consistency import consistency_table, section
 from shellbench.report.sections.resolution import nominal_rates, yardstick_words
-from tests.report.resolutions import (
-    LENGTH,
-    NAPKIN,
-    PLATE,
-    PROBE_RMS,
-    evidence,
-    napkin_runs,
-    plate_runs,
-    run,
-    unknowns,
-)
+from tests.report.resolutions import LENGTH, NAPKIN, PLATE, PROBE_RMS, evidence, only_suites, plate_runs, run, unknowns
 
 
 @pytest.fixture(autouse=True)
 def studies(monkeypatch):
-    suites = {
-        "resolution": SimpleNamespace(study="resolution", order=(), title="", runs=(), remarks=()),
-        "training": SimpleNamespace(study="training", order=(), title="", runs=(), remarks=()),
-        "obstacle_course": SimpleNamespace(study=None, order=(), title="", runs=(), remarks=()),
-    }
-    monkeypatch.setattr(catalog, "suite_names", lambda: list(suites))
-    monkeypatch.setattr(catalog, "find_suite", suites.__getitem__)
-
-
-@pytest.fixture
-def plate(tmp_path):
-    return evidence(tmp_path, plate_runs(tmp_path))
-
-
-@pytest.fixture
-def napkin(tmp_path):
-    return evidence(tmp_path, napkin_runs(tmp_path))
+    only_suites(monkeypatch, ("resolution", "training", "obstacle_course"))
 
 
 def line(table, solver):
@@ -333,12 +305,6 @@ def test_the_figure_shows_what_the_table_says(request, which):
     assert exhibit.run_ids
     assert exhibit.name == f"consistency_{PLATE if which == 'plate' else NAPKIN}"
     assert max(exhibit.figure.get_size_inches()) <= 7.6
-
-
-@pytest.mark.parametrize("format", ["text", "markdown", "latex", "html", "csv"])
-def test_all_tables_are_written_in_all_formats(plate, format):
-    for table in (*section(plate).tables, *section(plate).details):
-        assert table.write(format)
 
 
 def test_a_run_that_no_suite_declares_is_no_part_of_the_study(plate, tmp_path):

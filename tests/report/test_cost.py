@@ -12,14 +12,7 @@ from shellbench.report.data.exhibit import inks
 from shellbench.report.figures.panel import SPACING, apart
 from shellbench.report.sections.cost import LEVELS, cost_figure, cost_table, section
 from tests.report.conftest import TRUTH, UNCERTAINTY
-from tests.report.studied import (
-    BYTES_AN_UNKNOWN,
-    SECONDS_AN_UNKNOWN,
-    UNKNOWNS_A_CELL,
-    evidence,
-    meshes,
-    studied,
-)
+from tests.report.studied import BYTES_AN_UNKNOWN, SECONDS_AN_UNKNOWN, UNKNOWNS_A_CELL, evidence, meshes, studied
 
 SIZES = (4, 8, 16, 32)
 

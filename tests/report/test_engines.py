@@ -4,7 +4,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from shellbench.bench.catalogue import catalog
 from shellbench.bench.catalogue.suite import SuiteRun
 from shellbench.bench.store.record import Environment
 from shellbench.report.data.exhibit import inks
@@ -19,6 +18,7 @@ from shellbench.report.sections.engines_table import (
     why_incomparable,
 )
 from tests.report.conftest import ENVIRONMENT, TRUTH, UNCERTAINTY, synthetic_known
+from tests.report.resolutions import only_suites
 from tests.report.studied import SECONDS_AN_UNKNOWN, UNKNOWNS_A_CELL, Run, evidence, studied
 from tests.report.test_sections_agree import assert_they_agree
 
@@ -30,18 +30,8 @@ STRICT = 1 - UNCERTAINTY  # an error by formula, moved by what the known value i
 def suite(monkeypatch):
     """A catalog whose only suite cross-checks engines; its first line is that of `OURS`."""
     runs = (SuiteRun(solver=OURS), SuiteRun(solver=PEER))
-    suites = {
-        "engines": SimpleNamespace(
-            name="engines",
-            study="engines",
-            order=("scordelis_lo", "square_plate"),
-            title="",
-            runs=runs,
-            remarks=("Mind.",),
-        )
-    }
-    monkeypatch.setattr(catalog, "suite_names", lambda: list(suites))
-    monkeypatch.setattr(catalog, "find_suite", suites.__getitem__)
+    facts = {"order": ("scordelis_lo", "square_plate"), "runs": runs, "remarks": ("Mind.",)}
+    only_suites(monkeypatch, ("engines",), **facts)
 
 
 def sweep(folder, solver, errors, *, slower=1.0, changed=None, fixed=None, **more) -> list[Run]:

@@ -4,8 +4,6 @@ The expected figures are computed here from records and known values, not by the
 the test: a digit changed in any cell must be found.
 """
 
-from __future__ import annotations
-
 import csv
 import html
 import io

@@ -31,6 +31,7 @@ def test_a_failed_run_is_shown_with_its_reason(tmp_path, runs):
     table = support_table(found)
     assert list(table.data["ended"]) == ["solved", "solved", "run failed"]
     assert [note.text for note in table.notes] == ["it was refused"]
+    assert all("run failed" in table.write(format) for format in ("text", "markdown", "latex", "html"))
 
 
 def test_the_share_is_of_the_largest_displacement(tmp_path, runs):
@@ -53,9 +54,3 @@ def test_a_support_that_holds_exactly_stands_last(tmp_path, runs):
 def test_without_a_penalty_there_is_no_section(tmp_path):
     assert supports(evidence(tmp_path, [run(tmp_path, {}, 1e-3, 0.0, None)])) is None
     assert supports(evidence(tmp_path, [])) is None
-
-
-def test_every_notation_can_write_it(tmp_path, runs):
-    (table,) = supports(evidence(tmp_path, runs)).tables
-    for format in ("text", "markdown", "latex", "html"):
-        assert all(words in table.write(format) for words in ("run failed", "soft"))

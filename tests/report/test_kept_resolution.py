@@ -1,18 +1,15 @@
 """The kept summary of resolution: what it says of synthetic runs, turned waves, and the committed file."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from shellbench.bench.catalogue import catalog
 from shellbench.report.sections.kept_resolution import as_text, summary, turned_states
-from tests.report.resolutions import LENGTH, PLATE, evidence, plate_runs, unknowns
+from tests.report.resolutions import LENGTH, PLATE, evidence, only_suites, plate_runs, unknowns
 
 ROOT = Path(__file__).parents[2]
 COURSE = catalog.find_suite("obstacle_course").order
@@ -21,12 +18,7 @@ FILE = ROOT / "reports" / "resolution.json"
 
 @pytest.fixture
 def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    suites = {
-        "resolution": SimpleNamespace(study="resolution", order=(), title="", runs=(), remarks=()),
-        "obstacle_course": SimpleNamespace(study=None, order=(), title="", runs=(), remarks=()),
-    }
-    monkeypatch.setattr(catalog, "suite_names", lambda: list(suites))
-    monkeypatch.setattr(catalog, "find_suite", suites.__getitem__)
+    only_suites(monkeypatch, ("resolution", "obstacle_course"))
     return json.loads(as_text(summary(evidence(tmp_path, plate_runs(tmp_path)))))
 
 

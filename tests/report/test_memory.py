@@ -1,12 +1,10 @@
 """Memory at stated error from records by formulas, whose bytes and errors are known."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from shellbench.bench.catalogue import catalog
 from shellbench.report.data.answers import LEVELS, answers, fewest
 from shellbench.report.data.ladder import case_runs
 from shellbench.report.data.notation import BYTES_A_POINT
@@ -28,8 +26,7 @@ from tests.report.resolutions import (
     ROUNDING,
     UNCERTAINTY,
     evidence,
-    napkin_runs,
-    plate_runs,
+    only_suites,
     run,
     unknowns,
 )
@@ -37,19 +34,7 @@ from tests.report.resolutions import (
 
 @pytest.fixture(autouse=True)
 def studies(monkeypatch):
-    suites = {"resolution": SimpleNamespace(study="resolution", order=(), title="", runs=(), remarks=())}
-    monkeypatch.setattr(catalog, "suite_names", lambda: list(suites))
-    monkeypatch.setattr(catalog, "find_suite", suites.__getitem__)
-
-
-@pytest.fixture
-def plate(tmp_path):
-    return evidence(tmp_path, plate_runs(tmp_path))
-
-
-@pytest.fixture
-def napkin(tmp_path):
-    return evidence(tmp_path, napkin_runs(tmp_path))
+    only_suites(monkeypatch, ("resolution",))
 
 
 @pytest.fixture
@@ -306,9 +291,3 @@ def test_figures_have_axes_with_units_and_fit_the_page(request, which):
     rounded = [line.get_ydata() for line in panels[0].get_lines() if line.get_markerfacecolor() == "white"]
     assert len(rounded) == (2 if which == "plate" else 1)
     assert all(np.all(np.diff(errors) < 0) for errors in rounded)  # what a smaller one outdoes is not drawn
-
-
-@pytest.mark.parametrize("format", ["text", "markdown", "latex", "html", "csv"])
-def test_all_tables_are_written_in_all_formats(napkin, format):
-    for table in (*section(napkin).tables, *section(napkin).details):
-        assert table.write(format)

@@ -11,6 +11,7 @@ from shellbench.report.data.fields import read_fields
 from shellbench.report.data.runs import leading_rows
 from shellbench.report.data.traces import (
     BALANCE,
+    CLOTH,
     Trace,
     TracedRun,
     apart,
@@ -23,7 +24,7 @@ from shellbench.report.data.traces import (
 )
 from shellbench.report.figures.shells import shapes_figure
 from shellbench.report.figures.trace_figure import TracePanel, trace_figure
-from shellbench.report.studies.trace_exhibits import CLOTH, MOST_FRAMES, is_cloth, motion_exhibits, path_exhibits
+from shellbench.report.studies.trace_exhibits import MOST_FRAMES, is_cloth, motion_exhibits, path_exhibits
 from shellbench.report.studies.trace_tables import by_time_tables, motion_table
 from tests.report.motion import BROKEN, CRITICAL, OFFSET, REASON, G, torque
 

@@ -11,8 +11,9 @@ from shellbench.bench.catalogue import catalog
 from shellbench.bench.store.store import Store as Records
 from shellbench.problems.shell.records.portrait import ShellPortrait
 from shellbench.report.data import exhibit
-from shellbench.report.data.evidence import Evidence, Formula
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import style
+from shellbench.report.data.section import Formula
 from shellbench.report.figures import shells
 from shellbench.report.page.page import write_report
 from shellbench.report.studies.newton import DERIVATION, findings, free_fall, newton_exhibits, newton_table, shown_cases

@@ -3,8 +3,6 @@
 import html
 import json
 import re
-import subprocess
-import sys
 
 import pytest
 
@@ -108,36 +106,3 @@ def test_zero_is_judged_in_absolute_terms(nonlinear):
     assert (exact.reference, exact.relative_error, exact.tolerance_is_absolute) == (0.0, None, True)
     assert exact.absolute_error == exact.value == 2e-12
     assert exact.passed
-
-
-@pytest.mark.long
-def test_the_report_needs_records_and_rows_alone(nonlinear, tmp_path):
-    rows = tmp_path / "rows.json"
-    rows.write_text(json.dumps([row.model_dump(mode="json") for row in nonlinear.rows]), encoding="utf-8")
-    code = (
-        "import json, sys; from pathlib import Path; from shellbench.report.page import page;"
-        "from shellbench.report.data import exhibit; from shellbench.report.figures import shells;"
-        "exhibit.PRINT_DPI = exhibit.SCREEN_DPI = 30; shells.CELLS = 8;"
-        "from shellbench.bench.judge.row import Row; from shellbench.bench.store.store import Store;"
-        "rows = [Row.model_validate(d) for d in json.loads(Path(sys.argv[2]).read_text())];"
-        "page.write_report(Store(Path(sys.argv[1])), rows, Path(sys.argv[3]));"
-        "print([name for name in ('torch', 'skfem', 'shellbench.solvers.fem', 'shellbench.solvers.ndf') if name in sys.modules])"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code, str(nonlinear.folder), str(rows), str(tmp_path / "out")],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert done.stdout.strip() == "[]"
-    assert (tmp_path / "out" / "figures" / "strain_rolled_plate.pdf").is_file()
-
-
-@pytest.mark.long
-def test_the_same_records_give_the_same_report(nonlinear, tmp_path):
-    first, second = (
-        write_report(Records(nonlinear.folder), nonlinear.rows, tmp_path / name, nonlinear.known_values).parent
-        for name in "ab"
-    )
-    for path in sorted(path for path in first.rglob("*") if path.is_file()):
-        assert (second / path.relative_to(first)).read_bytes() == path.read_bytes(), path.name

@@ -24,9 +24,10 @@ from shellbench.bench.store.store import Store as Records
 from shellbench.errors import InputError
 from shellbench.report.data.columns import Column
 from shellbench.report.data.document import command
-from shellbench.report.data.evidence import Evidence, Section
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import Exhibit, few_colours, lean
 from shellbench.report.data.runs import rows_at_home, rows_of, suites_of
+from shellbench.report.data.section import Section
 from shellbench.report.data.solutions import overall, shortfalls, verdict
 from shellbench.report.data.table import Note, Table
 from shellbench.report.page import sections
@@ -356,13 +357,9 @@ def test_a_palette_spoils_no_picture():
 
 
 @pytest.mark.long
-def test_the_page_of_the_obstacle_course_is_light(store, tmp_path):
-    page = write_report(Records(store.folder), store.rows, tmp_path, store.known_values, for_print=False)
-    assert sum(path.stat().st_size for path in page.parent.glob("*.html")) < 8 * MEGABYTE
-
-
-@pytest.mark.long
-def test_the_same_records_give_the_same_light_report(store, tmp_path):
+@pytest.mark.parametrize("kind", ["store", "nonlinear"])
+def test_the_same_records_give_the_same_light_report(kind, request, tmp_path):
+    store = request.getfixturevalue(kind)
     first, second = (
         write_report(Records(store.folder), store.rows, tmp_path / name, store.known_values).parent for name in "ab"
     )

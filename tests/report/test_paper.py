@@ -1,7 +1,5 @@
 """The paper's files: whole LaTeX, captions that say theory and sources, a document that compiles and fits."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

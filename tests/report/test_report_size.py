@@ -1,7 +1,5 @@
 """The report of the whole obstacle course stays small enough to be sent by mail."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -10,8 +10,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.judge.row import Row
 from shellbench.bench.plugins.kinds import headline_of, portrait_of_named
-from shellbench.report.data.evidence import Evidence, Section
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.fields import BREADTH, read_ribbon
+from shellbench.report.data.section import Section
 from shellbench.report.studies.ropes import curves, law, reached_at, reached_table, side_by_side
 from shellbench.report.studies.speed import Pace, paces, speed_figure, speed_table
 

@@ -2,11 +2,9 @@
 
 import re
 from dataclasses import replace
-from types import SimpleNamespace
 
 import pytest
 
-from shellbench.bench.catalogue import catalog
 from shellbench.report.sections import consistency, cost, memory, seeds
 from shellbench.report.studies import paper_studies
 from tests.report import resolutions, studied
@@ -17,9 +15,7 @@ MARKUP = ("markdown", "html", "latex")
 
 @pytest.fixture
 def of_resolution(tmp_path, monkeypatch):
-    suites = {"resolution": SimpleNamespace(study="resolution", order=(), title="", runs=(), remarks=())}
-    monkeypatch.setattr(catalog, "suite_names", lambda: list(suites))
-    monkeypatch.setattr(catalog, "find_suite", suites.__getitem__)
+    resolutions.only_suites(monkeypatch, ("resolution",))
     runs = [*resolutions.plate_runs(tmp_path), *resolutions.napkin_runs(tmp_path)]
     return resolutions.evidence(tmp_path, runs)
 
@@ -67,6 +63,7 @@ def assert_they_agree(tables):
             [*numbers_of(text, format), *sizes_of(text, format)] for format in MARKUP for text in (shown.write(format),)
         )
         assert first, table.name
+        assert all(table.write(format) for format in ("text", "csv", *MARKUP)), table.name
         assert all(other == first for other in others), table.name
 
 

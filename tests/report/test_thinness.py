@@ -7,13 +7,12 @@ import pytest
 
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.catalogue.reference import KnownValue, KnownValues
-from shellbench.bench.judge.row import Row
 from shellbench.bench.store.record import Measured
 from shellbench.problems.shell.records.portrait import ShellPortrait
 from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.table import WRITERS
 from shellbench.report.studies.thinness import bending_share, findings, section, thinning
-from tests.report.conftest import record
+from tests.report.conftest import headline_of, record
 from tests.report.test_tables import number
 
 RATIOS = {"roof_thinness_1e_2": 1e-2, "roof_thinness_1e_3": 1e-3, "roof_thinness_1e_4": 1e-4}
@@ -29,11 +28,7 @@ def known(name):
     if name not in RATIOS:
         return KnownValues()
     share = KNOWN_SHARE[name]
-    values = {
-        "edge_deflection": TRUTH[name],
-        "membrane_energy": (1 - share) * ENERGY,
-        "bending_energy": share * ENERGY,
-    }
+    values = {"edge_deflection": TRUTH[name], "membrane_energy": (1 - share) * ENERGY, "bending_energy": share * ENERGY}
     facts = {"role": "judge", "theory": "kirchhoff-love-linear", "origin": "made up", "source": "series1900"}
     return KnownValues(
         values=tuple(KnownValue(quantity=q, value=v, uncertainty=DOUBT * v, **facts) for q, v in values.items())
@@ -58,31 +53,23 @@ def run(folder, name, solver, error, share, seed=None, status="ok", case=None):
 
 def row_of(made, label="", suites=("thinness",)):
     truth = TRUTH.get(made.case_name, 1.0)
-    value = made.values["edge_deflection"].value
-    return Row(
-        case=made.case_name,
+    value, seed = made.values["edge_deflection"].value, made.identity.seed
+    stated = {} if seed is None else {"uncertainty": 0.02 * abs(value), "energy_gap": 1e-7 * (1 + seed)}
+    return headline_of(
+        made,
+        value,
         suite=suites[0] if suites else None,
         suites=suites,
         declared=True,
-        solver=made.identity.solver,
         settings={},
-        seed=made.identity.seed,
-        quantity="edge_deflection",
-        primary=True,
-        at=1.0,
-        value=value,
         reference=truth,
         reference_uncertainty=DOUBT * truth,
         relative_error=value / truth - 1,
-        status=made.status,
-        uncertainty=None if made.identity.seed is None else 0.02 * abs(value),
-        seconds=made.seconds,
-        parameters=made.parameters,
-        run_id=made.run_id,
         label=label,
         overrides={"neurons": 9} if label else {},
         default_settings=not label,
-        energy_gap=None if made.identity.seed is None else 1e-7 * (1 + made.identity.seed),
+        case_title="",
+        **stated,
     )
 
 
@@ -220,8 +207,7 @@ def test_variants_follow_their_solver_and_have_dashes_of_their_own(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "metres"),
-    [("scordelis_lo", 50.0), ("square_plate", 100.0), ("pinched_cylinder_free", 600.0)],
+    ("name", "metres"), [("scordelis_lo", 50.0), ("square_plate", 100.0), ("pinched_cylinder_free", 600.0)]
 )
 def test_length_is_the_largest_extent_in_space(name, metres):
     assert ShellPortrait(catalog.named_case(name)).extent == pytest.approx(metres)

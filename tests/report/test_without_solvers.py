@@ -3,8 +3,6 @@
 Commands run in processes in which the solvers and the libraries that they stand on can't be imported.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Shells that no suite has are answered as they were: nothing is tuned on them, and no gate looks at them."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -5,8 +5,6 @@ small meshes and narrow fields, which need not be accurate, are kept in unseen.j
 `python -m tests.solvers.unseen` writes them anew.
 """
 
-from __future__ import annotations
-
 import json
 import tomllib
 from collections.abc import Mapping
@@ -70,18 +68,8 @@ SHELLS: Mapping[str, str] = {
     "hypar": shell(HYPAR, held('["xi1_min"]'), DOWN.format(-80.0)),
     "hyperboloid_clamped": shell(HYPERBOLOID, held('["xi2_min", "xi2_max"]'), ROUND.format(1e4)),
     "hyperboloid_free": shell(HYPERBOLOID, "", ROUND.format(1.0), rigid=FREE),
-    "rhombic_plate_30": shell(
-        RHOMBUS.format(0.5235987755982988),
-        SUPPORTED,
-        DOWN.format(-1.0),
-        PLATE,
-    ),
-    "rhombic_plate_60": shell(
-        RHOMBUS.format(1.0471975511965976),
-        SUPPORTED,
-        DOWN.format(-1.0),
-        PLATE,
-    ),
+    "rhombic_plate_30": shell(RHOMBUS.format(0.5235987755982988), SUPPORTED, DOWN.format(-1.0), PLATE),
+    "rhombic_plate_60": shell(RHOMBUS.format(1.0471975511965976), SUPPORTED, DOWN.format(-1.0), PLATE),
     "long_plate": shell(
         'x = "xi1"\ny = "xi2"\nz = "0"\nxi1 = [0, 50]\nxi2 = [0, 1]',
         SUPPORTED,

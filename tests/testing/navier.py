@@ -7,8 +7,6 @@ and answers closed cylinders with a smooth field, so that their seam can be look
 ``NAVIER`` is right; ``WRONG_x`` has the fault x, by the names of `FAULTS`.
 """
 
-from __future__ import annotations
-
 import itertools
 import json
 import pickle

@@ -1,7 +1,5 @@
 """A class needs more than right values: a solver that looks them up holds none, and is found out."""
 
-from __future__ import annotations
-
 import importlib
 import io
 import json

@@ -1,7 +1,5 @@
 """The grade that `check-solver` prints is the gate's own."""
 
-from __future__ import annotations
-
 import io
 import json
 import time

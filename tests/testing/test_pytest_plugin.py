@@ -1,7 +1,5 @@
 """The gate in pytest: right answers pass, everything else fails or is skipped with one sentence."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess
@@ -306,10 +304,7 @@ def test_the_page_describes_every_option() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    ("setting", "outcome"),
-    [("seconds=0.5", {"passed": 2}), ("behaviour=fail", {"failed": 2})],
-)
+@pytest.mark.parametrize(("setting", "outcome"), [("seconds=0.5", {"passed": 2}), ("behaviour=fail", {"failed": 2})])
 def test_processes_of_xdist_solve_a_case_once(
     course: Path,
     plugin: Path,  # noqa: F811

@@ -322,11 +322,7 @@ def with_known_values(row: Row, known: KnownValues, case: Problem, quantity: Qua
                 found["relative_error"] = (row.value - judge.value) / abs(judge.value)
     if literature := known.of(quantity.name, "literature"):
         first = literature[0]
-        found |= {
-            "literature": first.value,
-            "literature_theory": first.theory,
-            "literature_source": first.source,
-        }
+        found |= {"literature": first.value, "literature_theory": first.theory, "literature_source": first.source}
     for published in known.of(quantity.name, "published"):
         if published.label == row.label:
             found |= {"published": published.value, "published_source": published.source}

@@ -52,10 +52,7 @@ class Case(Shell):
     @model_validator(mode="after")
     def _names_are_known_and_used_once(self) -> Self:
         places = self.places
-        for what, names in (
-            ("support", [s.name for s in self.supports]),
-            ("spring", [s.name for s in self.springs]),
-        ):
+        for what, names in (("support", [s.name for s in self.supports]), ("spring", [s.name for s in self.springs])):
             for name in names:
                 if names.count(name) > 1:
                     raise ValueError(f"two of them are called '{name}': {what} names must differ")

@@ -14,8 +14,7 @@ from shellbench.bench.judge.row import Row
 from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.notation import TEXT, percent
 from shellbench.report.data.rates import SURFACE_DIMENSION, Course, Rate, Yardstick, courses, fitted_rate, yardstick_of
-from shellbench.report.data.runs import headlines
-from shellbench.report.data.solutions import grouped, seed_words
+from shellbench.report.data.runs import grouped, headlines, seed_words
 from shellbench.report.data.table import Note
 
 Measure = Literal["unknowns", "seconds", "memory", "storage"]

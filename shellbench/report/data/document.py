@@ -189,11 +189,7 @@ def makings(records: Mapping[str, Record], rows: Sequence[Row]) -> tuple[list[Ma
             environments.append(record.environment)
         number = environments.index(record.environment) + 1
         exams.setdefault(number, set()).update(set() if record.exam is None else {record.exam})
-        found[record.run_id] = Making(
-            record=record,
-            command=command(record, row.overrides),
-            environment=number,
-        )
+        found[record.run_id] = Making(record=record, command=command(record, row.overrides), environment=number)
     return list(found.values()), [environment_words(one, exams[i]) for i, one in enumerate(environments, start=1)]
 
 

@@ -18,8 +18,7 @@ from shellbench.bench.store.record import ANSWERED
 from shellbench.errors import InputError
 from shellbench.protocol.schema import one_sentence
 from shellbench.report.data.ladder import ALIKE
-from shellbench.report.data.runs import groups_alike
-from shellbench.report.data.solutions import grouped
+from shellbench.report.data.runs import grouped, groups_alike
 
 FORMAT = 1
 Triple = tuple[float, float, float]
@@ -146,9 +145,7 @@ def sweeps_of(runs: Sequence[KeptRun]) -> dict[tuple[str, str, str], list[KeptRu
     return grouped(ordered, lambda run: (run.solver, run.swept, run.other_settings))
 
 
-def main_sweeps(
-    sweeps: Sweeps,
-) -> Iterator[tuple[str, list[KeptRun]]]:
+def main_sweeps(sweeps: Sweeps) -> Iterator[tuple[str, list[KeptRun]]]:
     """Yield of each solver the runs of its longest sweep, with the lowest seed, from coarse to fine.
 
     Of sizes that differ only marginally it is the coarsest.

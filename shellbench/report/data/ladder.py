@@ -23,8 +23,7 @@ from shellbench.bench.store.record import Record
 from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.fields import kept_arrays
 from shellbench.report.data.rates import Rate, fitted_rate
-from shellbench.report.data.runs import groups_alike, in_study
-from shellbench.report.data.solutions import seed_words, variant_name
+from shellbench.report.data.runs import groups_alike, in_study, seed_words, variant_name
 
 Array = NDArray[np.float64]
 Finer = Literal["unknowns", "time steps"]

@@ -16,7 +16,7 @@ import numpy as np
 from shellbench.bench.judge.row import Row
 from shellbench.bench.store.record import Record, portrait_of
 from shellbench.protocol.history import HistoryStep
-from shellbench.report.data.solutions import variant_name
+from shellbench.report.data.runs import variant_name
 
 Abscissa = Literal["unknowns", "seconds", "iteration"]
 SURFACE_DIMENSION = 2  # unknowns grow as the square of 1/h, h the mesh width

@@ -10,17 +10,18 @@ and its runs are shown where that is.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import pandas as pd
 
 from shellbench.bench.catalogue import catalog
+from shellbench.bench.catalogue.reference import KnownValues
 from shellbench.bench.catalogue.suite import Study
 from shellbench.bench.judge.row import Row
 from shellbench.bench.store.record import Record
 from shellbench.protocol.schema import LONGEST_TITLE
-from shellbench.report.data.solutions import same_but_for_seed, solution_name, variant_name
 
 OWN = "own_"  # begins the name of a user's own case that would else be mistaken for one of the suite's
 NO_SUITE = "other"  # for runs that no suite declares
@@ -31,6 +32,8 @@ GIVEN_NUMBERS = (
 )
 GIVEN_FLAGS = ("own_case", "primary", "default_settings", "declared")
 FLAGS = ("sound", "compared", "leading")
+Known = Callable[[str], KnownValues]
+R = TypeVar("R")
 T = TypeVar("T")
 COLUMNS = {
     **dict.fromkeys((*GIVEN, "title", "solution", "variant", "alike", "studies", "reason", "run_id"), object),
@@ -38,6 +41,38 @@ COLUMNS = {
     **dict.fromkeys((*GIVEN_FLAGS, *FLAGS), bool),
     **dict.fromkeys(("row", "record"), object),
 }
+
+
+def solution_name(row: Row) -> str:
+    """Return what a line of a table is called: the solver, and how the run departs from its defaults."""
+    return f"{row.solver}, {variant}" if (variant := variant_name(row)) else row.solver
+
+
+def variant_name(row: Row) -> str:
+    """Return how a run departs from its solver's defaults: the suite's word for it, or its settings."""
+    settings = ", ".join(f"{key}={value}" for key, value in row.overrides.items())
+    return (row.label or settings) if settings else ""
+
+
+def seed_words(seed: int | None) -> str:
+    """Return a seed as the end of a run's name; nothing if the run has none."""
+    return "" if seed is None else f", seed {seed}"
+
+
+def same_but_for_seed(row: Row) -> str:
+    """Return what the runs of one line have in common.
+
+    Settings that are not at their defaults tell lines apart, not all settings: a run that is missing has no others.
+    """
+    return json.dumps([row.solver, row.overrides, row.device, row.dtype], sort_keys=True, default=str)
+
+
+def grouped(found: Iterable[R], key: Callable[[R], T]) -> dict[T, list[R]]:
+    """Return rows or records by a key, in order of appearance."""
+    groups: dict[T, list[R]] = {}
+    for one in found:
+        groups.setdefault(key(one), []).append(one)
+    return groups
 
 
 def studies_of(row: Row) -> set[Study]:

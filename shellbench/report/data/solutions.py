@@ -6,10 +6,9 @@ each solver with its mean and its worst seed. Values whose name `COLUMNS` lacks 
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import pandas as pd
 
@@ -19,10 +18,7 @@ from shellbench.bench.judge.row import Row
 from shellbench.bench.store.record import ANSWERED, NOT_SETTLED
 from shellbench.report.data.columns import frame
 from shellbench.report.data.notation import Notation, power_of_ten
-
-Known = Callable[[str], KnownValues]
-R = TypeVar("R")
-T = TypeVar("T")
+from shellbench.report.data.runs import Known, grouped, same_but_for_seed, solution_name, variant_name
 
 THEORIES = {
     "kirchhoff-love-linear": "linear Kirchhoff–Love",
@@ -68,38 +64,6 @@ def heading(row: Row) -> str:
     unit = f" ({row.unit})" if row.unit else ""
     at = f" at {row.mark}" if row.mark else ""
     return f"{row.case_title or row.case}: {what}{unit}{at}"
-
-
-def solution_name(row: Row) -> str:
-    """Return what a line of a table is called: the solver, and how the run departs from its defaults."""
-    return f"{row.solver}, {variant}" if (variant := variant_name(row)) else row.solver
-
-
-def variant_name(row: Row) -> str:
-    """Return how a run departs from its solver's defaults: the suite's word for it, or its settings."""
-    settings = ", ".join(f"{key}={value}" for key, value in row.overrides.items())
-    return (row.label or settings) if settings else ""
-
-
-def seed_words(seed: int | None) -> str:
-    """Return a seed as the end of a run's name; nothing if the run has none."""
-    return "" if seed is None else f", seed {seed}"
-
-
-def same_but_for_seed(row: Row) -> str:
-    """Return what the runs of one line have in common.
-
-    Settings that are not at their defaults tell lines apart, not all settings: a run that is missing has no others.
-    """
-    return json.dumps([row.solver, row.overrides, row.device, row.dtype], sort_keys=True, default=str)
-
-
-def grouped(found: Iterable[R], key: Callable[[R], T]) -> dict[T, list[R]]:
-    """Return rows or records by a key, in order of appearance."""
-    groups: dict[T, list[R]] = {}
-    for one in found:
-        groups.setdefault(key(one), []).append(one)
-    return groups
 
 
 def verdict(rows: Sequence[Row]) -> str:
@@ -156,22 +120,19 @@ def variants() -> set[str]:
 
 def _reference(judge: Row | None) -> dict[str, Any]:
     """Return what a line is held against."""
-    names = {
-        "judged_by": "reference_theory",
-        "reference": "reference",
-        "reference_uncertainty": "reference_uncertainty",
-    }
-    return {} if judge is None else {name: getattr(judge, of_row) for name, of_row in names.items()}
+    if judge is None:
+        return {}
+    figures = {"reference": judge.reference, "reference_uncertainty": judge.reference_uncertainty}
+    return {"judged_by": judge.reference_theory, **figures}
 
 
 def _figure(value: KnownValue, judge: Row | None) -> dict[str, Any]:
     reference = judge.reference if judge else None
     error = (value.value - reference) / abs(reference) if reference else None
+    label = f"{value.label}, published" if value.label and value.label in variants() else value.label
     return _reference(judge) | {
         "kind": value.role,
-        "solution": f"{value.label}, published"
-        if value.label and value.label in variants()
-        else value.label or value.role,
+        "solution": label or value.role,
         **{name: getattr(value, name) for name in ("theory", "source", "origin", "locator", "value", "uncertainty")},
         "mean_error": error,
         "worst_error": error,
@@ -231,17 +192,14 @@ def _worst(runs: pd.DataFrame, name: str, wanted: str) -> float | None:
 
 
 def _reasons(rows: Sequence[Row]) -> str:
-    by_reason = grouped((row for row in rows if row.reason or row.open_finding), _reason)
+    told = [row for row in rows if row.reason or row.open_finding]
+    by_reason = grouped(told, lambda row: row.reason or f"open finding: {row.open_finding}")
     several = len(rows) > 1
     parts = []
     for reason, of_reason in by_reason.items():
         seeds = ", ".join(str(row.seed) for row in of_reason if row.seed is not None)
         parts.append(f"seed {seeds}: {reason}" if several and seeds else reason)
     return "; ".join(parts)
-
-
-def _reason(row: Row) -> str:
-    return row.reason or f"open finding: {row.open_finding}"
 
 
 @dataclass(frozen=True)

@@ -23,13 +23,18 @@ from shellbench.protocol.history import HistoryStep
 from shellbench.protocol.load_curve import Curve
 from shellbench.protocol.picture import Along, PathSeries, Portrait
 from shellbench.report.data.fields import Fields, areas, read_fields
-from shellbench.report.data.solutions import seed_words, theory_words
+from shellbench.report.data.runs import seed_words
+from shellbench.report.data.solutions import theory_words
 
 Array = NDArray[np.float64]
 Point = tuple[float, float]
 Phase = Literal["path", "time"]
 Key = tuple[str, bool]  # what a legend calls known points, and whether they judge
 
+CURVE, STATES = "curve_", "states_"  # how names of figures begin
+MOTION, ENERGY, APART = "motion_", "energy_", "apart_"
+BUCKLING, FRAMES, FILM = "buckling_", "frames_", "film_"
+CLOTH = (MOTION, ENERGY, APART, BUCKLING, FRAMES, FILM)
 BALANCE = "energy_balance"  # a trace of the solver's own: see `shellbench.problem.Step.energy` of a step in time
 JUDGE: Key = ("known value", True)
 CRITICAL = "known critical state"

@@ -17,8 +17,7 @@ from shellbench.protocol.picture import Portrait, Scene
 from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import Exhibit
 from shellbench.report.data.fields import Array, Fields, read_fields
-from shellbench.report.data.runs import leading_rows, rows_at_home, suite_title
-from shellbench.report.data.solutions import grouped
+from shellbench.report.data.runs import grouped, leading_rows, rows_at_home, suite_title
 from shellbench.report.figures.shells import Camera, Shell, course_figure, scale_words, shell_figure
 
 T = TypeVar("T")

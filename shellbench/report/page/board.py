@@ -16,13 +16,13 @@ from shellbench.bench.judge.row import Row
 from shellbench.errors import InputError
 from shellbench.report.data import document
 from shellbench.report.data.columns import code, column, count, frame, present, seconds, words
-from shellbench.report.data.evidence import Section, given
 from shellbench.report.data.notation import HTML
-from shellbench.report.data.runs import compared
-from shellbench.report.data.solutions import grouped, overall, same_but_for_seed
+from shellbench.report.data.runs import compared, grouped, same_but_for_seed
+from shellbench.report.data.section import Section, given
+from shellbench.report.data.solutions import overall
 from shellbench.report.data.table import Table
-from shellbench.report.page.page import page_scripts, render_page
-from shellbench.report.page.sections import WHOLE, Leaf
+from shellbench.report.page.leaves import WHOLE, Leaf, render_page
+from shellbench.report.page.view import page_scripts
 from shellbench.report.sections.tables import displacement_tables
 
 SITE = "shellbench board"
@@ -132,7 +132,7 @@ def case_tables(entries: Sequence[Entry]) -> list[Table]:
     ordered = sorted(compared(rows), key=_distance(rows))
     by_name = {entry.name: entry for entry in entries}
     tables = []
-    for table in displacement_tables(_cases_together(ordered)):
+    for table in displacement_tables(sorted(ordered, key=lambda row: row.case)):
         data = table.data.copy()
         data["remeasured"] = [
             by_name[str(line["solution"])].mark(str(line["run_ids"]).split(), line["quantity"])
@@ -158,11 +158,6 @@ def _distance(rows: Sequence[Row]) -> Any:
 
 def _line(row: Row) -> tuple[object, ...]:
     return row.case, row.quantity, row.at, same_but_for_seed(row)
-
-
-def _cases_together(rows: Sequence[Row]) -> list[Row]:
-    """Return rows in the order of their cases' names, those of one case as they are."""
-    return sorted(rows, key=lambda row: row.case)
 
 
 def cost_table(rows: Sequence[Row], environments: Mapping[str, int]) -> Table | None:

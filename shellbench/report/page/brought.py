@@ -16,8 +16,9 @@ from collections.abc import Collection, Iterator
 from shellbench.bench.plugins.registry import SolverEntry, load, registered
 from shellbench.bench.store.store import Say
 from shellbench.errors import InputError
-from shellbench.report.data.evidence import Evidence, Section
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import Exhibit
+from shellbench.report.data.section import Section
 from shellbench.report.data.table import Table
 
 GROUP = "shellbench.sections"

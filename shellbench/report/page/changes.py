@@ -9,7 +9,8 @@ from shellbench.bench.judge.changes import Change, Comparison, mean_ratio
 from shellbench.bench.judge.row import Row
 from shellbench.report.data.columns import Column, Line, column, error, frame, significant, solution, words
 from shellbench.report.data.notation import MARKDOWN, Notation
-from shellbench.report.data.solutions import heading, seed_words, solution_name
+from shellbench.report.data.runs import seed_words, solution_name
+from shellbench.report.data.solutions import heading
 from shellbench.report.data.table import Table
 
 FIGURES = 7  # significant digits of values
@@ -81,17 +82,13 @@ def _figure(found: Comparison, change: Change) -> Line:
     row = change.row
     return {
         "block": heading(row),
-        "who": _who(found, row),
+        "who": "both" if found.solvers else solution_name(row),
         "before": change.before.value,
         "after": change.after.value,
         "error_before": change.before.error,
         "error_after": change.after.error,
         "verdict": change.verdict,
     }
-
-
-def _who(found: Comparison, row: Row) -> str:
-    return "both" if found.solvers else solution_name(row)
 
 
 def _verdict(value: str, line: Line, notation: Notation) -> str:

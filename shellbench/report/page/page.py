@@ -16,14 +16,17 @@ from shellbench.bench.store.record import Record
 from shellbench.bench.store.store import Say, Store, silent
 from shellbench.errors import InputError
 from shellbench.report.data import document
-from shellbench.report.data.evidence import Evidence, Section, all_tables
-from shellbench.report.data.exhibit import Exhibit, data_uri, save_all
-from shellbench.report.data.notation import HTML, MARKDOWN, Notation, anchor
-from shellbench.report.data.solutions import Known, matrix, overall, shortfalls
+from shellbench.report.data.evidence import Evidence
+from shellbench.report.data.exhibit import Exhibit, save_all
+from shellbench.report.data.notation import HTML, MARKDOWN
+from shellbench.report.data.runs import Known
+from shellbench.report.data.section import Section, all_tables
+from shellbench.report.data.solutions import overall
 from shellbench.report.data.table import Table
 from shellbench.report.figures.pictures import PICTURE
-from shellbench.report.page.sections import WHOLE, Leaf, gather, leaves_of
-from shellbench.report.page.view import LIBRARY, View, library, palettes_json, script_sources, scripts, views
+from shellbench.report.page.leaves import WHOLE, Leaf, leaves_of, render_page
+from shellbench.report.page.sections import gather
+from shellbench.report.page.view import LIBRARY, View, library, page_scripts, views
 from shellbench.report.sections.tables import DISPLACEMENTS, QUANTITIES, render, tables_as_csv
 
 REPORT_COMMAND = "shellbench report"
@@ -166,40 +169,3 @@ def _made_by(
     seen = {f"{PICTURE}{case}": one.run_ids for case, one in turned.items()}
     shown = {exhibit.name: dict.fromkeys([*exhibit.run_ids, *seen.get(exhibit.name, ())]) for exhibit in drawn}
     return {name: [by_run[run_id] for run_id in run_ids if run_id in by_run] for name, run_ids in shown.items()}
-
-
-def page_scripts(turned: Mapping[str, View]) -> dict[str, Any]:
-    """Return the views by the name of the picture that each takes the place of, and what runs in the page."""
-    return {
-        "views": {f"{PICTURE}{case}": one.json for case, one in turned.items()},
-        "dense": any(one.dense for one in turned.values()),
-        "palettes": palettes_json(),
-        "scripts": scripts(viewing=bool(turned)),
-        "library": LIBRARY if turned else "",
-        "script_hashes": script_sources(viewing=bool(turned)),
-    }
-
-
-def render_page(template: str, notation: Notation, leaf: Leaf, facts: dict[str, Any]) -> str:
-    """Return a page of a template of the report; `facts` are what it names beside the leaf and its tables."""
-    environment = document.templates(autoescape=notation is HTML)
-    environment.filters |= {"escape_words": notation.escape, "code": notation.code, "anchor": anchor}
-    environment.globals |= {"written": lambda table: table.write(notation.name), "files": _table_files}
-    solvers, lines = matrix(leaf.rows, notation)
-    cited = dict.fromkeys(source for table in all_tables(leaf.sections) for source in table.cited)
-    return environment.get_template(template).render(
-        **facts,
-        leaf=leaf,
-        short=shortfalls(leaf.rows),
-        sources=[(key, facts["bibliography"].get(key)) for key in cited],
-        matrix_solvers=solvers,
-        matrix=lines,
-    )
-
-
-def _table_files(table: Table) -> dict[str, str]:
-    """Return links that hold a table's files, so that the page keeps them wherever it is moved."""
-    return {
-        "csv": data_uri("text/csv;charset=utf-8", table.write("csv").encode()),
-        "tex": data_uri("text/x-tex;charset=utf-8", table.write("latex").encode()),
-    }

@@ -19,10 +19,12 @@ from shellbench.bench.store.store import Say, Store, silent
 from shellbench.errors import InputError
 from shellbench.report.data import document
 from shellbench.report.data.columns import present
-from shellbench.report.data.evidence import Evidence, Section, all_tables
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import PRINT_DPI, Exhibit, style
 from shellbench.report.data.notation import LATEX_NOTATION
-from shellbench.report.data.solutions import Known, overall, theory_words
+from shellbench.report.data.runs import Known
+from shellbench.report.data.section import Section, all_tables
+from shellbench.report.data.solutions import overall, theory_words
 from shellbench.report.data.table import PACKAGES, Table, with_letters_of_latex
 from shellbench.report.page.sections import gather
 

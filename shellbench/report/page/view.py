@@ -30,7 +30,7 @@ from shellbench.protocol.picture import Portrait
 from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.fields import Fields, kept_arrays, read_fields, read_ribbon
 from shellbench.report.figures.grids import inward
-from shellbench.report.figures.pictures import near_obstacles, picture_scale, pictured, spread
+from shellbench.report.figures.pictures import PICTURE, near_obstacles, picture_scale, pictured, spread
 from shellbench.report.figures.shells import BOTH_SIGNS, DIVERGING, SEQUENTIAL, axis_of
 
 Array = NDArray[np.float64]
@@ -254,3 +254,15 @@ def plotly() -> str:
 def _density_unit(unit: str) -> str:
     """Return the unit of energy per area where displacements are in this unit; none where these are only scaled."""
     return {"m": "J/m²", "": "scaled"}.get(unit, f"N {unit}/{unit}²")
+
+
+def page_scripts(turned: Mapping[str, View]) -> dict[str, Any]:
+    """Return the views by the name of the picture that each takes the place of, and what runs in the page."""
+    return {
+        "views": {f"{PICTURE}{case}": one.json for case, one in turned.items()},
+        "dense": any(one.dense for one in turned.values()),
+        "palettes": palettes_json(),
+        "scripts": scripts(viewing=bool(turned)),
+        "library": LIBRARY if turned else "",
+        "script_hashes": script_sources(viewing=bool(turned)),
+    }

@@ -12,9 +12,10 @@ from matplotlib.figure import Figure
 
 from shellbench.bench.judge.calibration import ASKED_SHARE, MOST, TIMES, WITHIN, Calibration, Judged, calibrations
 from shellbench.report.data.columns import Column, Line, column, count, significant
-from shellbench.report.data.evidence import Evidence, Section
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import Exhibit, Ink
 from shellbench.report.data.notation import Notation, quoted
+from shellbench.report.data.section import Section
 from shellbench.report.data.table import Note, Table
 from shellbench.report.figures.panel import GREY, SMALLEST, add_legend, draw, entry, finish, open_figure
 

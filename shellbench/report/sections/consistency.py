@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from shellbench.report.data.columns import Column, Line, code, column, error, frame, words
-from shellbench.report.data.evidence import Evidence, Section, given
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import DASHES, Exhibit, Ink
 from shellbench.report.data.ladder import (
     ALIKE,
@@ -32,6 +32,7 @@ from shellbench.report.data.ladder import (
 )
 from shellbench.report.data.notation import Digits, Notation
 from shellbench.report.data.runs import remarks_on
+from shellbench.report.data.section import Section, given
 from shellbench.report.data.table import Note, Table
 from shellbench.report.figures.panel import (
     FOR_SLOPES,
@@ -140,10 +141,7 @@ def consistency_table(cases: Sequence[CaseRuns]) -> Table | None:
             column("drift", "Drift", error),
         ),
         "step_in_time_largest": (column("step_in_time_largest", "Last time step", of_largest),),
-        "alike_largest": (
-            column("alike_largest", "Alike", of_largest),
-            column("alike_runs", "Runs alike", _alike),
-        ),
+        "alike_largest": (column("alike_largest", "Alike", of_largest), column("alike_runs", "Runs alike", _alike)),
         "yardstick_largest": (
             column("yardstick_largest", "From the common run", of_largest),
             column("yardstick_rms", "rms", of_largest),

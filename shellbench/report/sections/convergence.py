@@ -15,8 +15,7 @@ from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import DASHES, Dashes, Exhibit, Ink
 from shellbench.report.data.notation import plain
 from shellbench.report.data.rates import FEWEST, SURFACE_DIMENSION, Abscissa, Course, courses, fitted_rate
-from shellbench.report.data.runs import rows_at_home, suite_title
-from shellbench.report.data.solutions import grouped
+from shellbench.report.data.runs import grouped, rows_at_home, suite_title
 from shellbench.report.figures import panel
 
 AXIS_LABELS: dict[Abscissa, str] = {"unknowns": "unknowns", "seconds": "wall time (s)", "iteration": "iteration"}

@@ -12,11 +12,12 @@ from matplotlib.figure import Figure
 from shellbench.report.data.accuracy import CaseAccuracy, Family, Measure, accuracies, down_to
 from shellbench.report.data.columns import Line, Way, column, count, frame, seconds, size
 from shellbench.report.data.document import makings
-from shellbench.report.data.evidence import Evidence, Section
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import DASHES, Exhibit, Ink
 from shellbench.report.data.notation import MINUS, Notation
 from shellbench.report.data.rates import FEWEST
 from shellbench.report.data.runs import remarks_on
+from shellbench.report.data.section import Section
 from shellbench.report.data.table import Note, Table
 from shellbench.report.figures import panel
 

@@ -11,10 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from shellbench.report.data.accuracy import Family, down_to
-from shellbench.report.data.evidence import Evidence, Section
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import Dashes, Exhibit, Ink, dashes_of
 from shellbench.report.data.notation import duration
 from shellbench.report.data.runs import remarks_on
+from shellbench.report.data.section import Section
 from shellbench.report.figures import panel
 from shellbench.report.sections.engines_table import (
     LEVELS,

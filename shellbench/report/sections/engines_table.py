@@ -24,8 +24,8 @@ from shellbench.report.data.columns import Column, Line, Way, column, error, pre
 from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.notation import TEXT, Notation, duration, rounded
 from shellbench.report.data.rates import yardstick_of
-from shellbench.report.data.runs import headlines, study_of
-from shellbench.report.data.solutions import Known, grouped, heading, theory_words
+from shellbench.report.data.runs import Known, grouped, headlines, study_of
+from shellbench.report.data.solutions import heading, theory_words
 from shellbench.report.data.table import Note, Table
 
 STUDY: Study = "engines"

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from shellbench.bench.judge.row import Row
 from shellbench.report.data.accuracy import SMALLEST, CaseAccuracy, Family, Measure, Point, family, sizes
 from shellbench.report.data.columns import Line, column, frame, share, size, words
-from shellbench.report.data.evidence import Evidence, Section, given
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import Exhibit, Ink, inks
 from shellbench.report.data.kept_data import (
     Apart,
@@ -31,8 +31,8 @@ from shellbench.report.data.kept_data import (
 )
 from shellbench.report.data.notation import Notation
 from shellbench.report.data.rates import known_yardstick
-from shellbench.report.data.runs import headlines
-from shellbench.report.data.solutions import grouped, seed_words
+from shellbench.report.data.runs import grouped, headlines, seed_words
+from shellbench.report.data.section import Section, given
 from shellbench.report.data.table import Table
 from shellbench.report.figures import panel
 from shellbench.report.sections.cost import cost_figure

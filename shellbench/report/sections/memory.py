@@ -20,11 +20,12 @@ from shellbench.report.data.answers import (
     headline_size,
 )
 from shellbench.report.data.columns import Column, Line, Show, column, error, frame, present, words
-from shellbench.report.data.evidence import Evidence, Section, given
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import DASHES, Exhibit, Ink
 from shellbench.report.data.ladder import CaseRuns, Ladder, Run, case_runs
 from shellbench.report.data.notation import Notation, byte_size, quoted
 from shellbench.report.data.runs import remarks_on
+from shellbench.report.data.section import Section, given
 from shellbench.report.data.table import Table
 from shellbench.report.figures.panel import add_legend, draw, entry, finish, open_figure, shade_entry
 from shellbench.report.sections.resolution import of_largest, yardstick_words

@@ -14,8 +14,9 @@ from shellbench.bench.judge.row import Row
 from shellbench.bench.store.record import Record
 from shellbench.protocol.history import HistoryStep
 from shellbench.report.data.columns import column, count, frame, significant
-from shellbench.report.data.evidence import Evidence, Section, given
-from shellbench.report.data.solutions import grouped, solution_name
+from shellbench.report.data.evidence import Evidence
+from shellbench.report.data.runs import grouped, solution_name
+from shellbench.report.data.section import Section, given
 from shellbench.report.data.table import Table
 
 CERTIFIED = "certified_energy"  # in steps of a history, J

@@ -15,9 +15,7 @@ import pandas as pd
 from shellbench.protocol.history import FrameRateStep, ResolutionStep
 from shellbench.report.data.columns import Line, code, column, frame, present, share, words
 from shellbench.report.data.evidence import Evidence
-from shellbench.report.data.ladder import (
-    CaseRuns,
-)
+from shellbench.report.data.ladder import CaseRuns
 from shellbench.report.data.notation import BYTES_A_POINT, TEXT, Notation, byte_size, percent, rounded
 from shellbench.report.data.runs import groups_alike, in_order_of_cases
 from shellbench.report.data.table import Note, Table

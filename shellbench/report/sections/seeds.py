@@ -11,11 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from shellbench.report.data.columns import Column, Line, column, count, share
-from shellbench.report.data.evidence import Evidence, Section
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import Exhibit
 from shellbench.report.data.notation import TEXT, Notation, percent, plain, rounded
 from shellbench.report.data.rates import known_yardstick
 from shellbench.report.data.runs import rows_at_home, run_ids, suite_title
+from shellbench.report.data.section import Section
 from shellbench.report.data.table import Note, Table
 from shellbench.report.figures.panel import SHADE, SMALLEST, add_legend, draw, entry, finish, open_figure, shade_entry
 

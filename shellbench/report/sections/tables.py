@@ -15,19 +15,23 @@ from shellbench.bench.judge.row import Row
 from shellbench.bench.plugins.kinds import headline_of
 from shellbench.bench.store.store import Store
 from shellbench.report.data.columns import Column, Line, column, in_its_unit, present, significant, solution, words
-from shellbench.report.data.evidence import AND, Evidence, Section
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.notation import LATEX_NOTATION, TEXT, Notation, allowance, quoted, rounded
 from shellbench.report.data.runs import (
+    Known,
     compared,
     is_study,
     rows_at_home,
     rows_of,
     rows_of_study,
+    seed_words,
+    solution_name,
     studies_of,
     suite_title,
     suites_of,
 )
-from shellbench.report.data.solutions import BAD, EXPECTED, Known, comparison, seed_words, solution_name, theory_words
+from shellbench.report.data.section import AND, Section
+from shellbench.report.data.solutions import BAD, EXPECTED, comparison, theory_words
 from shellbench.report.data.table import Format, Note, Table
 from shellbench.report.sections.engines_table import STUDY, checked_cases, cross_check_table, is_cross_check
 

@@ -12,8 +12,9 @@ import numpy as np
 import pandas as pd
 
 from shellbench.report.data.columns import code, column
-from shellbench.report.data.evidence import Evidence, Section, given
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.fields import differences, read_fields
+from shellbench.report.data.section import Section, given
 from shellbench.report.data.table import Table
 
 

@@ -14,11 +14,12 @@ from shellbench.bench.catalogue import catalog
 from shellbench.bench.judge.row import Row
 from shellbench.bench.store.record import portrait_of
 from shellbench.report.data.columns import Column, Line, column, frame, present, significant
-from shellbench.report.data.evidence import Evidence, Section, failures, given
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import Exhibit
 from shellbench.report.data.fields import kept_arrays
 from shellbench.report.data.notation import Notation, plain, rounded
-from shellbench.report.data.solutions import grouped, solution_name
+from shellbench.report.data.runs import grouped, solution_name
+from shellbench.report.data.section import Section, failures, given
 from shellbench.report.data.table import Table
 from shellbench.report.figures.shells import Camera, Shell, shapes_figure
 

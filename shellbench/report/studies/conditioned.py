@@ -16,9 +16,10 @@ from shellbench.bench.catalogue import catalog
 from shellbench.bench.judge.row import Row
 from shellbench.bench.store.record import portrait_of
 from shellbench.report.data.columns import Column, column, count, frame, seconds, significant, solution
-from shellbench.report.data.evidence import Evidence, Section, given
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import Exhibit, dashes_of
-from shellbench.report.data.solutions import grouped, solution_name
+from shellbench.report.data.runs import grouped, solution_name
+from shellbench.report.data.section import Section, given
 from shellbench.report.data.table import Table
 from shellbench.report.figures import panel
 
@@ -77,13 +78,10 @@ def section(found: Evidence) -> Section | None:
     if not by_case:
         return None
     suites = dict.fromkeys(one.rows[0].suite for of_case in by_case.values() for one in of_case)
-    remarks = tuple(text for suite in suites if suite in catalog.suite_names() for text in _remarks(str(suite)))
+    names = catalog.suite_names()
+    remarks = tuple(text for suite in suites if suite in names for text in catalog.find_suite(suite or "").remarks)
     figures = tuple(exhibit(of_case, found) for of_case in by_case.values())
     return Section("conditioned", "Conditioned fields", remarks, given(table(by_case)), figures, place="its suites")
-
-
-def _remarks(suite: str) -> tuple[str, ...]:
-    return catalog.find_suite(suite).remarks
 
 
 def conditioned(found: Evidence) -> Iterator[Conditioned]:

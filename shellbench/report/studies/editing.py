@@ -14,8 +14,9 @@ from shellbench.bench.catalogue import catalog
 from shellbench.bench.judge.row import Row
 from shellbench.bench.store.record import portrait_of
 from shellbench.report.data.columns import Column, column, count, frame, significant, words
-from shellbench.report.data.evidence import Evidence, Section, given
-from shellbench.report.data.solutions import grouped, solution_name
+from shellbench.report.data.evidence import Evidence
+from shellbench.report.data.runs import grouped, solution_name
+from shellbench.report.data.section import Section, given
 from shellbench.report.data.table import Table
 
 FIGURES = ("seconds", "seconds_to_energy", "steps", "unknowns", "energy")  # diagnostics, by way

@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 from shellbench.bench.judge.row import Row
 from shellbench.bench.store.record import Record, portrait_of
 from shellbench.report.data.columns import Column, column, count, frame, seconds, significant, words
-from shellbench.report.data.evidence import Evidence, Section, given
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import DASHES, Dashes, Exhibit
 from shellbench.report.data.notation import plain
-from shellbench.report.data.solutions import grouped
+from shellbench.report.data.runs import grouped
+from shellbench.report.data.section import Section, given
 from shellbench.report.data.table import Table
 from shellbench.report.figures import panel
 

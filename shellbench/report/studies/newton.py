@@ -19,11 +19,12 @@ from shellbench.bench.plugins.kinds import portrait_of_named
 from shellbench.bench.store.record import Record, portrait_of
 from shellbench.protocol.picture import Portrait
 from shellbench.report.data.columns import Line, Show, column, present, significant
-from shellbench.report.data.evidence import Evidence, Formula, Section, given
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import Exhibit
 from shellbench.report.data.notation import Notation
-from shellbench.report.data.runs import leading_rows
-from shellbench.report.data.solutions import STATUS_WORDS, grouped, variant_name
+from shellbench.report.data.runs import grouped, leading_rows, variant_name
+from shellbench.report.data.section import Formula, Section, given
+from shellbench.report.data.solutions import STATUS_WORDS
 from shellbench.report.data.table import Note, Table
 from shellbench.report.data.traces import Trace, TracedRun, traced, yardstick
 from shellbench.report.figures.trace_figure import TracePanel, trace_figure

@@ -18,11 +18,12 @@ from matplotlib.figure import Figure
 from shellbench.bench.judge.row import Row
 from shellbench.bench.store.record import Record, portrait_of
 from shellbench.report.data.columns import Column, Line, column, rounded_value, share, words
-from shellbench.report.data.evidence import Evidence, Section, failures
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import Exhibit, Ink
 from shellbench.report.data.fields import read_fields
 from shellbench.report.data.notation import TEXT, Notation, duration, percent, plain, quoted, rounded
 from shellbench.report.data.runs import headlines, in_order_of_cases
+from shellbench.report.data.section import Section, failures
 from shellbench.report.data.solutions import STATUS_WORDS
 from shellbench.report.data.table import Table
 from shellbench.report.figures import panel

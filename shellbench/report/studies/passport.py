@@ -11,10 +11,11 @@ from shellbench.bench.catalogue import catalog
 from shellbench.bench.judge.passport import PROPERTIES, SUITE
 from shellbench.bench.judge.row import Row
 from shellbench.report.data.columns import Line, at_most, column, frame, present, significant, words
-from shellbench.report.data.evidence import Evidence, Section
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import Exhibit
 from shellbench.report.data.notation import Notation, rounded
-from shellbench.report.data.solutions import grouped
+from shellbench.report.data.runs import grouped
+from shellbench.report.data.section import Section
 from shellbench.report.data.table import Table
 from shellbench.report.figures import panel
 from shellbench.report.studies.stiffnesses import Entry, elastica, gamma_of, passport

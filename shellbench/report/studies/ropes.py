@@ -21,13 +21,13 @@ from matplotlib.figure import Figure
 from shellbench.bench.judge.row import Row
 from shellbench.bench.store.record import Record, portrait_of
 from shellbench.report.data.columns import Column, Line, Way, column, frame, significant, solution, words
-from shellbench.report.data.evidence import Evidence, Section, given
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import DASHES, Dashes, Exhibit, Ink
 from shellbench.report.data.fields import Fields, read_ribbon
 from shellbench.report.data.notation import Notation, duration, plain
 from shellbench.report.data.rates import Rate, fitted_rate
-from shellbench.report.data.runs import compared, leading_rows
-from shellbench.report.data.solutions import grouped
+from shellbench.report.data.runs import compared, grouped, leading_rows
+from shellbench.report.data.section import Section, given
 from shellbench.report.data.table import Table
 from shellbench.report.figures import panel
 from shellbench.report.figures.pictures import PICTURE, pictured

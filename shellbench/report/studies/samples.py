@@ -14,9 +14,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from shellbench.report.data.columns import Column, column, frame, significant, words
-from shellbench.report.data.evidence import Evidence, Section, given
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import Exhibit
-from shellbench.report.data.solutions import grouped
+from shellbench.report.data.runs import grouped
+from shellbench.report.data.section import Section, given
 from shellbench.report.data.table import Table
 from shellbench.report.figures import panel
 from shellbench.report.studies.learned import PERCENT, Learned, kept_samples, learned, samples

@@ -18,8 +18,7 @@ from shellbench.bench.store.record import Record, portrait_of
 from shellbench.report.data.columns import column, frame, significant, words
 from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import DASHES, Dashes, Exhibit
-from shellbench.report.data.runs import rows_of_study
-from shellbench.report.data.solutions import grouped
+from shellbench.report.data.runs import grouped, rows_of_study
 from shellbench.report.data.table import Table
 from shellbench.report.figures import panel
 

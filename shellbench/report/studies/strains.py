@@ -27,11 +27,12 @@ from shellbench.report.data.columns import (
     strong,
     words,
 )
-from shellbench.report.data.evidence import Evidence, Section, given
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import DASHES, OKABE_ITO, Ink
 from shellbench.report.data.notation import SUPERSCRIPTS, Notation, quoted
-from shellbench.report.data.runs import rows_of, suite_title
-from shellbench.report.data.solutions import STATUS_WORDS, grouped
+from shellbench.report.data.runs import grouped, rows_of, suite_title
+from shellbench.report.data.section import Section, given
+from shellbench.report.data.solutions import STATUS_WORDS
 from shellbench.report.data.table import Note, Table
 
 SUITE = "strain_ablation"

@@ -18,11 +18,11 @@ from shellbench.bench.catalogue.suite import Study
 from shellbench.bench.store.record import portrait_of
 from shellbench.protocol.picture import Portrait
 from shellbench.report.data.columns import Column, Line, column, error, present, share
-from shellbench.report.data.evidence import Evidence, Section, failures
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import Dashes, Exhibit, Ink, dashes_of
 from shellbench.report.data.notation import MARKDOWN, Notation, anchor, percent, rounded
-from shellbench.report.data.runs import in_study, remarks_on
-from shellbench.report.data.solutions import Known
+from shellbench.report.data.runs import Known, in_study, remarks_on
+from shellbench.report.data.section import Section, failures
 from shellbench.report.data.table import Table
 from shellbench.report.figures.panel import SHADE, add_legend, draw, entry, finish, open_figure, shade_entry
 

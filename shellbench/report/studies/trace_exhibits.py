@@ -20,7 +20,15 @@ from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import Exhibit, Ink
 from shellbench.report.data.fields import Fields, read_fields
 from shellbench.report.data.traces import (
+    APART,
     BALANCE,
+    BUCKLING,
+    CURVE,
+    ENERGY,
+    FILM,
+    FRAMES,
+    MOTION,
+    STATES,
     TracedRun,
     apart,
     frame_at,
@@ -40,15 +48,6 @@ from shellbench.report.figures.shells import Shell, scale_words, shapes_figure
 from shellbench.report.figures.trace_figure import TIME, TracePanel, trace_figure
 from shellbench.report.studies.strains import INKS, STRAIN, STRAINS, SUITE, bending_energies, rolled_figure, strain_rows
 
-CURVE, STATES = "curve_", "states_"  # how names of figures begin
-MOTION, ENERGY, APART, BUCKLING, FRAMES, FILM = CLOTH = (
-    "motion_",
-    "energy_",
-    "apart_",
-    "buckling_",
-    "frames_",
-    "film_",
-)
 FEWEST = 2  # kept states that are worth standing side by side
 MOST_FRAMES = 5  # in a row: every fifth of the time of a motion
 MOST_FILMED, MOST_SOLVERS = 21, 3  # frames of a film, and solvers side by side in it

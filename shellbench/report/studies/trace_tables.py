@@ -26,13 +26,13 @@ from shellbench.report.data.columns import (
     significant,
     words,
 )
-from shellbench.report.data.evidence import Evidence, Section, failures, given
+from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.notation import Notation, rounded
-from shellbench.report.data.runs import leading_rows
-from shellbench.report.data.solutions import BAD, EXPECTED, grouped, verdict
+from shellbench.report.data.runs import grouped, leading_rows
+from shellbench.report.data.section import Section, failures, given
+from shellbench.report.data.solutions import BAD, EXPECTED, verdict
 from shellbench.report.data.table import Note, Table
-from shellbench.report.data.traces import Apart, Phase, apart, portrayed, steps_of
-from shellbench.report.studies.trace_exhibits import CLOTH, CURVE, STATES
+from shellbench.report.data.traces import CLOTH, CURVE, STATES, Apart, Phase, apart, portrayed, steps_of
 
 TIMES = "times_"  # how names of tables by time begin
 GLANCE = significant(2)  # how an error, a drift and a difference are written

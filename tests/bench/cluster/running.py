@@ -1,7 +1,5 @@
 """Running toys on a cluster in tests."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Runs on a cluster: what comes back, and what a lost worker costs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """What docs/cluster.md shows is what works."""
 
-from __future__ import annotations
-
 import ast
 import os
 import re
@@ -120,12 +118,7 @@ def test_the_script_of_the_page_makes_a_sweep(tmp_path: Path, own_case: Path, st
     (tmp_path / "sweep.py").write_text(block("python"), encoding="utf-8")
     command = [sys.executable, "sweep.py", str(own_case), "--solver", "toy", "--solver", "toy-noisy", "--seed", "0", "--seed", "1"]  # fmt: skip
     done = subprocess.run(
-        [*command, "--store", str(store.folder)],
-        cwd=tmp_path,
-        env=place,
-        capture_output=True,
-        text=True,
-        timeout=GUARD,
+        [*command, "--store", str(store.folder)], cwd=tmp_path, env=place, capture_output=True, text=True, timeout=GUARD
     )
     assert (done.returncode, done.stdout.splitlines()[-1]) == (0, "3 solved"), done.stderr
     said = [line for line in done.stderr.splitlines() if line.startswith("shellbench: ")]

@@ -1,7 +1,5 @@
 """What every executor does, whether its runs are made on this machine or on a cluster."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable
 from pathlib import Path

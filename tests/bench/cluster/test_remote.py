@@ -1,7 +1,5 @@
 """What a worker does with an order."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace

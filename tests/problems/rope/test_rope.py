@@ -20,12 +20,7 @@ def like(**changes):
 
 
 def asked(nodes, tensions):
-    return {
-        "sag": nodes[4, 1],
-        "first_node_x": nodes[1, 0],
-        "end_tension": tensions[0],
-        "middle_tension": tensions[4],
-    }
+    return {"sag": nodes[4, 1], "first_node_x": nodes[1, 0], "end_tension": tensions[0], "middle_tension": tensions[4]}
 
 
 def test_the_judges_are_the_discrete_catenary():

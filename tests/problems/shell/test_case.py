@@ -1,6 +1,7 @@
 """Case files: data that is read into a case, or refused in one sentence."""
 
 import copy
+import re
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from shellbench.errors import InputError
 from shellbench.problems.shell.case import build_case, read_case
 from shellbench.problems.shell.question.places import Edge, Point, Whole
 from shellbench.protocol.schema import read_toml
+from tests import families
 
 PLATE = read_toml(catalog.data_folder("cases") / "square_plate.toml")
 
@@ -23,12 +25,7 @@ def changed(change):
 
 
 def refusal(change):
-    with pytest.raises(InputError) as caught:
-        build_case(changed(change), name="plate", where="plate.toml")
-    message = str(caught.value)
-    assert message.startswith("plate.toml: ")
-    assert "\n" not in message
-    return message
+    return families.refusal(PLATE, change)
 
 
 def test_every_case_of_the_suite_is_read():
@@ -156,22 +153,35 @@ def paths(data, prefix=()):
         yield from paths(value, (*prefix, key))
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(st.sampled_from(sorted(paths(PLATE), key=str)), VALUES)
-def test_a_fuzzed_case_is_a_case_or_a_clear_sentence(path, value):
-    data = copy.deepcopy(PLATE)
+NAPKIN = read_toml(catalog.data_folder("cases") / "napkin_plane.toml")
+FUZZED = {  # cases, and what of them is changed
+    "plate": (PLATE, PLATE.keys()),
+    "roof": (read_toml(catalog.data_folder("cases") / "hinged_roof_thick.toml"), {"path", "loads", "quantities"}),
+    "napkin": (NAPKIN, {"dynamics", "springs", "supports", "loads", "quantities", "material"}),
+}
+
+
+@pytest.mark.parametrize("name", FUZZED)
+@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(drawn=st.data())
+def test_a_fuzzed_case_is_a_case_or_a_clear_sentence(name, drawn):
+    data, parts = copy.deepcopy(FUZZED[name][0]), FUZZED[name][1]
+    *outer, last = drawn.draw(st.sampled_from(sorted((place for place in paths(data) if place[0] in parts), key=str)))
     place = data
-    for key in path[:-1]:
+    for key in outer:
         place = place[key]
-    place[path[-1]] = value
+    place[last] = drawn.draw(VALUES)
     try:
-        assert len(build_case(data, name="plate", where="plate.toml").digest()) == 64
+        case = build_case(data, name=name, where="case.toml")
     except InputError as error:
-        message = str(error)
+        refused = str(error)
     else:
+        assert len(case.digest()) == 64
+        if name == "roof" or case.dynamics is not None:
+            assert all(0 < state <= (case.dynamics or case.path).until for state in case.states)
+        assert np.all(case.spring_stiffness(case.surface.domain.grid(5, 5)) >= 0)
         return
-    assert message.startswith("plate.toml: ")
-    assert "\n" not in message
+    assert re.fullmatch(r"case\.toml: [^\n]*", refused)
 
 
 @settings(max_examples=100, deadline=None)
@@ -261,17 +271,6 @@ SHEET = read_toml(catalog.data_folder("cases") / "rolled_plate.toml")
 MOULD = {"name": "mould", "on": ["surface"], "motion": {"kind": "value", "z": "t*xi1**2"}}
 
 
-def nonlinear_refusal(data, change):
-    data = copy.deepcopy(data)
-    change(data)
-    with pytest.raises(InputError) as caught:
-        build_case(data, name="case", where="case.toml")
-    message = str(caught.value)
-    assert message.startswith("case.toml: ")
-    assert "\n" not in message
-    return message
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -307,7 +306,7 @@ def nonlinear_refusal(data, change):
     ],
 )  # fmt: skip
 def test_an_impossible_path_is_one_sentence(change, words):
-    message = nonlinear_refusal(ROOF, change)
+    message = families.refusal(ROOF, change)
     for word in words:
         assert word in message
 
@@ -334,7 +333,7 @@ def test_an_impossible_path_is_one_sentence(change, words):
     ],
 )  # fmt: skip
 def test_what_is_prescribed_everywhere_is_prescribed_whole(change, words):
-    message = nonlinear_refusal(SHEET, change)
+    message = families.refusal(SHEET, change)
     for word in words:
         assert word in message
 
@@ -382,25 +381,6 @@ def test_the_whole_surface_takes_a_value_with_all_its_derivatives():
     }  # fmt: skip
     for key, value in expected.items():
         assert np.allclose(motion[key], np.stack(value, axis=-1), rtol=1e-14, atol=1e-15)
-
-
-@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(st.sampled_from(sorted((p for p in paths(ROOF) if p[0] in {"path", "loads", "quantities"}), key=str)), VALUES)
-def test_a_fuzzed_path_is_a_case_or_a_clear_sentence(path, value):
-    data = copy.deepcopy(ROOF)
-    place = data
-    for key in path[:-1]:
-        place = place[key]
-    place[path[-1]] = value
-    try:
-        case = build_case(data, name="roof", where="roof.toml")
-    except InputError as error:
-        message = str(error)
-    else:
-        assert all(0 < state <= case.path.until for state in case.states)
-        return
-    assert message.startswith("roof.toml: ")
-    assert "\n" not in message
 
 
 def test_a_load_that_is_infinite_on_the_way_is_one_sentence():

@@ -5,37 +5,18 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from shellbench.bench.catalogue import catalog
-from shellbench.errors import InputError
 from shellbench.problem import Step
-from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.quantities.measure import measure
 from shellbench.protocol.schema import read_toml
-from tests.problems.shell.test_case import VALUES, paths
+from tests.families import altered, refusal
 
 CASES = catalog.data_folder("cases")
 FALL = read_toml(CASES / "free_fall.toml")
 NAPKIN = read_toml(CASES / "napkin_plane.toml")
 MOVED = read_toml(CASES / "napkin_moving_corners.toml")
 SLEEVE = read_toml(CASES / "sleeve_twist.toml")
-
-
-def build(data, change=lambda d: None):
-    data = copy.deepcopy(data)
-    change(data)
-    return build_case(data, name="case", where="case.toml")
-
-
-def refusal(data, change):
-    with pytest.raises(InputError) as caught:
-        build(data, change)
-    message = str(caught.value)
-    assert message.startswith("case.toml: ")
-    assert "\n" not in message
-    return message
 
 
 def ask(**quantity):
@@ -131,7 +112,7 @@ def test_supports_start_at_rest(change, words):
 
 @pytest.mark.parametrize("ramp", ["t**2", "t**3*(10 - 15*t + 6*t**2)", "1 - cos(3*t)", "t*tanh(t)"])
 def test_a_smooth_ramp_starts_at_rest(ramp):
-    assert build(MOVED, corner([ramp, 0, 0])).supports[0].motion.vector[0] == ramp
+    assert altered(MOVED, corner([ramp, 0, 0])).supports[0].motion.vector[0] == ramp
 
 
 @pytest.mark.parametrize(
@@ -150,14 +131,14 @@ def test_the_total_energy_is_asked_for_only_where_loads_are_constant_and_spread_
         data["loads"].append(load)
         data["quantities"] = [q for q in data["quantities"] if q["kind"] != "total_energy"]
 
-    assert build(FALL, change).loads[1].kind == load["kind"]
+    assert altered(FALL, change).loads[1].kind == load["kind"]
 
     def asked(data):
         change(data)
         ask(kind="total_energy", at=0.5)(data)
 
     if admissible:
-        assert build(FALL, asked).quantity("more").unit == "J"
+        assert altered(FALL, asked).quantity("more").unit == "J"
     else:
         assert "'more' needs supports at rest" in refusal(FALL, asked)
 
@@ -166,43 +147,43 @@ def test_loads_may_act_from_the_start_and_change_in_time():
     wind = {"kind": "area", "vector": ["0.3*sin(2*t + 1)", 0, 0]}
     data = copy.deepcopy(FALL)
     data["quantities"] = [q for q in data["quantities"] if q["kind"] != "total_energy"]
-    assert len(build(data | {"loads": [*FALL["loads"], wind]}).loads) == 2
+    assert len(altered(data | {"loads": [*FALL["loads"], wind]}).loads) == 2
 
 
 def test_a_case_in_motion_is_kept_at_the_times_asked_for():
-    case = build(FALL, lambda d: d["dynamics"].update(until=1.5, states=[0.25, 0.5]))
+    case = altered(FALL, lambda d: d["dynamics"].update(until=1.5, states=[0.25, 0.5]))
     assert case.states == (0.25, 0.5, 1.0, 1.5)
-    assert build(FALL).dynamics.until == 1.0
+    assert altered(FALL).dynamics.until == 1.0
     assert catalog.named_case("square_plate").dynamics is None
 
 
 def test_what_moves_needs_no_support_and_what_rests_does():
-    assert build(FALL).supports == ()
+    assert altered(FALL).supports == ()
     assert "singular" in refusal(FALL, lambda d: (d.pop("dynamics"), d.update(theory="kirchhoff-love-linear",
         loads=[{"kind": "area", "vector": [0, 0, 1]}], quantities=[q | {"at": 1.0} for q in d["quantities"][:1]])))  # fmt: skip
 
 
 def test_plane_motion_holds_one_component_everywhere():
-    case = build(NAPKIN)
+    case = altered(NAPKIN)
     assert case.held_everywhere == (2,)
     assert not case.prescribed
-    assert build(FALL).held_everywhere == ()
+    assert altered(FALL).held_everywhere == ()
     edge = {"name": "edge", "on": ["xi1_min"], "components": ["y", "z"]}
     assert "z on 'xi1_min' is held on the whole surface already" in refusal(
         NAPKIN, lambda d: d["supports"].append(edge)
     )
-    both = build(NAPKIN, lambda d: d["supports"].append(edge | {"components": ["y"]}))
+    both = altered(NAPKIN, lambda d: d["supports"].append(edge | {"components": ["y"]}))
     assert both.held_everywhere == (2,)
 
 
 def test_springs_add_up_by_component():
-    case = build(NAPKIN, lambda d: d["springs"].append({"name": "bed", "stiffness": "3*xi2", "components": ["z"]}))
+    case = altered(NAPKIN, lambda d: d["springs"].append({"name": "bed", "stiffness": "3*xi2", "components": ["z"]}))
     k = case.spring_stiffness([[0.0, 1.0], [0.1, 1.0], [1.0, 0.5]])
     soft = 2e4 * np.exp(-(0.1**2) / (2 * 0.05**2))
     assert k[0] == pytest.approx([2e4, 2e4, 2e4 + 3])
     assert k[1] == pytest.approx([soft, soft, soft + 3])
     assert k[2] == pytest.approx([0, 0, 1.5], abs=1e-30)
-    assert np.all(build(FALL).spring_stiffness(np.zeros((2, 3, 2))) == np.zeros((2, 3, 3)))
+    assert np.all(altered(FALL).spring_stiffness(np.zeros((2, 3, 2))) == np.zeros((2, 3, 3)))
 
 
 def test_springs_and_plane_motion_belong_to_what_moves():
@@ -229,9 +210,9 @@ def test_the_physics_knows_motions_springs_and_buckling():
         (NAPKIN, [lambda d: d["springs"][0].update(stiffness=1.0), lambda d: d["springs"][0].update(components=["x"])]),
         (SLEEVE, [lambda d: d["path"].update(after_buckling="stop"), lambda d: d["quantities"][1].update(scale=2)]),
     ):
-        base = build(data).digest()
+        base = altered(data).digest()
         for change in changes:
-            assert build(data, change).digest() != base
+            assert altered(data, change).digest() != base
 
 
 @pytest.mark.parametrize(
@@ -280,7 +261,7 @@ class Told:
 
 
 def test_the_potential_energy_of_a_linear_shell_is_that_of_the_last_step():
-    case = build(read_toml(CASES / "bent_plate.toml"))
+    case = altered(read_toml(CASES / "bent_plate.toml"))
     steps = [Step(k, 0.0, energy, 1, at) for k, (energy, at) in enumerate([(-3.0, 1.0), (-2.0, 1.0), (-9.0, 0.5)])]
     assert measure(Told(case, tuple(steps)), case.quantity("potential_energy")) == -2.0
     with pytest.raises(ValueError, match="no state at 1"):
@@ -288,28 +269,5 @@ def test_the_potential_energy_of_a_linear_shell_is_that_of_the_last_step():
 
 
 def test_a_critical_point_marks_no_state():
-    case = build(SLEEVE)
+    case = altered(SLEEVE)
     assert case.states == (0.05, 0.08, 0.1, 0.15, 0.2, 0.3, 0.5)
-
-
-KEPT = ("dynamics", "springs", "supports", "loads", "quantities", "material")
-
-
-@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(st.sampled_from(sorted((p for p in paths(NAPKIN) if p[0] in KEPT), key=str)), VALUES)
-def test_a_fuzzed_motion_is_a_case_or_a_clear_sentence(path, value):
-    data = copy.deepcopy(NAPKIN)
-    place = data
-    for key in path[:-1]:
-        place = place[key]
-    place[path[-1]] = value
-    try:
-        case = build_case(data, name="napkin", where="napkin.toml")
-    except InputError as error:
-        message = str(error)
-    else:
-        assert case.dynamics is None or all(0 < state <= case.dynamics.until for state in case.states)
-        assert np.all(case.spring_stiffness(case.surface.domain.grid(5, 5)) >= 0)
-        return
-    assert message.startswith("napkin.toml: ")
-    assert "\n" not in message

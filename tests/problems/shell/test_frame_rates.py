@@ -1,7 +1,5 @@
 """Frame rates: what straight lines between frames add, against motions of the first and second degree."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What a solution says of its uncertainty, beside what each figure says by itself."""
 
-from __future__ import annotations
-
 import pytest
 
 from shellbench.bench.catalogue.catalog import named_case

@@ -1,23 +1,13 @@
 """Modes as a question: what a case must say, and one sentence for each slip."""
 
-import copy
-
 import pytest
 
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.plugins.kinds import headline_of
 from shellbench.errors import InputError
-from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.records.portrait import ShellPortrait
 from shellbench.solvers.ndf.published_solver import PublishedSolver
-
-
-def built(name, change):
-    data = copy.deepcopy(catalog.named_case(name).data())
-    data.pop("name", None)
-    change(data)
-    return build_case(data, "mine", "mine.toml")
-
+from tests.families import altered
 
 SLIPS = {
     "no mass": ("plate_modes", lambda d: d["material"].pop("areal_density"), "needs a mass"),
@@ -34,7 +24,7 @@ SLIPS = {
 def test_a_slip_is_one_sentence(slip):
     name, change, words = SLIPS[slip]
     with pytest.raises(InputError, match=words) as raised:
-        built(name, change)
+        altered(catalog.named_case(name).data(), change)
     assert "\n" not in str(raised.value)
 
 

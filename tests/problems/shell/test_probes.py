@@ -1,7 +1,5 @@
 """Probes: the same for all, on no grid, and evenly spread."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,31 +1,22 @@
 """Stress resultants as a question: one sentence for each slip, components, means, and the question asked otherwise."""
 
-import copy
-
 import numpy as np
 import pytest
 
 from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
 from shellbench.problem import declined_quantities
-from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.quantities.quantities import ResultantQuantity
 from shellbench.solvers.cst.solver import CstSolver
 from shellbench.solvers.fem.mechanics.resultants import patch
 from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.solver import FemSolver
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
+from tests.families import altered
 
 PUSH = {"kind": "point", "on": ["aside"], "force": [0, 0, 1]}
 PIN = {"name": "pin", "on": ["aside"], "components": ["z"]}
 MOTION = {"until": 1.0}
-
-
-def built(name, change):
-    data = copy.deepcopy(catalog.named_case(name).data())
-    data.pop("name", None)
-    change(data)
-    return build_case(data, "mine", "mine.toml")
 
 
 SLIPS = {
@@ -45,7 +36,7 @@ SLIPS = {
 def test_a_slip_is_one_sentence(slip):
     change, words = SLIPS[slip]
     with pytest.raises(InputError, match=words) as raised:
-        built("resultants_plate", change)
+        altered(catalog.named_case("resultants_plate").data(), change)
     assert "\n" not in str(raised.value)
 
 
@@ -55,7 +46,7 @@ def test_a_point_load_on_an_edge_refuses_its_mean():
         data["loads"].append({**PUSH, "on": ["on_edge"]})
 
     with pytest.raises(InputError, match="has no value on 'xi2_max'"):
-        built("resultants_clamped_plate", change)
+        altered(catalog.named_case("resultants_clamped_plate").data(), change)
 
 
 def test_infinite_moments_at_an_obtuse_corner_are_refused():
@@ -65,7 +56,7 @@ def test_infinite_moments_at_an_obtuse_corner_are_refused():
         }  # fmt: skip
         data["quantities"][0]["on"] = ["xi1_max,xi2_min"]
 
-    case = built("resultants_plate", change)
+    case = altered(catalog.named_case("resultants_plate").data(), change)
     name = case.quantities[0].name
     assert "grow without bound toward the corner" in declined_quantities(FemSolver(), case)[name]
     assert "corner" in declined_quantities(RitzSolver(), case)[name]
@@ -91,7 +82,7 @@ def test_a_mean_along_an_arc_is_by_its_length():
     def change(data):
         data["quantities"][0]["on"] = ["xi2_min"]
 
-    case = built("resultants_roof", change)
+    case = altered(catalog.named_case("resultants_roof").data(), change)
     points, weights = case.quantities[0].rule(case)
     assert weights.sum() == pytest.approx(1)
     assert weights @ points == pytest.approx([np.pi / 2, 0])
@@ -109,7 +100,7 @@ def test_axes_and_signs_in_other_coordinates():
     def forces_alone(data):
         data["quantities"] = data["quantities"][:2]
 
-    swapped = catalog.variant_of(built("resultants_roof", forces_alone), "swapped")
+    swapped = catalog.variant_of(altered(catalog.named_case("resultants_roof").data(), forces_alone), "swapped")
     assert swapped.quantity("edge_force").component == "11"
     assert catalog.variant_of(plate, "oblique").quantity("moment_11").component == "11"
 

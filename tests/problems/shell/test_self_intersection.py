@@ -1,7 +1,5 @@
 """A surface that passes through itself is found where geometry says so, and nothing is found elsewhere."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Series: what a record keeps of a motion, against free fall in closed form; of a path its torques."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +7,9 @@ import pytest
 
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.run.worker import run
-from shellbench.bench.store.environment import environment
 from shellbench.bench.store.measuring import measured
-from shellbench.bench.store.record import Identity, Record
-from shellbench.bench.store.task import Task, case_data
+from shellbench.bench.store.record import Record
+from shellbench.bench.store.task import case_data
 from shellbench.errors import InputError
 from shellbench.problem import Step
 from shellbench.problems.shell.case import Case, build_case
@@ -21,6 +18,7 @@ from shellbench.problems.shell.records.sampling import PICTURE
 from shellbench.problems.shell.records.series import FRAMES, SAMPLES, asked_series, frames, reached, series_of
 from tests.bench import spring
 from tests.bench.falling import REASON, STEPS, FallSolution
+from tests.bench.running import task_of
 from tests.bench.spring import SpringSolution
 
 G, RHO = 9.8, 0.144
@@ -41,21 +39,7 @@ def fall() -> Case:
 
 def record_of(case: Case, solver: str, folder: Path) -> Record:
     """Run one of the falling solvers, as the worker does."""
-    task = Task(
-        run_id="fall",
-        created="2000-01-01T00:00:00Z",
-        identity=Identity(
-            case=case.digest(), solver="falling", source="0", settings={}, seed=None, device="cpu", dtype="float64"
-        ),
-        target=f"tests.bench.falling:{solver}",
-        case_name=case.name,
-        case=case_data(case),
-        own_case=True,
-        settings={},
-        solver_label="",
-        environment=environment(),
-    )
-    return run(task, folder, lambda progress: None)
+    return run(task_of(case, f"tests.bench.falling:{solver}"), folder, lambda progress: None)
 
 
 def test_the_series_of_free_fall_are_its_closed_form(fall: Case) -> None:

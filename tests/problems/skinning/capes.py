@@ -1,7 +1,5 @@
 """Small capes, simulated in milliseconds."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from shellbench.problems.skinning.case import SkinningCase

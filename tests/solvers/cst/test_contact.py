@@ -6,7 +6,8 @@ import pytest
 from shellbench.errors import InputError
 from shellbench.solvers.cst.contact import STIFFNESS, Pressing
 from shellbench.solvers.cst.solver import CstSolver
-from tests.solvers.cst.shells import CLOTH, cloth, plate
+from tests.problems.shell.stated_shells import plate
+from tests.solvers.cst.shells import CLOTH, cloth
 
 RISING = {"kind": "plane", "centre": [0, 0, "t**2 - 0.001"], "normal": [0, 0, 1]}
 BALL = {"kind": "sphere", "centre": [0.4, 0.6, -0.31], "radius": 0.3}

@@ -3,7 +3,8 @@ import pytest
 
 from shellbench.solvers.cst.mesh import TriangleMesh
 from shellbench.solvers.cst.problem import TriangleProblem
-from tests.solvers.cst.shells import RIM, cloth, cylinder, plate
+from tests.problems.shell.stated_shells import RIM, plate
+from tests.solvers.cst.shells import cloth, cylinder
 
 PIN = {"name": "pin", "stiffness": "100*(1 + xi1)", "components": ["x", "z"]}
 

@@ -7,7 +7,8 @@ from scipy.spatial.transform import Rotation
 from shellbench.solvers.cst.elastic import Elastic, Pattern
 from shellbench.solvers.cst.elements import fold, fold_gradient, fold_hessian
 from shellbench.solvers.cst.mesh import TriangleMesh
-from tests.solvers.cst.shells import CLOTH, UNIT, cloth, cylinder, plate
+from tests.problems.shell.stated_shells import UNIT, plate
+from tests.solvers.cst.shells import CLOTH, cloth, cylinder
 
 STEP = 1e-6
 

@@ -4,7 +4,8 @@ import pytest
 from shellbench.errors import InputError
 from shellbench.solvers.cst.solver import CstSolver
 from tests.alike import alike
-from tests.solvers.cst.shells import GRAVITY, RIM, cloth, cylinder, plate
+from tests.problems.shell.stated_shells import RIM, plate
+from tests.solvers.cst.shells import GRAVITY, cloth, cylinder
 
 EDGE = {"name": "edge", "on": ["xi1_min"]}
 

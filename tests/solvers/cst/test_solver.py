@@ -6,7 +6,8 @@ from shellbench.solvers.cst.settings import CstSettings
 from shellbench.solvers.cst.solver import CstSolver
 from shellbench.solvers.cst.solving import usual_cells
 from tests.alike import alike
-from tests.solvers.cst.shells import PLATE, cloth, cylinder, plate
+from tests.problems.shell.stated_shells import STEEL, plate
+from tests.solvers.cst.shells import cloth, cylinder
 
 
 def test_it_is_found_like_any_solver():
@@ -48,9 +49,9 @@ def test_a_mesh_that_is_turned_gives_the_answer_turned():
 
 def test_thickness_and_modulus_scale_the_answer_as_they_must():
     """Bending goes with 1/(E h^3)."""
-    thick = PLATE | {"thickness": 0.02, "youngs_modulus": 3e7}
+    thick = STEEL | {"thickness": 0.02, "youngs_modulus": 3e7}
     one, other = (
-        CstSolver().solve(plate(material=m), {"cells": (6, 6)}).displacement([0.5, 0.5])[2] for m in (PLATE, thick)
+        CstSolver().solve(plate(material=m), {"cells": (6, 6)}).displacement([0.5, 0.5])[2] for m in (STEEL, thick)
     )
     assert one / other == pytest.approx(3 * 2**3, rel=1e-9)
 

@@ -4,10 +4,11 @@ import pytest
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.solvers.cst.solver import CstSolver
-from tests.solvers.cst.shells import PLATE, RIM, cylinder, largest, plate
+from tests.problems.shell.stated_shells import RIM, STEEL, plate
+from tests.solvers.cst.shells import cylinder, largest
 
 LOAD = 1e-3  # N/m^2
-B = PLATE["youngs_modulus"] * PLATE["thickness"] ** 3 / 12
+B = STEEL["youngs_modulus"] * STEEL["thickness"] ** 3 / 12
 
 
 def solved(case, **settings):
@@ -75,7 +76,7 @@ def test_a_closed_cylinder_under_pressure_widens_as_a_membrane():
     loads = [{"kind": "pressure", "value": -1.0}]
     case = cylinder(supports=[], loads=loads, remove_rigid_motions=[f"{k}_{c}" for k in ("translation", "rotation") for c in "xyz"])  # fmt: skip
     solution = solved(case, cells=(64, 8))
-    expected = 1.0 * 2.0**2 / (PLATE["youngs_modulus"] * PLATE["thickness"])
+    expected = 1.0 * 2.0**2 / (STEEL["youngs_modulus"] * STEEL["thickness"])
     u = solution.displacement(case.surface.domain.grid(9, 5))
     np.testing.assert_allclose(np.hypot(u[..., 0], u[..., 2]), expected, rtol=5e-3)
 

@@ -7,28 +7,11 @@ from skfem.element import ElementQuadBFS
 
 from shellbench.solvers.fem.mesh.mesh import CORNERS, KINDS, axis_functions, kind_scales, tabulate
 
-DERIVATIVES = [(0, 0), (1, 0), (0, 1), (2, 0), (0, 2), (1, 1)]
-
 
 def test_each_function_carries_one_nodal_value():
     corners = np.array(CORNERS, dtype=float)
     values = np.stack([tabulate(corners, kind) for kind in KINDS], axis=1)  # at corner, of kind: by corner and kind
     assert np.array_equal(values.reshape(16, 16), np.eye(16))
-
-
-def test_bicubic_polynomials_are_reproduced():
-    rng = np.random.default_rng(0)
-    c = rng.normal(size=(4, 4))
-    poly = np.polynomial.polynomial
-    points = rng.uniform(size=(20, 2))
-
-    def derivative(at, kind):
-        d = poly.polyder(poly.polyder(c, kind[0], axis=0), kind[1], axis=1)
-        return poly.polyval2d(at[:, 0], at[:, 1], d)
-
-    nodal = np.stack([derivative(np.array(CORNERS, dtype=float), kind) for kind in KINDS], axis=1)
-    for kind in DERIVATIVES:
-        assert np.allclose(np.sum(tabulate(points, kind) * nodal, axis=(1, 2)), derivative(points, kind), atol=1e-12)
 
 
 def test_derivatives_of_cubics_against_differences():

@@ -144,10 +144,7 @@ class AnalyticSurface(Model):
         return Domain(
             lower=(float(bounds[0][0]), float(bounds[1][0])),
             upper=(float(bounds[0][1]), float(bounds[1][1])),
-            periodic=(
-                "xi1" in self.periodic_coordinates,
-                "xi2" in self.periodic_coordinates,
-            ),
+            periodic=("xi1" in self.periodic_coordinates, "xi2" in self.periodic_coordinates),
             angle=(angle[0], angle[1]),
         )
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pandas as pd
 
 from shellbench.report.data.columns import Column
-from shellbench.report.data.evidence import Evidence, Section
+from shellbench.report.data.evidence import Evidence
+from shellbench.report.data.section import Section
 from shellbench.report.data.table import Table
 
 
