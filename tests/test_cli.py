@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -318,8 +319,13 @@ def test_list_says_what_there_is(shellbench) -> None:
     assert solvers["toy-noisy"]["seeded"]
     assert {s["name"] for s in solvers["toy"]["settings"]} == {"behaviour", "factor", "gate", "seconds", "dtype"}
     assert "No module named" in solvers["toy-broken"]["reason"]
-    text = shellbench("list")[1]
+    text = shellbench("list", "--all")[1]
     assert all(word in text for word in ("strip", "toys", "toy-noisy", "closed form of a strip"))
+    text = shellbench("list")[1]
+    assert re.search(r"shell\ntoys +1 +", text)
+    assert re.search(r"shell +.*toy, toy-noisy", text)
+    assert "No module named" in text
+    assert "1 case: `shellbench list --all` has a line for each" in text
 
 
 def test_vtu_without_pyvista_names_the_extra(solved, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -44,9 +44,10 @@ def list_command(
         ),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
+    every: Annotated[bool, typer.Option("--all", help="A line for each case, suite and solver.")] = False,
     wide: WideOption = False,
 ) -> None:
-    """List the cases, the suites and the solvers; with a name, all about that one.
+    """List suites and solvers by kind of problem; with a name, all about that one.
 
     Of a case that is its question, what is known of each quantity, and what each solver is allowed; of a suite its
     cases and runs; of a solver its settings, what it declines, and its tolerances.
@@ -57,13 +58,16 @@ def list_command(
 
         shellbench list scordelis_lo@oblique --json
     """
-    from shellbench.bench.catalogue import about, listing
+    from shellbench.bench.catalogue import listing
 
     with plugins_are_input():
         if name is None:
-            typer.echo(listing.as_json() if json else listing.as_text(text_width(wide)))
-        else:
-            typer.echo(about.as_json(name) if json else about.as_text(name))
+            text = listing.as_text if every else listing.overview
+            typer.echo(listing.as_json() if json else text(text_width(wide)))
+            return
+        from shellbench.bench.catalogue import about
+
+        typer.echo(about.as_json(name) if json else about.as_text(name))
 
 
 @contextlib.contextmanager

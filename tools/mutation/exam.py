@@ -104,7 +104,7 @@ def first_red(question: Question) -> str:
     from shellbench.bench.store.store import Store
 
     _look_at_nothing_else(question)
-    gates.check_lock = lambda: LockCheck(0, 0)
+    gates.check_lock = lambda suites: LockCheck(0, 0)
     with tempfile.TemporaryDirectory() as folder:
         store = Store(Path(folder))
         plan = make_plan(Request((question.case,), (), (question.solver,), {}, (0,)), store.read())

@@ -25,7 +25,7 @@ from shellbench.bench.catalogue.reference import (
     read_tolerances,
 )
 from shellbench.bench.catalogue.suite import Suite, read_suite
-from shellbench.bench.plugins.kinds import find_kind, read_problem
+from shellbench.bench.plugins.kinds import find_kind, kind_name, read_problem
 from shellbench.bench.plugins.registry import OWN, refuse_without_package
 from shellbench.errors import InputError
 from shellbench.problem import VARIANT, Problem
@@ -91,9 +91,21 @@ def own_suite_names() -> list[str]:
 
 
 @cache
+def _named_by(name: str) -> tuple[str, tuple[str, ...]]:
+    """Return the kind and the suites that a case's file names; the rest of it is not checked."""
+    data = read_toml(case_file(name))
+    return kind_name(data), tuple(map(str, data.get("suites", ())))
+
+
+def kind_named_by(name: str) -> str:
+    """Return the kind of problem that a case's file names."""
+    return _named_by(name)[0]
+
+
+@cache
 def suites_named_by(name: str) -> tuple[str, ...]:
-    """Return the suites to which a case says that it belongs, and those that ask it; the rest of it is not checked."""
-    return (*map(str, read_toml(case_file(name)).get("suites", ())), *_asked_by(name))
+    """Return the suites to which a case says that it belongs, and those that ask it."""
+    return (*_named_by(name)[1], *_asked_by(name))
 
 
 def _asked_by(case: str) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import defaultdict
 from io import StringIO
 from typing import Any
 
@@ -11,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from shellbench.bench.catalogue import catalog
+from shellbench.bench.plugins.kinds import kinds_of_theories
 from shellbench.bench.plugins.outside import described
 from shellbench.bench.plugins.registry import OWN, SolverEntry, solver_entries
 from shellbench.errors import InputError, ShellbenchError
@@ -87,6 +89,42 @@ def as_json() -> str:
     return json.dumps(contents(), indent=1)
 
 
+def overview(width: int | None = None) -> str:
+    """Return suites and solvers by kind of problem as text, a line for each suite. No case is built for it."""
+    kinds, cases = (
+        {name: catalog.kind_named_by(name) for name in catalog.case_names()},
+        defaultdict[str, list[str]](list),
+    )
+    for name in kinds:
+        for suite in catalog.suites_named_by(name):
+            cases[suite].append(name)
+    suites = defaultdict[str, list[tuple[str, str, str]]](list)
+    for name in catalog.suite_names():
+        of, count = kinds[cases[name][0]] if cases[name] else "variants", str(len(cases[name]) or "")
+        suites[of].append((name, count, catalog.find_suite(name).title + _from(catalog.package_of_suite(name))))
+    solvers, unusable = defaultdict[str, list[str]](list), list[str]()
+    for solver in (list_solver(entry) for entry in solver_entries().values()):
+        if not solver["available"]:
+            unusable.append(solver["reason"])
+        for kind in kinds_of_theories(solver["theories"]) if solver["available"] else ():
+            solvers[kind].append(solver["name"])
+    console = Console(file=StringIO(), width=width or WIDTH)
+    table = _table("", "suite", "cases", "title")
+    for kind in sorted(suites, key=lambda kind: -len(suites[kind])):
+        table.add_row(f"[bold]{escape(kind)}[/bold]")
+        for row in suites[kind]:
+            table.add_row(*map(escape, row))
+    console.print(table)
+    table = _table("", "kind", "solvers")
+    for kind in sorted(solvers, key=lambda kind: -len(solvers[kind])):
+        table.add_row(escape(kind), escape(", ".join(solvers[kind])))
+    console.print()
+    console.print(table)
+    count = "1 case" if len(kinds) == 1 else f"{len(kinds)} cases"
+    hint = f"{count}: `shellbench list --all` has a line for each,\n`shellbench list NAME` says all about one."
+    return "\n".join([_printed(console), "", *unusable, hint])
+
+
 def as_text(width: int | None = None) -> str:
     """Return what there is as text; names and titles alone where a width is given that has no room for more."""
     found = contents()
@@ -116,10 +154,15 @@ def as_text(width: int | None = None) -> str:
     for table in (cases, suites, solvers):
         console.print(table)
         console.print()
+    more = ["", "`shellbench list NAME` says all about one; --wide shows more columns."] if narrow else []
+    return "\n".join([_printed(console), *more])
+
+
+def _printed(console: Console) -> str:
+    """Return what a console has written into its text, without trailing blanks."""
     file = console.file
     assert isinstance(file, StringIO)
-    more = ["", "`shellbench list NAME` says all about one; --wide shows more columns."] if narrow else []
-    return "\n".join([*(line.rstrip() for line in file.getvalue().rstrip().splitlines()), *more])
+    return "\n".join(line.rstrip() for line in file.getvalue().rstrip().splitlines())
 
 
 def _table(title: str, *columns: str) -> Table:

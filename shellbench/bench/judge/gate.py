@@ -143,7 +143,7 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
         cost=tuple(cost_findings(baseline, records) if baseline else ()),
         scope=scope,
         baseline=baseline is not None,
-        lock=check_lock(),
+        lock=check_lock(scope.suites),
         warnings=(*notes, *noted.damaged, *bad_claims),
         beyond=more,
         claims=tuple(claims),

@@ -15,7 +15,7 @@ from __future__ import annotations
 import contextlib
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -113,6 +113,8 @@ class LockCheck:
         What makes the exam easier or another one, one sentence each; the gate is then red.
     unlocked
         What makes it harder and is not locked yet, one clause each.
+    part
+        Whether only what some suites ask was compared.
     """
 
     cases: int
@@ -120,6 +122,7 @@ class LockCheck:
     version: int | None = None
     broken: tuple[str, ...] = ()
     unlocked: tuple[str, ...] = ()
+    part: bool = False
 
 
 def lock_path() -> Path:
@@ -127,22 +130,30 @@ def lock_path() -> Path:
     return catalog.data_folder("references") / catalog.LOCK
 
 
-def todays_lock() -> Lock:
-    """Return the lock of today's cases, suites, known values and tolerances."""
+def todays_lock(cases: Collection[str] | None = None, suites: Collection[str] | None = None) -> Lock:
+    """Return the lock of today's cases, suites, known values and tolerances; of all cases, and variants of all suites.
+
+    Parameters
+    ----------
+    cases, suites
+        Names of the only cases that count, and of the only suites whose variants do.
+    """
     gated = {name for held in catalog.tolerances().values() for name in held}
     own = set(catalog.own_case_names())  # what other packages bring is theirs to lock
     judged = {name for name in own if any(v.role == "judge" for v in catalog.known_values(name).values)}
     asked = {
         suite: [name for name in catalog.variants_asked(suite) if name.partition(VARIANT)[0] in own]
         for suite in catalog.own_suite_names()
+        if suites is None or suite in suites
     }
+    counted = (gated | judged) & own if cases is None else (gated | judged) & own & {*cases}
     return Lock(
         constants={
             f"{module.__name__.rpartition('.')[2]}.{name}": getattr(module, name)
             for module, names in JUDGING.items()
             for name in names
         },
-        cases={name: _locked(catalog.named_case(name)) for name in sorted((gated | judged) & own)},
+        cases={name: _locked(catalog.named_case(name)) for name in sorted(counted)},
         variants={
             suite: {name: catalog.named_case(name).digest() for name in sorted(names)}
             for suite, names in asked.items()
@@ -221,32 +232,43 @@ def write_lock() -> None:
     lock_path().write_text(text, encoding="utf-8")
 
 
-def check_lock() -> LockCheck:
-    """Compare today's exam with the lock; a lock that is missing or can't be read is broken."""
-    now = todays_lock()
-    figures = sum(len(case.figures) for case in now.cases.values())
+def check_lock(suites: Collection[str] = ()) -> LockCheck:
+    """Compare today's exam with the lock; a lock that is missing or can't be read is broken.
+
+    With suites, only what they ask is compared, or asked when it was locked: to build all cases takes seconds.
+    """
     try:
         locked = read_lock(lock_path())
     except InputError as error:
-        return LockCheck(len(now.cases), figures, broken=(str(error),))
-    found = [*_dangling(), *_differences(locked, now)]
+        return LockCheck(0, 0, broken=(str(error),), part=bool(suites))
+    names = None
+    if suites:
+        of_lock = {name: case for name, case in locked.cases.items() if not case.suites.keys().isdisjoint(suites)}
+        names = {name for name in catalog.own_case_names() if not {*suites}.isdisjoint(catalog.suites_named_by(name))}
+        names |= of_lock.keys()
+        variants = {suite: asked for suite, asked in locked.variants.items() if suite in suites}
+        of_lock |= {name: case for name, case in locked.cases.items() if name in names}
+        locked = locked.model_copy(update={"cases": of_lock, "variants": variants})
+    now = todays_lock(names, suites or None)
+    found = [*_dangling(names), *_differences(locked, now)]
     broken = tuple(words for kind, words in found if kind == "broken")
     unlocked = tuple(words for kind, words in found if kind == "unlocked")
-    return LockCheck(len(now.cases), figures, locked.version, broken, unlocked)
+    figures = sum(len(case.figures) for case in now.cases.values())
+    return LockCheck(len(now.cases), figures, locked.version, broken, unlocked, bool(suites))
 
 
-def _dangling() -> Iterator[Found]:
-    """Yield tolerances of what is not there: they hold nobody to anything."""
+def _dangling(cases: Collection[str] | None) -> Iterator[Found]:
+    """Yield tolerances of what is not there, which hold nobody to anything; of these cases only, if some are given."""
     names = set(catalog.own_case_names())
     for solver, held in catalog.tolerances().items():
         file = f"references/{FOLDER}/{solver}.toml"
         for name, quantities in held.items():
             if name not in names:
                 yield "broken", f"{file} names '{name}', which is no case"
-                continue
-            known = {quantity.name for quantity in catalog.named_case(name).quantities}
-            for quantity in sorted(quantities.keys() - known):
-                yield "broken", f"{file} names '{quantity}', which is no quantity of {name}"
+            elif cases is None or name in cases:
+                known = {quantity.name for quantity in catalog.named_case(name).quantities}
+                for quantity in sorted(quantities.keys() - known):
+                    yield "broken", f"{file} names '{quantity}', which is no quantity of {name}"
 
 
 def _differences(locked: Lock, now: Lock) -> Iterator[Found]:
