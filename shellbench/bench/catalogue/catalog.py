@@ -267,7 +267,19 @@ def _drawn(case: Problem, count: int | None, seed: int) -> Iterator[str]:
 
 
 def _suites_that_ask(variant: str) -> tuple[str, ...]:
-    return tuple(name for name in suite_names() if variant in variants_asked(name))
+    """Return the suites that ask a variant; only the case that it is of is built."""
+    base = variant.partition(VARIANT)[0]
+    return tuple(name for name in suite_names() if variant in _variants_asked_of(name, base))
+
+
+def _variants_asked_of(suite: str, case: str) -> tuple[str, ...]:
+    asked = find_suite(suite).variants
+    if asked is None:
+        return ()
+    if asked.named:
+        return asked.named
+    among = {*(asked.suites or (suite,))}
+    return () if among.isdisjoint(suites_named_by(case)) else tuple(_drawn(named_case(case), asked.drawn, asked.seed))
 
 
 def exam_version() -> int | None:
