@@ -278,8 +278,9 @@ def _variants_asked_of(suite: str, case: str) -> tuple[str, ...]:
         return ()
     if asked.named:
         return asked.named
+    of_case = suites_named_by(case) if case in case_names() else ()
     among = {*(asked.suites or (suite,))}
-    return () if among.isdisjoint(suites_named_by(case)) else tuple(_drawn(named_case(case), asked.drawn, asked.seed))
+    return () if among.isdisjoint(of_case) else tuple(_drawn(named_case(case), asked.drawn, asked.seed))
 
 
 def exam_version() -> int | None:
