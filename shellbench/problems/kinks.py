@@ -16,8 +16,8 @@ from shellbench.errors import InputError
 from shellbench.problems.expression import Expression
 from shellbench.problems.features import FIRST, NAMES, SHORTEST, Box, boxes_of, grid
 
-MOST = 32  # lines of one formula across a coordinate
-MOST_CELLS = 4096  # of a look at rivals; where more are undecided, more than `MOST` lines are, or one that is none
+MOST_LINES = 32  # lines of one formula across a coordinate
+MOST_CELLS = 4096  # of a look at rivals; where more are undecided, more than `MOST_LINES` are, or one is no line
 MOST_VALUES = 1_000_000  # of all rivals in all cells, at once
 HALVINGS = 60  # of the interval in which another one becomes the least
 TIE = 2.0**-48  # relative: rivals that differ by less all over a cell are the same there
@@ -42,8 +42,10 @@ def kink_lines(formula: Expression, bounds: Box) -> tuple[list[float], list[floa
         if len(axes) == 1:
             found = _changes(formula, live, axes[0], bounds)
             lines[axes[0]].extend(found)
-            if len(lines[axes[0]]) > MOST:
-                raise InputError(f"'{formula.quoted}' changes over at more than {MOST} values of {NAMES[axes[0]]}")
+            if len(lines[axes[0]]) > MOST_LINES:
+                raise InputError(
+                    f"'{formula.quoted}' changes over at more than {MOST_LINES} values of {NAMES[axes[0]]}"
+                )
     return lines
 
 
@@ -103,8 +105,8 @@ def _changes(formula: Expression, rivals: Sequence[Expression], axis: int, bound
         last = open_ & (once | ((high - low)[:, axis] <= nothing))
         brackets.append((low[last], high[last]))
         low, high = low[open_ & ~last], high[open_ & ~last]
-        if len(low) > 8 * FIRST * MOST or len(low) * len(left) > MOST_VALUES:
-            raise InputError(f"'{formula.quoted}' changes over at more than {MOST} values of {NAMES[axis]}")
+        if len(low) > 8 * FIRST * MOST_LINES or len(low) * len(left) > MOST_VALUES:
+            raise InputError(f"'{formula.quoted}' changes over at more than {MOST_LINES} values of {NAMES[axis]}")
         low, high = _halved(low, high, axis)
     before, after = (np.concatenate(ends) for ends in zip(*brackets, strict=True))
     # what lies on an end of cells lies between them

@@ -14,7 +14,7 @@ from shellbench.protocol.schema import LARGEST, Model
 
 Phase = Literal["solve", "path", "critical", "time"]
 
-MOST = 2**63 - 1  # of a count: what fits 64 bits
+LARGEST_COUNT = 2**63 - 1  # of a count: what fits 64 bits
 LONGEST_RUN = 1e10  # seconds: three centuries
 
 
@@ -34,7 +34,7 @@ def finite(value: Any) -> float | None:
 Figure = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
 Amount = Annotated[float, Field(ge=0, le=LARGEST, allow_inf_nan=False)]
 Seconds = Annotated[float, Field(ge=0, le=LONGEST_RUN, allow_inf_nan=False)]
-Count = Annotated[int, Field(ge=0, le=MOST)]
+Count = Annotated[int, Field(ge=0, le=LARGEST_COUNT)]
 
 
 class HistoryStep(Model):

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 FEWEST = 4  # points through which a cubic spline without further conditions is drawn
-ROUNDING = 1e-9  # relative
+SAME_DISPLACEMENT = 1e-9  # relative
 TOGETHER = 1e-6  # relative distance of two states below which only one counts: a spline would turn over their errors
 
 
@@ -78,10 +78,10 @@ class Curve:
             If the path does not get there.
         """
         spline = self._spline
-        end = int(np.argmax(self.displacements >= displacement * (1 - ROUNDING)))
+        end = int(np.argmax(self.displacements >= displacement * (1 - SAME_DISPLACEMENT)))
         if end == 0:
             raise ValueError(f"the path does not reach the displacement {displacement:g}")
-        if abs(self.displacements[end] - displacement) <= ROUNDING * abs(displacement):
+        if abs(self.displacements[end] - displacement) <= SAME_DISPLACEMENT * abs(displacement):
             return float(self.factors[end])
         shifted = _cubic_spline(spline.x, self.displacements - displacement)
         root = next(r for r in shifted.roots(extrapolate=False) if spline.x[end - 1] <= r <= spline.x[end])

@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Iterable
 
 LIKE = 0.6  # of `difflib`: how much two names must have in common
-MOST = 3  # names that are offered
+MOST_OFFERED = 3  # names that are offered
 
 
 def nearest(name: str, names: Iterable[str]) -> list[str]:
@@ -16,8 +16,8 @@ def nearest(name: str, names: Iterable[str]) -> list[str]:
     """
     known, typed = list(dict.fromkeys(names)), name.lower().replace("-", "_")
     within = [one for one in known if len(typed) > 2 and typed in one.lower().replace("-", "_")]
-    like = difflib.get_close_matches(name, known, n=MOST, cutoff=LIKE)
-    return list(dict.fromkeys([*like, *sorted(within, key=len)]))[:MOST]
+    like = difflib.get_close_matches(name, known, n=MOST_OFFERED, cutoff=LIKE)
+    return list(dict.fromkeys([*like, *sorted(within, key=len)]))[:MOST_OFFERED]
 
 
 def did_you_mean(name: str, names: Iterable[str]) -> str:

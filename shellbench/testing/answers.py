@@ -31,7 +31,7 @@ from shellbench.testing.examination import (
     scattered,
     seed_difference,
 )
-from shellbench.testing.subject import Answer, solve_in
+from shellbench.testing.subject import RemoteSolution, solve_in
 
 SLOW = 10.0  # seconds of processor time to decline a case: it is asked of every pair of a table
 LONGEST_CLAUSE = 300  # characters: it stands in a line of a list
@@ -40,7 +40,7 @@ NO_VALUE = {"no_setting": "takes this table"}
 NO_ENGINE = "an engine of another version 0.0"
 BOUNDS = {"exclusiveMinimum": 0.0, "minimum": -1.0, "exclusiveMaximum": 0.0, "maximum": 1.0}
 """Keys of a JSON schema that bound a number, each with the step from it that is out of bounds."""
-ROUNDING = 1e-9  # relative: what another order of summation may do, in single precision within a field too
+SUMMATION = 1e-9  # relative: what another order of summation may do, in single precision within a field too
 SHAPES: tuple[tuple[int, ...], ...] = ((), (7,), (4, 3), (0,))
 COMPONENTS = {name: (3,) if name.endswith("strain") else () for name in FIELDS}
 NO_MATERIAL = {"no_material_has_this_constant": 1.0}
@@ -49,7 +49,7 @@ SLACK = 1.5  # times the measured wall time of a solve, which its history may cl
 SAME = 1e-10  # relative difference of two runs with one seed
 NEAR = 0.1  # of two runs with different seeds: beyond, they answer different questions
 LINES = 12  # at random through the domain
-SAMPLES, TIMES = 257, 65  # points a line, and instants of a motion, at first
+LINE_SAMPLES, TIMES = 257, 65  # points a line, and instants of a motion, at first
 ZOOM, LOOKS = 8, 4  # each closer look has so many points between two, around the largest jump
 PROPORTION = 0.75  # exponent of the spacing with which jumps must fall: 1 in a Lipschitz field, 0 across a jump
 UNFELT = 1e-9  # of the largest displacement: jumps below are rounding
@@ -211,7 +211,7 @@ def _finite(found: Findings, what: str, points: np.ndarray, values: np.ndarray) 
         found.faults.append(words)
 
 
-def _shape_fault(answer: Answer, what: str, points: np.ndarray, expected: tuple[int, ...]) -> str | None:
+def _shape_fault(answer: RemoteSolution, what: str, points: np.ndarray, expected: tuple[int, ...]) -> str | None:
     """Say what is wrong with an answer's form, if anything."""
     try:
         values = answer.ask("evaluate", what, points) if what in FIELDS else answer.ask(what, points)
@@ -236,7 +236,7 @@ def batching(exam: Examination, case: Case) -> Verdict:
     alone = apart(np.stack([answer.displacement(p) for p in points[:20]]), together[:20])
     again = apart(answer.displacement(points), together)
     for words, difference in (("in another order", shuffled), ("one by one", alone), ("asked again", again)):
-        found.hold(difference <= ROUNDING, f"{words}, points move by {difference:.1e} of the largest displacement")
+        found.hold(difference <= SUMMATION, f"{words}, points move by {difference:.1e} of the largest displacement")
     found.figures.append(f"largest relative difference {max(shuffled, alone, again):.1e}")
     return found.verdict()
 
@@ -335,7 +335,7 @@ def _judged(tracks: list[tuple[float, float, float]], where: str) -> Verdict:
     return found.verdict()
 
 
-def jumps(track: Callable[[np.ndarray], np.ndarray], samples: int = SAMPLES) -> tuple[float, float, float]:
+def jumps(track: Callable[[np.ndarray], np.ndarray], samples: int = LINE_SAMPLES) -> tuple[float, float, float]:
     """Return the largest step between neighbours on a track, the largest after closer looks, and the largest size.
 
     `track` gives displacements (n, ...) at numbers (n,) from 0 to 1.
@@ -371,7 +371,7 @@ def seam(exam: Examination, case: Case) -> Verdict:
             size = np.abs(answer.displacement(grid(case))).max()
             gap = float(max(np.abs(sides[0] - sides[1]).max(), np.abs(sides[0] - sides[2]).max()) / (size or 1.0))
             found.hold(
-                gap <= ROUNDING,
+                gap <= SUMMATION,
                 f"across the seam of xi{axis + 1} it gapes by {gap:.1e} of the largest displacement",
                 f"gap {gap:.1e} of the largest displacement",
             )

@@ -23,7 +23,7 @@ UNKNOWNS, STEPS = ("unknowns", 2), ("steps", 1)  # what refinement makes more of
 
 
 @dataclass(frozen=True)
-class Level:
+class Refinement:
     """One refinement.
 
     Attributes
@@ -49,7 +49,7 @@ def convergence(exam: Examination, case: Problem) -> Verdict:
     return judged(levels, known.value if known else None, *(UNKNOWNS if of_shell else STEPS))
 
 
-def refined(exam: Examination, case: Problem) -> list[Level] | str:
+def refined(exam: Examination, case: Problem) -> list[Refinement] | str:
     """Solve a case at each refinement, from few unknowns to many; or say why that can't be."""
     chosen, words = refinements(exam, case)
     if len(chosen) < FEWEST:
@@ -58,7 +58,7 @@ def refined(exam: Examination, case: Problem) -> list[Level] | str:
     for settings in chosen:
         answer = exam.solve(case, settings)
         unknowns = answer.facts["parameters"] if isinstance(case, Case) else float(np.prod(_numbers(settings)))
-        levels.append(Level(settings, unknowns if isinstance(unknowns, int | float) else 0, answer.headline()))
+        levels.append(Refinement(settings, unknowns if isinstance(unknowns, int | float) else 0, answer.headline()))
     return levels
 
 
@@ -109,7 +109,7 @@ def _swept(solver: str, case: str) -> list[Mapping[str, Any]]:
     return max(sweeps.values(), key=len, default=[])
 
 
-def judged(levels: Sequence[Level], known: float | None, what: str = "unknowns", dimension: int = 2) -> Verdict:
+def judged(levels: Sequence[Refinement], known: float | None, what: str = "unknowns", dimension: int = 2) -> Verdict:
     """Judge a sequence of refinements.
 
     Parameters

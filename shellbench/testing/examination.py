@@ -22,7 +22,7 @@ from shellbench.bench.plugins.subject import NoAnswer, Respondent
 from shellbench.bench.store.task import case_data
 from shellbench.problem import Problem
 from shellbench.problems.shell.case import Case
-from shellbench.testing.subject import Answer, solve_in
+from shellbench.testing.subject import RemoteSolution, solve_in
 
 Array = NDArray[np.float64]
 Setting = Mapping[str, Any]
@@ -30,7 +30,7 @@ Setting = Mapping[str, Any]
 SAMPLE = 17  # points a side of the grid on which displacements are compared
 SAME = 1e-6  # relative difference that counts as none
 OWN = 3.0  # times the solver's own stated uncertainty, or what another seed changes
-MOST = 0.1  # relative difference that no uncertainty excuses: beyond, it states that it does not know the answer
+MOST_EXCUSED = 0.1  # relative difference that no uncertainty excuses: beyond, it says that it knows no answer
 
 
 def asked_kinds(theories: Iterable[str]) -> tuple[Problem, ...]:
@@ -70,7 +70,7 @@ class Examination:
     folder: Path
     refinements: tuple[Setting, ...] = ()
     _subject: Respondent | None = None
-    _answers: dict[str, Answer] = field(default_factory=dict)
+    _answers: dict[str, RemoteSolution] = field(default_factory=dict)
     _troubles: dict[str, NoAnswer] = field(default_factory=dict)
     _refusals: dict[str, tuple[str, Any, float]] = field(default_factory=dict)
 
@@ -96,7 +96,7 @@ class Examination:
         finally:
             subject.stop()
 
-    def solve(self, case: Problem, settings: Setting | None = None) -> Answer:
+    def solve(self, case: Problem, settings: Setting | None = None) -> RemoteSolution:
         """Return the solver's answer to a case; what was solved for already is not solved for again.
 
         Raises
@@ -144,7 +144,7 @@ class AlreadyReported(NoAnswer):
     """A trouble that an earlier check has told of already."""
 
 
-def fingerprint(answer: Answer) -> Array:
+def fingerprint(answer: RemoteSolution) -> Array:
     """Return what two answers are compared by: displacements on a grid of a shell, else all quantities."""
     return answer.displacement(grid(answer.case)) if isinstance(answer.case, Case) else answer.values()
 
@@ -167,7 +167,7 @@ def apart(first: Array, second: Array) -> float:
     return 0.0 if size == 0 else float(np.abs(first - second).max() / size)
 
 
-def own_uncertainty(answer: Answer) -> float:
+def own_uncertainty(answer: RemoteSolution) -> float:
     """Return what the solver itself says of the error of the headline quantity, relative to it; 0 if nothing."""
     stated = float(answer.facts["uncertainty"].get(answer.case.primary.name, 0.0))
     if stated == 0:
@@ -186,7 +186,7 @@ def seed_difference(exam: Examination, case: Problem) -> float:
 
 def admissible(exam: Examination, case: Problem) -> float:
     """Return the relative difference that two solves of one question may have."""
-    return min(MOST, max(SAME, OWN * own_uncertainty(exam.solve(case)), OWN * seed_difference(exam, case)))
+    return min(MOST_EXCUSED, max(SAME, OWN * own_uncertainty(exam.solve(case)), OWN * seed_difference(exam, case)))
 
 
 Status = Literal["passed", "failed", "not applicable", "not shown"]

@@ -23,7 +23,7 @@ from shellbench.problem import Problem
 from shellbench.problems.shell.case import Case
 from shellbench.testing.convergence import refinements
 from shellbench.testing.examination import Examination, Findings, Verdict, apart, grid, not_shown, scattered
-from shellbench.testing.subject import Answer, load_in
+from shellbench.testing.subject import RemoteSolution, load_in
 
 PICKLE, PROTOCOLS = 0x80, range(2, 6)  # first byte of a pickle, and the second, which names its protocol
 SAFETENSORS = {
@@ -192,7 +192,7 @@ def saving(exam: Examination, case: Problem) -> Verdict:
     return found.verdict()
 
 
-def seen(answer: Answer) -> NDArray[np.float64]:
+def seen(answer: RemoteSolution) -> NDArray[np.float64]:
     """Return what a kept answer is known by: its displacement at points, of a shell, else all quantities."""
     case = answer.case
     if not isinstance(case, Case):
@@ -288,5 +288,5 @@ def storage(exam: Examination, case: Problem) -> Verdict:
     return found.verdict()
 
 
-def _loaded(subject: Respondent, answer: Answer, path: object) -> Answer:
-    return Answer(subject, "altered", answer.case, subject.call("load", "altered", str(path)))
+def _loaded(subject: Respondent, answer: RemoteSolution, path: object) -> RemoteSolution:
+    return RemoteSolution(subject, "altered", answer.case, subject.call("load", "altered", str(path)))

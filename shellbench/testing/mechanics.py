@@ -25,8 +25,8 @@ from shellbench.problems.shell.question.places import Edge, Point
 from shellbench.problems.shell.variants.placing import turning
 from shellbench.problems.shell.variants.units import MILLIMETRES_KILONEWTONS, converted_points
 from shellbench.problems.shell.variants.variants import SHIFT, size
-from shellbench.testing.examination import MOST as MOST_EXCUSED
 from shellbench.testing.examination import (
+    MOST_EXCUSED,
     OWN,
     Examination,
     Findings,
@@ -38,7 +38,7 @@ from shellbench.testing.examination import (
     scattered,
 )
 from shellbench.testing.made_cases import FALL, SHORT, carried, converted, louder, placed, short_motion, slid
-from shellbench.testing.subject import Answer
+from shellbench.testing.subject import RemoteSolution
 
 TOGETHER = 1e-6  # of how far it falls, by which points of what falls may differ
 UNSTRETCHED, UNBENT = 1e-6, 1e-2  # of the energies of stretching and bending as far: formulas that are wrong have 1
@@ -52,7 +52,7 @@ MISSED = 3.0  # times the difference of the two rules, which an integral may be 
 WORK = 0.01  # relative: by which loads on a coarse mesh may do another work than the exact ones
 POINTS = 200  # at random, at which strains are compared
 MARGIN = 0.02  # of the side, by which they keep off the edges
-MOST = 0.9  # of the points must agree: at the others a difference may cross a line of the mesh
+MUST_AGREE = 0.9  # of the points must agree: at the others a difference may cross a line of the mesh
 STRETCH_STEPS, BEND_STEPS = (1e-5, 1e-4), (1e-3, 1e-2)  # of the side: for first and for second differences
 CLOSE, CLOSER = 0.05, 0.01  # of the largest strain: what bending and membrane strains may be off
 UNSTRAINED = 1e-8  # of the displacement over the size: below, differences of a rigid motion are rounding
@@ -136,7 +136,7 @@ def rigid_motion(exam: Examination, case: Case) -> Verdict:
     return found.verdict()
 
 
-def _unstrained(found: Findings, answer: Answer, u: np.ndarray) -> None:
+def _unstrained(found: Findings, answer: RemoteSolution, u: np.ndarray) -> None:
     """Hold energies against those of stretching, D u^2 / 2, and bending, B (u / size)^2 / 2, by as much as it moves."""
     material, far = answer.case.material, float(np.abs(u).max())
     membrane, bending = answer.energies()
@@ -274,7 +274,7 @@ def rule(case: Case, panels: int) -> tuple[np.ndarray, np.ndarray]:
     return points, np.outer(weights, weights).ravel() * np.prod(domain.size) * area
 
 
-def _integral(answer: Answer, name: str, panels: int) -> float:
+def _integral(answer: RemoteSolution, name: str, panels: int) -> float:
     points, weights = rule(answer.case, panels)
     return float(weights @ answer.field(name, points))
 
@@ -300,7 +300,7 @@ def work(exam: Examination, case: Case) -> Verdict:
     return found.verdict()
 
 
-def loads_work(answer: Answer) -> float:
+def loads_work(answer: RemoteSolution) -> float:
     """Return the work of a linear case's loads on the displacement, J."""
     case, at = answer.case, answer.case.states[-1]
     points, weights = rule(case, PANELS)
@@ -315,7 +315,7 @@ def loads_work(answer: Answer) -> float:
     return total
 
 
-def _edge_work(answer: Answer, load: EdgeLoad, edge: Edge, at: float) -> float:
+def _edge_work(answer: RemoteSolution, load: EdgeLoad, edge: Edge, at: float) -> float:
     case, running = answer.case, 1 - edge.axis
     x, w = np.polynomial.legendre.leggauss(EDGE_POINTS)
     domain = case.surface.domain
@@ -353,7 +353,7 @@ def strain_fields(exam: Examination, case: Case) -> Verdict:
         if not off.size:
             found.figures.append(f"{part} strains are next to nothing, and say so")
             continue
-        if np.mean(kinks <= close) < MOST:
+        if np.mean(kinks <= close) < MUST_AGREE:
             found.unseen.append(
                 f"{part} strains: the displacement's differences over {steps[0]:g} and {steps[1]:g} of the side"
                 f" disagree at {np.mean(kinks > close):.0%} of the points, as where it has kinks"
@@ -361,7 +361,7 @@ def strain_fields(exam: Examination, case: Case) -> Verdict:
             continue
         agree = float(np.mean(off <= close))
         found.hold(
-            agree >= MOST,
+            agree >= MUST_AGREE,
             f"{part} strains agree with differences of the displacement at {agree:.0%} of {off.size} points only"
             f" (median {np.median(off):.1e} of the largest strain)",
             f"{part} strains agree at {agree:.0%} of {off.size} points, median {np.median(off):.1e} of the largest",

@@ -113,7 +113,7 @@ def positive(text: str, option: str) -> float:
 
 
 @dataclass(frozen=True)
-class Answer:
+class CaseOutcome:
     """What came of a solver and a case.
 
     Attributes
@@ -151,36 +151,38 @@ class Answers:
     began: int
     settings: Mapping[str, Mapping[str, Any]]
     timeout: float | None
-    known: dict[tuple[str, str, tuple[int, ...]], Answer] = field(default_factory=dict)
+    known: dict[tuple[str, str, tuple[int, ...]], CaseOutcome] = field(default_factory=dict)
 
     def is_new(self, record: Record) -> bool:
         """Whether a record was made by this session, or beside it."""
         return (record.sequence or 0) > self.began
 
-    def answer(self, case: str, solver: str, seeds: Sequence[int]) -> Answer:
+    def answer(self, case: str, solver: str, seeds: Sequence[int]) -> CaseOutcome:
         """Return the answer of a solver to a case, solving it if need be."""
         key = (case, solver, tuple(seeds))
         if key not in self.known:
             self.known[key] = self._found(*key)
         return self.known[key]
 
-    def _found(self, case: str, solver: str, seeds: tuple[int, ...]) -> Answer:
+    def _found(self, case: str, solver: str, seeds: tuple[int, ...]) -> CaseOutcome:
         given = {solver: self.settings[solver]} if solver in self.settings else {}
         request = Request(cases=(case,), solvers=(solver,), settings=given, seeds=seeds)
         try:
             with locked(self.store.folder, f"{case}-{solver}"):
                 return self._solved(request)
         except ShellbenchError as error:
-            return Answer(trouble=" ".join(str(error).split()))
+            return CaseOutcome(trouble=" ".join(str(error).split()))
         except Exception as error:  # a plug-in may raise anything when it is asked whether it takes a case
             said = " ".join(str(error).split())
-            return Answer(trouble=f"the solver could not be asked: {type(error).__name__}{f': {said}' if said else ''}")
+            return CaseOutcome(
+                trouble=f"the solver could not be asked: {type(error).__name__}{f': {said}' if said else ''}"
+            )
 
-    def _solved(self, request: Request) -> Answer:
+    def _solved(self, request: Request) -> CaseOutcome:
         contents = self.store.read()
         plan = make_plan(request, contents)
         if plan.declined:
-            return Answer(declined=plan.declined[0].reason)
+            return CaseOutcome(declined=plan.declined[0].reason)
         past = newest(contents)
         kept = [record for record in past.values() if record.run_id in plan.kept]
         waiting: list[Task] = []
@@ -194,7 +196,7 @@ class Answers:
         refused = [outcome.refused for outcome in outcomes if outcome.record is None]
         made = [outcome.record for outcome in outcomes if outcome.record is not None]
         records = {record.identity.seed: record for record in (*kept, *made)}
-        return Answer(records, trouble=f"the solver refused its input: {refused[0]}" if refused else None)
+        return CaseOutcome(records, trouble=f"the solver refused its input: {refused[0]}" if refused else None)
 
 
 def share() -> int:

@@ -18,14 +18,14 @@ from shellbench.problems.rope.case import RopeCase
 from shellbench.problems.rope.quantities import energies
 from shellbench.problems.rope.solving import start_of
 from shellbench.testing.examination import Examination, Findings, Verdict, admissible, apart, not_applicable
-from shellbench.testing.subject import Answer
+from shellbench.testing.subject import RemoteSolution
 
 Array = NDArray[np.float64]
 
 CHEAP = ("rope_pendulum", "rope_nine_links", "hanging_chain", "rope_drop", "rope_ball")
 """Cases of which a solver is examined on the first that it takes."""
 
-ROUNDING = 1e-9  # relative: lengths and places that a state repeats
+REPEATED = 1e-9  # relative: lengths and places that a state repeats
 TURN, HALF_TURN = 0.7, np.pi  # about the vertical, rad; the other one leaves the plane (x, z) where it is
 SHIFT = np.array([0.3, -0.2, 0.5])  # m; solvers of a plane are given no y
 LENGTHS, MASSES = 1000.0, 1000.0  # mm in a metre, g in a kilogram
@@ -38,12 +38,12 @@ def cheap() -> tuple[RopeCase, ...]:
     return tuple(case for case in map(named_case, CHEAP) if isinstance(case, RopeCase))
 
 
-def states(answer: Answer) -> dict[float, Mapping[str, Array]]:
+def states(answer: RemoteSolution) -> dict[float, Mapping[str, Array]]:
     """Return the states of an answer by time."""
     return {at: {name: np.asarray(value) for name, value in answer.state(at).items()} for at in answer.case.states}
 
 
-def every(answer: Answer, name: str) -> Array:
+def every(answer: RemoteSolution, name: str) -> Array:
     """Return an array of all states, one after another: a difference is relative to the largest of all of them."""
     return np.concatenate([state[name] for state in states(answer).values()])
 
@@ -80,10 +80,10 @@ def _of_rope(found: Findings, case: RopeCase, at: float, state: Mapping[str, Arr
     assert case.rope is not None
     lengths = np.array(case.rope.link_lengths)
     off = float(np.abs(state["nodes"][0] - moved(case.rope.root, at)[0]).max())
-    found.hold(off <= ROUNDING * lengths.sum(), f"{when} the root is {off:.2g} m from where it is led")
+    found.hold(off <= REPEATED * lengths.sum(), f"{when} the root is {off:.2g} m from where it is led")
     long = float((np.linalg.norm(np.diff(state["nodes"], axis=0), axis=1) / lengths).max()) - 1
     found.hold(
-        long <= float(state["stretch"]) + ROUNDING,
+        long <= float(state["stretch"]) + REPEATED,
         f"{when} a link is stretched by {long:.1e} of its length, and {float(state['stretch']):.1e} is stated",
     )
 
@@ -191,8 +191,8 @@ def placed(case: RopeCase, turn: Array, shift: Array) -> RopeCase | None:
         return None
     places, velocities = start_of(case)
     there, going = places @ turn.T + shift, velocities @ turn.T
-    there[:, 1][np.abs(there[:, 1]) < ROUNDING] = 0.0  # a half turn leaves the plane where it is
-    going[:, 1][np.abs(going[:, 1]) < ROUNDING] = 0.0
+    there[:, 1][np.abs(there[:, 1]) < REPEATED] = 0.0  # a half turn leaves the plane where it is
+    going[:, 1][np.abs(going[:, 1]) < REPEATED] = 0.0
     data["rope"] |= {"root": there[0].tolist(), "start": there[1:].tolist(), "velocities": going[1:].tolist()}
     return RopeCase.model_validate(data | {"name": f"{case.name[:60]}_turned", "suites": []})
 

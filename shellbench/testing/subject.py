@@ -30,7 +30,7 @@ def subject_of(entry: SolverEntry, seconds: float) -> Subject:
 
 
 @dataclass(frozen=True)
-class Answer:
+class RemoteSolution:
     """A solution in the subject's process.
 
     Attributes
@@ -78,12 +78,12 @@ class Answer:
         return Path(self.subject.call("save", self.key, str(path)))
 
 
-def solve_in(subject: Respondent, key: str, case: Problem, settings: Mapping[str, Any]) -> Answer:
+def solve_in(subject: Respondent, key: str, case: Problem, settings: Mapping[str, Any]) -> RemoteSolution:
     """Have a subject solve a case; raises `NoAnswer`."""
     data = {**case_data(case), "name": case.name}
-    return Answer(subject, key, case, subject.call("solve", key, data, dict(settings)))
+    return RemoteSolution(subject, key, case, subject.call("solve", key, data, dict(settings)))
 
 
-def load_in(subject: Respondent, key: str, case: Problem, path: Path) -> Answer:
+def load_in(subject: Respondent, key: str, case: Problem, path: Path) -> RemoteSolution:
     """Have a subject load a saved solution; raises `NoAnswer`."""
-    return Answer(subject, key, case, subject.call("load", key, str(path)))
+    return RemoteSolution(subject, key, case, subject.call("load", key, str(path)))

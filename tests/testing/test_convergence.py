@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from shellbench.testing.convergence import Level, extrapolated, judged, slope, spread_out
+from shellbench.testing.convergence import Refinement, extrapolated, judged, slope, spread_out
 
 UNKNOWNS = np.array([100.0, 400.0, 1600.0, 6400.0])
 
 
 def levels(values, unknowns=UNKNOWNS):
-    return [Level({}, int(n), v) for n, v in zip(unknowns, values, strict=True)]
+    return [Refinement({}, int(n), v) for n, v in zip(unknowns, values, strict=True)]
 
 
 @pytest.mark.parametrize("order", [1.0, 2.0, 4.0])

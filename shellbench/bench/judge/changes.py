@@ -42,7 +42,7 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class Answer:
+class OneSide:
     """What one side says of a figure: rows that differ in their seed alone. The worst of them counts."""
 
     rows: tuple[Row, ...]
@@ -89,8 +89,8 @@ class Answer:
 class Change:
     """One figure on both sides."""
 
-    before: Answer
-    after: Answer
+    before: OneSide
+    after: OneSide
     verdict: Verdict
     why: str = ""
 
@@ -184,7 +184,7 @@ def compare_sides(before: Side, after: Side, limits: Limits) -> Comparison:
         if physics[0].get(old[0].case) != physics[1].get(new[0].case):
             other_cases[new[0].case] = None
             continue
-        changes.append(_change(Answer(old), Answer(new), limits.threshold, solvers))
+        changes.append(_change(OneSide(old), OneSide(new), limits.threshold, solvers))
         if new[0].primary and (cost := _cost(old, new, before, after, limits)):
             costs.append(cost)
     if not changes:
@@ -243,7 +243,7 @@ def _blunt(row: Row) -> float:
     return BLUNT * (row.reference_uncertainty or 0.0) / size if size else 0.0
 
 
-def _change(before: Answer, after: Answer, threshold: float, solvers: bool) -> Change:
+def _change(before: OneSide, after: OneSide, threshold: float, solvers: bool) -> Change:
     """Say of a figure whether it was lost, gained, changed, or is the same."""
     was, now = _rank(before.worst), _rank(after.worst)
     if was != now:

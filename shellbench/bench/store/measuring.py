@@ -21,7 +21,7 @@ from shellbench.bench.plugins.kinds import find_kind
 from shellbench.bench.store.record import Measured
 from shellbench.errors import InputError, without_middle
 from shellbench.problem import Problem, Solution
-from shellbench.protocol.history import MOST, HistoryStep, finite
+from shellbench.protocol.history import LARGEST_COUNT, HistoryStep, finite
 from shellbench.protocol.schema import LONGEST_VALUE, one_sentence
 
 FIELDS = "fields.npz"
@@ -198,7 +198,7 @@ def json_only(data: Any) -> Any:
         case float():
             return finite(data)
         case int():
-            return data if abs(data) <= MOST else finite(data)
+            return data if abs(data) <= LARGEST_COUNT else finite(data)
         case None | str():
             return data
         case _:

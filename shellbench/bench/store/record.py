@@ -19,7 +19,7 @@ from shellbench.bench.plugins.kinds import kind_of
 from shellbench.errors import InputError
 from shellbench.problem import Problem
 from shellbench.protocol.history import (
-    MOST,
+    LARGEST_COUNT,
     Count,
     Figure,
     FrameRateStep,
@@ -185,14 +185,14 @@ class Record(Model):
     schema_version: Literal[1] = 1
     run_id: str
     created: Time
-    sequence: Annotated[int, Field(ge=1, le=MOST)] | None = None
+    sequence: Annotated[int, Field(ge=1, le=LARGEST_COUNT)] | None = None
     identity: Identity
     case_name: str
     case: Plain
     own_case: bool = False
     defaults: Plain = Field(default_factory=dict)
     solver_label: str
-    exam: Annotated[int, Field(ge=1, le=MOST)] | None = None
+    exam: Annotated[int, Field(ge=1, le=LARGEST_COUNT)] | None = None
     status: Status
     reason: Annotated[str, Field(max_length=LONGEST_REASON)] | None = None
     seconds: Seconds

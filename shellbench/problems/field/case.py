@@ -24,7 +24,7 @@ from shellbench.protocol.schema import Finite, Flag, Model, Positive
 Array = NDArray[np.float64]
 NotNegative = Annotated[Finite, Field(ge=0)]
 LOOKED_AT = 50  # cells along a side at whose midpoints formulas must be finite
-MOST = 1000  # rows and columns of a density
+LARGEST_DENSITY = 1000  # rows and columns of a density
 
 
 class Match(Model):
@@ -76,8 +76,8 @@ class Pin(Model):
 class Density(Model):
     """A probability by cells of the unit square: rows along u, columns along v."""
 
-    cells: Annotated[tuple[Annotated[tuple[NotNegative, ...], Field(min_length=1, max_length=MOST)], ...],
-                     Field(min_length=1, max_length=MOST)] = Field(
+    cells: Annotated[tuple[Annotated[tuple[NotNegative, ...], Field(min_length=1, max_length=LARGEST_DENSITY)], ...],
+                     Field(min_length=1, max_length=LARGEST_DENSITY)] = Field(
         description="of each cell, a list a row; any positive sum"
     )  # fmt: skip
     draws: int = Field(1000, ge=1, le=10_000_000, strict=True, description="points to draw")

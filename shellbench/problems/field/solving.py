@@ -12,7 +12,7 @@ from shellbench.problems.field.case import FieldCase
 from shellbench.problems.field.solution import FieldAnswer
 from shellbench.problems.solving import FreshSolver
 
-ROUNDING = 1e-14  # relative: what no level tells
+LEVEL_ROUNDING = 1e-14  # relative: what no level tells
 
 
 class FieldSolver(FreshSolver):
@@ -44,4 +44,4 @@ def measured(case: FieldCase, answer: FieldAnswer) -> dict[str, float]:
 def told_by_levels(levels: Sequence[Mapping[str, float]]) -> dict[str, float]:
     """Return how far figures of the last level are from those of the one before, and from rounding."""
     before, last = levels[-2], levels[-1]
-    return {name: abs(value - before[name]) + ROUNDING * abs(value) for name, value in last.items()}
+    return {name: abs(value - before[name]) + LEVEL_ROUNDING * abs(value) for name, value in last.items()}

@@ -25,8 +25,8 @@ from shellbench.protocol.schema import Finite, Model, Positive, Vector
 
 Array = NDArray[np.float64]
 LONGEST = 1000  # links
-MOST = 100_000  # chains, or loose masses
-SAMPLES = 1000  # times at which a root's motion is looked at
+MOST_CHAINS = 100_000  # chains, or loose masses
+ROOT_SAMPLES = 1000  # times at which a root's motion is looked at
 SLOPPY = 1e-9  # relative: by how much rounding may stretch a link at the start
 
 
@@ -76,7 +76,7 @@ class Rope(Model):
     count: int = Field(
         1,
         ge=1,
-        le=MOST,
+        le=MOST_CHAINS,
         strict=True,
         description="how many such chains: each is turned about the z axis, by an equal part of the circle",
     )
@@ -130,7 +130,7 @@ class Particles(Model):
     start: Annotated[tuple[Vector, ...], Field(min_length=1)] = Field(
         description="places, m; two ends if there is a count"
     )
-    count: Annotated[int, Field(ge=2, le=MOST, strict=True)] | None = Field(
+    count: Annotated[int, Field(ge=2, le=MOST_CHAINS, strict=True)] | None = Field(
         None, description="how many stand evenly from the first place of `start` to before the second"
     )
     velocity: Vector = Field((0.0, 0.0, 0.0), description="of all at the start, m/s")
@@ -256,7 +256,7 @@ class RopeCase(Problem):
             raise ValueError(f"a mass is {deep:g} m deep in an obstacle at the start")
         if self.rope is None or (not any(isinstance(f, str) for f in self.rope.root) and not self.obstacles):
             return
-        times = np.linspace(0.0, self.states[-1], SAMPLES + 1)
+        times = np.linspace(0.0, self.states[-1], ROOT_SAMPLES + 1)
         places = np.array([moved(self.rope.root, time)[0] for time in times])
         steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
         if steps.max() > sum(self.rope.link_lengths):

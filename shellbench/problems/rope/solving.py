@@ -26,7 +26,7 @@ from shellbench.problems.solving import FreshSolver
 Array = NDArray[np.float64]
 
 HALVINGS = (4, 2, 1)  # steps in time of the levels, so many times as long as the finest
-ROUNDING = 1e-14  # relative: what no level tells
+LEVEL_ROUNDING = 1e-14  # relative: what no level tells
 WHOLE = 1e-9  # of a step: by how much a time may miss a whole number of them
 FRAMES, FRAME = 120, 1 / 60  # most frames that are kept for pictures, and the shortest time between two, s
 DRAWN = 200  # most nodes of a frame
@@ -147,7 +147,7 @@ def refined(
 def settled(values: Sequence[float]) -> float:
     """Return how wrong the last value may be, of levels with steps halved each time, if errors fall as the step."""
     changes = np.abs(np.diff(values))
-    return float(np.max(changes / 2.0 ** np.arange(len(changes))[::-1])) + ROUNDING * abs(values[-1])
+    return float(np.max(changes / 2.0 ** np.arange(len(changes))[::-1])) + LEVEL_ROUNDING * abs(values[-1])
 
 
 def halved(steps_per_second: float) -> dict[str, float]:

@@ -18,7 +18,7 @@ from pydantic import model_validator
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.mesh.surface import with_fit
-from shellbench.problems.shell.posed.course import SAMPLES, check_motion, check_path
+from shellbench.problems.shell.posed.course import COURSE_SAMPLES, check_motion, check_path
 from shellbench.problems.shell.posed.point_actions import check_point_actions, drifts, remark
 from shellbench.problems.shell.posed.rigid import check_held
 from shellbench.problems.shell.posed.shell import Shell, Theory
@@ -129,7 +129,7 @@ class Case(Shell):
     def _is_normal(self, axis: tuple[float, float, float], place: Place) -> bool:
         """Tell whether an axis is along the normal anywhere on an edge."""
         assert isinstance(place, Edge)
-        points = place.samples(self.surface.domain, SAMPLES)
+        points = place.samples(self.surface.domain, COURSE_SAMPLES)
         x = self.surface.derivatives(points, order=1)
         normal = np.cross(x[1, 0], x[0, 1])
         across = np.linalg.norm(np.cross(normal, axis), axis=-1)
@@ -155,7 +155,8 @@ class Case(Shell):
             raise ValueError(str(error)) from None
         domain = self.surface.domain
         for axis, lines in enumerate(kinks):
-            beside = domain.grid(SAMPLES, SAMPLES)[0] if axis == 0 else domain.grid(SAMPLES, SAMPLES)[:, 0]
+            grid = domain.grid(COURSE_SAMPLES, COURSE_SAMPLES)
+            beside = grid[0] if axis == 0 else grid[:, 0]
             for at in lines:
                 sides = []
                 for shift in (-BESIDE * domain.size[axis], BESIDE * domain.size[axis]):

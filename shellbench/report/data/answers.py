@@ -21,7 +21,7 @@ Measure = Literal["difference", "error"]  # of the field from the best answer; o
 
 
 @dataclass(frozen=True)
-class Answer:
+class KeptForm:
     """One way to keep one run.
 
     Attributes
@@ -45,7 +45,7 @@ class Answer:
     error: float | None
 
 
-def answers(case: CaseRuns, ladder: Ladder) -> list[Answer]:
+def answers(case: CaseRuns, ladder: Ladder) -> list[KeptForm]:
     """Return all ways in which a solver's answers to a case can be kept; meshes are made of its best answer."""
     found = [answer for run in ladder.runs for answer in _own_numbers(case, run)]
     known = [answer for answer in found if answer.kept == "solved" and answer.difference]
@@ -55,8 +55,8 @@ def answers(case: CaseRuns, ladder: Ladder) -> list[Answer]:
 
 
 def fewest(
-    candidates: Sequence[Answer], level: float, among: Sequence[Answer] = (), measure: Measure = "difference"
-) -> Answer | None:
+    candidates: Sequence[KeptForm], level: float, among: Sequence[KeptForm] = (), measure: Measure = "difference"
+) -> KeptForm | None:
     """Return the answer of fewest bytes whose displacement, or headline quantity, is within a level; None if none is.
 
     All runs of the solver that are as fine or finer must be so, as solved and in the same format, other seeds and
@@ -67,7 +67,7 @@ def fewest(
     return min(lasting, key=lambda answer: answer.storage_bytes, default=None)
 
 
-def _lasts(answer: Answer, level: float, measure: Measure, among: Sequence[Answer]) -> bool:
+def _lasts(answer: KeptForm, level: float, measure: Measure, among: Sequence[KeptForm]) -> bool:
     finer = [
         other
         for other in among
@@ -114,16 +114,16 @@ def own_difference(case: CaseRuns, run: Run) -> float | None:
     return max(found.largest / case.scale, doubt or 0.0) if found is not None else None
 
 
-def _own_numbers(case: CaseRuns, run: Run) -> Iterator[Answer]:
+def _own_numbers(case: CaseRuns, run: Run) -> Iterator[KeptForm]:
     own = own_difference(case, run)
     if run.record.storage_bytes:
-        yield Answer(run, "solved", "as solved", run.record.storage_bytes, own, _headline_error(case, run, 0.0))
+        yield KeptForm(run, "solved", "as solved", run.record.storage_bytes, own, _headline_error(case, run, 0.0))
     for step in run.record.precision:
         if step.largest_difference is None or step.storage_bytes >= (run.record.storage_bytes or 0):
             continue
         added = own + step.largest_difference / case.scale if own is not None and case.scale else None
         error = _headline_error(case, run, change_by_rounding(run, step))
-        yield Answer(run, "rounded", step.format, step.storage_bytes, added, error)
+        yield KeptForm(run, "rounded", step.format, step.storage_bytes, added, error)
 
 
 def change_by_rounding(run: Run, step: PrecisionStep) -> float | None:
@@ -142,7 +142,7 @@ def _headline_error(case: CaseRuns, run: Run, change: float | None) -> float | N
     return (abs(value - reference) + (run.row.reference_uncertainty or 0.0) + abs(value * change)) / size
 
 
-def _meshes(case: CaseRuns, best: Answer) -> Iterator[Answer]:
+def _meshes(case: CaseRuns, best: KeptForm) -> Iterator[KeptForm]:
     """Yield the meshes that were made of a run, but for the finest, at whose points the others were held against it."""
     run = best.run
     grids = sorted(run.record.resolution, key=lambda step: step.points)[:-1]
@@ -159,9 +159,9 @@ def _meshes(case: CaseRuns, best: Answer) -> Iterator[Answer]:
             yield _mesh(case, best, words, grid.points**2 * rate.frames, added)
 
 
-def _mesh(case: CaseRuns, best: Answer, words: str, points: int, added: float) -> Answer:
+def _mesh(case: CaseRuns, best: KeptForm, words: str, points: int, added: float) -> KeptForm:
     """Return a mesh of so many points, which differs from the answer by a length, m."""
     size = headline_size(case, best.run) if best.run.row.unit == "m" else None
     error = best.error + added / size if best.error is not None and size else None
     difference = (best.difference or 0.0) + added / (case.scale or 1.0)
-    return Answer(best.run, "mesh", words, BYTES_A_POINT * points, difference, error)
+    return KeptForm(best.run, "mesh", words, BYTES_A_POINT * points, difference, error)

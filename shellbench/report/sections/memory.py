@@ -10,7 +10,7 @@ from matplotlib.ticker import EngFormatter
 
 from shellbench.report.data.answers import (
     LEVELS,
-    Answer,
+    KeptForm,
     Measure,
     answers,
     change_by_rounding,
@@ -182,7 +182,7 @@ def _level_lines(case: CaseRuns, ladder: Ladder) -> Iterator[dict[str, Any]]:
         yield line
 
 
-def _entry(kind: str, level: float, known: bool, answer: Answer | None) -> dict[str, Any]:
+def _entry(kind: str, level: float, known: bool, answer: KeptForm | None) -> dict[str, Any]:
     key = f"{kind}_{level:g}"
     return {
         f"status_{key}": REACHED if answer else NOT_REACHED if known else NOT_KNOWN,
@@ -281,7 +281,7 @@ def solve_table(cases: Sequence[CaseRuns], *, finest_only: bool = True) -> Table
 
 
 def memory_figure(
-    case: CaseRuns, kept: Mapping[str, Sequence[Answer]], measure: Measure, inks: Mapping[str, Ink]
+    case: CaseRuns, kept: Mapping[str, Sequence[KeptForm]], measure: Measure, inks: Mapping[str, Ink]
 ) -> Figure:
     """Draw one case: error against the bytes that keep an answer, for solvers in `kept`, and memory of all solves."""
     figure, ((left, right),) = open_figure((2 * WIDTH, HEIGHT + MARGIN), 1, 2)
@@ -315,16 +315,16 @@ def _way_entry(way: str) -> Any:
     return entry(linestyle=look.pop("line"), **look, **hollow)
 
 
-def _front(candidates: Sequence[Answer], measure: Measure) -> list[Answer]:
+def _front(candidates: Sequence[KeptForm], measure: Measure) -> list[KeptForm]:
     """Return the answers that no smaller one outdoes, from small to large."""
-    front: list[Answer] = []
+    front: list[KeptForm] = []
     for answer in sorted(candidates, key=lambda one: (one.storage_bytes, getattr(one, measure))):
         if not front or getattr(answer, measure) < getattr(front[-1], measure):
             front.append(answer)
     return front
 
 
-def _points(found: Iterable[Answer], measure: Measure) -> tuple[list[int], list[float]]:
+def _points(found: Iterable[KeptForm], measure: Measure) -> tuple[list[int], list[float]]:
     ordered = sorted(found, key=lambda answer: answer.storage_bytes)
     return [answer.storage_bytes for answer in ordered], [100 * getattr(answer, measure) for answer in ordered]
 

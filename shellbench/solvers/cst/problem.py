@@ -157,7 +157,7 @@ class Loose:
 
 ARMIJO = 1e-4  # share of the decrease that the slope promises which a step must bring
 SHORTEST = 2.0**-30  # part of Newton's step below which a search along it gives up
-ROUNDING = 1e-13  # of the energies that are added: a difference that says nothing
+ENERGY_ROUNDING = 1e-13  # of the energies that are added: a difference that says nothing
 
 
 @dataclass(frozen=True)
@@ -301,7 +301,7 @@ def minimise(
                 return Minimum(trial, iteration, correction)
             found, size = energy(trial)
             # A share of the energies is allowed on top: near the minimum their difference is rounding.
-            if found - value <= ARMIJO * part * slope + ROUNDING * max(scale, size):
+            if found - value <= ARMIJO * part * slope + ENERGY_ROUNDING * max(scale, size):
                 break
             part /= 2
             if part < SHORTEST:

@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 MOST_STEPS = 50  # of Newton's method
 SMALL = 1e-12  # relative: change of the energy at which it ends
-ROUNDING = 1e-12  # of splines that are zero at a place
+ZERO_SPLINE = 1e-12  # of splines that are zero at a place
 MOST_FOLDING, SMALL_FOLDING = 200, 1e-10  # of a sheet that meets a body
 DAMPING = 1e-7  # of it, N/m for each square metre: a pinned point alone lets the sheet turn
 FARTHEST, NEAR = 0.1, 3e-4  # m that a coefficient goes in a step; relative slope from which on Hessians are exact
@@ -115,7 +115,7 @@ def freed(
             row = splines[[number]]
             share = (row @ span[place * len(given) : (place + 1) * len(given)]).toarray()[0]
             lead = int(np.abs(share).argmax())
-            if abs(share[lead]) < ROUNDING:
+            if abs(share[lead]) < ZERO_SPLINE:
                 continue  # held already, by an edge or by symmetry
             off = values[number, axes[place]] - float((row @ coefficients[:, axes[place]])[0])
             coefficients[:, axes] += (span[:, [lead]].toarray() * off / share[lead]).reshape(len(axes), -1).T

@@ -17,7 +17,7 @@ from pydantic import Field
 from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, Settings
 from shellbench.problems.field.case import FieldCase
 from shellbench.problems.field.solution import FieldAnswer
-from shellbench.problems.field.solving import ROUNDING, FieldSolver
+from shellbench.problems.field.solving import LEVEL_ROUNDING, FieldSolver
 from shellbench.protocol.schema import Finite
 
 Array = NDArray[np.float64]
@@ -93,9 +93,11 @@ class InverseTransformSolver(FieldSolver):
         drawn = density.points == "draws"
         spread = {
             "chi_squared": math.sqrt(2 * (np.count_nonzero(density.shares) - 1)),
-            "mean": 1 / math.sqrt(12 * count) if drawn else ROUNDING,
+            "mean": 1 / math.sqrt(12 * count) if drawn else LEVEL_ROUNDING,
         }
-        return Drawn(case, answer.tensors, uncertainty={q.name: spread.get(q.kind, ROUNDING) for q in case.quantities})
+        return Drawn(
+            case, answer.tensors, uncertainty={q.name: spread.get(q.kind, LEVEL_ROUNDING) for q in case.quantities}
+        )
 
     def load(self, path: Path) -> Drawn:
         """Read points that were saved."""
@@ -151,7 +153,7 @@ class NearestVertexSolver(FieldSolver):
         found = Vertices(case, tensors, {"epsilon": settings.epsilon})
         # At r from the centre the error is r (1 - cos a), a the angle to the nearest vertex.
         worst = float(np.max(np.abs(found.distance(between)))) / case.body.radius
-        known = {q.name: ROUNDING for q in case.quantities} | {
+        known = {q.name: LEVEL_ROUNDING for q in case.quantities} | {
             q.name: worst * math.dist(q.place, case.body.centre) for q in case.quantities if q.kind == "distance"
         }
         return replace(found, uncertainty=known)

@@ -31,7 +31,7 @@ Mask = NDArray[np.bool_]
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 HERE = find_spec("numba") is not None
-ROUNDING = 1e-12  # relative to a link's length: what is shorter by no more is taut
+TAUT_ROUNDING = 1e-12  # relative to a link's length: what is shorter by no more is taut
 TINY = 1e-300
 MOST_ROUNDS = 100_000
 ENOUGH = 2000  # links of a thread: so many take some ten times as long as starting it
@@ -54,7 +54,7 @@ def _links(x: Array, root: Array, lengths: Array, room: float, e: Array, found: 
         for k in range(3):
             e[i, k] = x[i, k] - (x[i - 1, k] if i else root[k])
         found[i] = math.sqrt(e[i, 0] * e[i, 0] + e[i, 1] * e[i, 1] + e[i, 2] * e[i, 2])
-        taut[i] = found[i] >= lengths[i] - room - ROUNDING * lengths[i]
+        taut[i] = found[i] >= lengths[i] - room - TAUT_ROUNDING * lengths[i]
         for k in range(3):
             e[i, k] /= max(found[i], TINY)
 

@@ -27,7 +27,7 @@ from shellbench.solvers.rope.pulls import dot
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-ROUNDING = 1e-12  # relative to a link's length: what is shorter by no more is taut
+TAUT_ROUNDING = 1e-12  # relative to a link's length: what is shorter by no more is taut
 Solve = Literal["direct", "sweeps"]
 
 
@@ -112,7 +112,7 @@ class Stepper:
         """Return directions (m, C, 3) and lengths (m, C), m, of all links, and which are taut."""
         along = relative(places, root)
         lengths = np.sqrt(dot(along, along))
-        room = self.scheme.taut * self.chains.gravity * self.step**2 + ROUNDING * self.chains.lengths
+        room = self.scheme.taut * self.chains.gravity * self.step**2 + TAUT_ROUNDING * self.chains.lengths
         taut = lengths >= self.chains.lengths - np.where(np.isfinite(room), room, 0.0)
         return along / np.maximum(lengths, 1e-300)[..., None], lengths, taut
 

@@ -5,7 +5,7 @@ import pytest
 
 from shellbench.bench.catalogue import catalog
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.records.sampling import MOST, RATES, frame_rate_study, joined
+from shellbench.problems.shell.records.sampling import MOST_FRAMES, RATES, frame_rate_study, joined
 from shellbench.problems.shell.records.series import reached
 from tests.bench import spring
 from tests.bench.falling import FallSolution
@@ -93,7 +93,7 @@ def test_a_long_motion_is_not_asked_for_more_frames(fall: Case) -> None:
     solution = FallSolution(longer)
     steps = frame_rate_study(solution, longer)
     assert [step.frames for step in steps] == [151, 301, 601]
-    assert max(step.frames for step in steps) <= MOST
+    assert max(step.frames for step in steps) <= MOST_FRAMES
 
 
 def test_a_static_case_has_no_frames() -> None:

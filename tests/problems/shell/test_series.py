@@ -15,7 +15,7 @@ from shellbench.problem import Step
 from shellbench.problems.shell.case import Case, build_case
 from shellbench.problems.shell.records import self_intersection
 from shellbench.problems.shell.records.sampling import PICTURE
-from shellbench.problems.shell.records.series import FRAMES, SAMPLES, asked_series, frames, reached, series_of
+from shellbench.problems.shell.records.series import CURVE_TIMES, FRAMES, asked_series, frames, reached, series_of
 from tests.bench import spring
 from tests.bench.falling import REASON, STEPS, FallSolution
 from tests.bench.running import task_of
@@ -45,7 +45,7 @@ def record_of(case: Case, solver: str, folder: Path) -> Record:
 def test_the_series_of_free_fall_are_its_closed_form(fall: Case) -> None:
     found = {one.name: one for one in series_of(FallSolution(fall), fall)}
     t = np.array(found["fall"].marks)
-    assert len(t) == SAMPLES
+    assert len(t) == CURVE_TIMES
     assert (t[0], t[-1]) == (0.0, 1.0)
     assert np.ptp(np.diff(t)) < 1e-12
     assert found["fall"].values == pytest.approx(G * t**2 / 2, abs=1e-12)
@@ -62,8 +62,10 @@ def test_the_field_is_asked_for_once_a_time(fall: Case) -> None:
     solution = FallSolution(fall)
     series_of(solution, fall)
     velocities = [at for what, at in solution.asked if what == "velocity"]
-    assert len(velocities) == len(set(velocities)) == SAMPLES
-    assert sum(what == "displacement" for what, _ in solution.asked) == 2 * SAMPLES  # at the middle, and for the mass
+    assert len(velocities) == len(set(velocities)) == CURVE_TIMES
+    assert (
+        sum(what == "displacement" for what, _ in solution.asked) == 2 * CURVE_TIMES
+    )  # at the middle, and for the mass
 
 
 @pytest.mark.parametrize("name", ["pendulum_strip", "napkin_plane", "napkin_soft_pin", "napkin_moving_corners"])
@@ -129,7 +131,7 @@ def test_a_motion_that_failed_keeps_all_up_to_its_last_time(fall: Case, tmp_path
     (series,) = [one for one in record.series if one.name == "fall"]
     assert series.marks[-1] == pytest.approx(end)
     assert series.values == pytest.approx(G * np.array(series.marks) ** 2 / 2, abs=1e-12)
-    assert len(series.marks) == np.sum(np.linspace(0, 1, SAMPLES) < end) + 1
+    assert len(series.marks) == np.sum(np.linspace(0, 1, CURVE_TIMES) < end) + 1
     with np.load(tmp_path / str(record.fields_file)) as fields:
         assert fields["marks"][-1] == pytest.approx(end)
         assert np.allclose(fields["displacement"], [0, 0, -G * end**2 / 2])

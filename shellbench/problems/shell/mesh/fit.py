@@ -31,8 +31,8 @@ from shellbench.protocol.schema import Finite, Model
 Array = NDArray[np.float64]
 SEED, LEFT_OUT = 21, 0.2
 HARDLY = 1.2  # times the smallest error: what is no worse has fewer spans
-ROUNDING = 1e-9  # of the mesh's size: a spline that misses by less is not made finer
-MOST = 6000  # coefficients of a component
+WELL_FITTED = 1e-9  # of the mesh's size: a spline that misses by less is not made finer
+MOST_COEFFICIENTS = 6000  # coefficients of a component
 SUFFICE = 1.5  # vertices for each coefficient of the second spline
 ENOUGH = 12  # vertices for each coefficient, from which others are left out where spans are only tried
 GRID = 41  # points a side at which curvatures are compared
@@ -142,13 +142,13 @@ class _Fitting:
         level = 1
         while True:
             spans = (min(level, most[0]), min(level, most[1]))
-            if found and (spans in found or np.prod(shape_of(spans, self.periodic)) > MOST):
+            if found and (spans in found or np.prod(shape_of(spans, self.periodic)) > MOST_COEFFICIENTS):
                 break
             found[spans] = self.missed(spans)
-            if found[spans] < ROUNDING * self.patch.size:
+            if found[spans] < WELL_FITTED * self.patch.size:
                 break
             level *= 2
-        allowed = max(HARDLY * min(found.values()), ROUNDING * self.patch.size)
+        allowed = max(HARDLY * min(found.values()), WELL_FITTED * self.patch.size)
         spans = next(spans for spans, error in found.items() if error <= allowed)
         for axis in (0, 1):
             while spans[axis] > 1:

@@ -14,7 +14,7 @@ from shellbench.problems.shell.question.places import Whole
 
 Array = NDArray[np.float64]
 
-SAMPLES = 9  # points a side at which loads and motions are looked at
+COURSE_SAMPLES = 9  # points a side at which loads and motions are looked at
 TIMES, GOLDEN = 32, (5**0.5 - 1) / 2  # further instants, in no rhythm that a formula might have
 PROPORTIONAL = 1e-12  # relative departure from proportional loads that is rounding
 INSTANT = 1e-6  # of the whole time, after which a motion from rest has gone next to nowhere
@@ -51,12 +51,12 @@ def check_path(case: Shell) -> None:
     beyond = [state for state in case.states if not 0 < state <= path.until]
     if beyond:
         raise ValueError(f"a state is asked for at {beyond[0]:g}, but the path goes from 0 to {path.until:g}")
-    sample = case.surface.domain.grid(SAMPLES, SAMPLES)
+    sample = case.surface.domain.grid(COURSE_SAMPLES, COURSE_SAMPLES)
     for what, at in (*_moves(case, sample), *_loads(case, sample)):
         rest, unit, twice = at(0.0), at(1.0), at(2.0)
         if np.any(rest != 0):
             raise ValueError(f"{what} acts at t = 0; in the non-linear theory t is the load factor, and rest is at 0")
-        for t in np.linspace(0.0, path.until, SAMPLES)[1:] if path.quantity is None else ():
+        for t in np.linspace(0.0, path.until, COURSE_SAMPLES)[1:] if path.quantity is None else ():
             if not np.all(np.isfinite(at(float(t)))):
                 raise ValueError(f"{what} is not finite at t = {t:.4g}, on the way to {path.until:g}")
         if path.quantity is not None and np.abs(twice - 2 * unit).max() > PROPORTIONAL * np.abs(unit).max():
@@ -92,7 +92,7 @@ def check_motion(case: Shell) -> None:
         raise ValueError(
             f"a state is asked for at {beyond[0]:g} s, but the motion starts from rest at 0 s and ends at {until:g} s"
         )
-    sample = case.surface.domain.grid(SAMPLES, SAMPLES)
+    sample = case.surface.domain.grid(COURSE_SAMPLES, COURSE_SAMPLES)
     times = instants(case)
     for what, at in _moves(case, sample):
         values = [at(float(t)) for t in times]
@@ -113,14 +113,14 @@ def check_motion(case: Shell) -> None:
 
 def is_constant(case: Shell) -> bool:
     """Whether supports stand still and loads do not depend on time."""
-    sample = case.surface.domain.grid(SAMPLES, SAMPLES)
+    sample = case.surface.domain.grid(COURSE_SAMPLES, COURSE_SAMPLES)
     return case.steady and not any(np.any(at(float(t))) for _, at in _moves(case, sample) for t in instants(case))
 
 
 def instants(case: Shell) -> Array:
     """Return the instants at which a motion's supports and loads are looked at, s."""
     assert case.dynamics is not None
-    shares = np.concatenate([np.linspace(0.0, 1.0, SAMPLES), (np.arange(1, TIMES) * GOLDEN) % 1])
+    shares = np.concatenate([np.linspace(0.0, 1.0, COURSE_SAMPLES), (np.arange(1, TIMES) * GOLDEN) % 1])
     return np.asarray(case.dynamics.until * shares)
 
 

@@ -29,10 +29,10 @@ Array = NDArray[np.float64]
 
 SAME = 1e-9  # of the domain's side: points that are no further apart are one
 GOLDEN, PLASTIC = 0.6180339887498949, 0.7548776662466927  # steps of sequences in no rhythm
-SAMPLES = 1009  # points of the shell; loads may act on a small part of it
+LOOKED_AT = 1009  # points of the shell; loads may act on a small part of it
 EDGE_SAMPLES = 61
 PANEL_SAMPLES = 13  # points between kinks: a load that begins and ends at them may act on next to nothing of the shell
-ROUNDING = 1e-9  # relative difference of two mirror images that is rounding, unless a solver knows better
+IMAGE_ROUNDING = 1e-9  # relative difference of two mirror images that is rounding, unless a solver knows better
 FIRST_LOOK = 64  # points at which a reflection is looked at first: most that are no symmetry show it there
 ON_THE_WAY = 0.37  # of a path's end: where loads and motions are looked at beside the states that a case asks for
 
@@ -56,12 +56,12 @@ class Sight:
     points: Array
     along: tuple[Array, Array]
     order: int = 0
-    rounding: float = ROUNDING
+    rounding: float = IMAGE_ROUNDING
 
     @classmethod
     def spread(cls, case: Shell) -> Sight:
         """Return points in no rhythm that a formula might have: over the rectangle, and between all kinks."""
-        domain, number = case.surface.domain, np.arange(1, SAMPLES + 1)
+        domain, number = case.surface.domain, np.arange(1, LOOKED_AT + 1)
         lower, size = np.asarray(domain.lower), np.asarray(domain.size)
         unit = np.stack([number * GOLDEN % 1, number * PLASTIC % 1], axis=-1)
         bounds = zip(domain.lower, case.kinks, domain.upper, strict=True)
@@ -82,7 +82,7 @@ class Sight:
     def and_narrow(self, case: Shell) -> Sight:
         """Return the same with points in cells in which a formula varies quickly."""
         found = [(feature.edge, feature.division.middles) for feature in case.features]
-        quick = [(edge, at[:: 1 + len(at) // SAMPLES]) for edge, at in found]
+        quick = [(edge, at[:: 1 + len(at) // LOOKED_AT]) for edge, at in found]
         points = np.concatenate([self.points, *(at for edge, at in quick if edge is None)])
         first, second = (
             np.concatenate([own, *(at[:, a] for edge, at in quick if edge is not None and edge.axis != a)])

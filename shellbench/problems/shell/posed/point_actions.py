@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from shellbench.problems.shell.posed.mirrors import ON_THE_WAY, Sight, mirror_of
 from shellbench.problems.shell.posed.point_supports import LEANING, check_point_supports, leaning, mark_of
 from shellbench.problems.shell.posed.shell import Shell
-from shellbench.problems.shell.posed.spots import ROUNDING, Spot, is_on, spot_at
+from shellbench.problems.shell.posed.spots import NO_PART, Spot, is_on, spot_at
 from shellbench.problems.shell.quantities.quantities import (
     DisplacementQuantity,
     EnergyQuantity,
@@ -170,7 +170,7 @@ def _pulls(case: Shell, t: float) -> list[Pull]:
     found = []
     for spot, force in _pulled(case, t):
         free, part = (float(np.linalg.norm(v)) for v in (spot.free(force), spot.unlimited(force)))
-        if part > ROUNDING * np.linalg.norm(force):
+        if part > NO_PART * np.linalg.norm(force):
             found.append(Pull(spot, part, spot.shears or part > LEANING * free))
     return found
 
@@ -194,9 +194,9 @@ def _check_finite_strain(case: Shell) -> None:
     for t in (last, ON_THE_WAY * last):
         for spot, force in _pulled(case, t):
             size = np.linalg.norm(force)
-            if np.linalg.norm(spot.free(force)) <= ROUNDING * size:
+            if np.linalg.norm(spot.free(force)) <= NO_PART * size:
                 continue
-            if np.linalg.norm(spot.unlimited(force)) > ROUNDING * size or len(_planes(case, spot)) < 2:
+            if np.linalg.norm(spot.unlimited(force)) > NO_PART * size or len(_planes(case, spot)) < 2:
                 raise ValueError(
                     f"a load of kind 'point' acts on '{spot.name}' at finite strain, and no two planes of symmetry keep"
                     " it along the normal there: strains under it grow to the order of 1, and what it moves depends on"
@@ -213,4 +213,4 @@ def _planes(case: Shell, spot: Spot) -> set[int]:
     for axis in (0, 1):
         if (mirror := mirror_of(case, axis, spot.xi[axis], sight)) is not None:
             found.add(mirror.normal)
-    return {normal for normal in found if abs(spot.normal[normal]) <= ROUNDING}
+    return {normal for normal in found if abs(spot.normal[normal]) <= NO_PART}

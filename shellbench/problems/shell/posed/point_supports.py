@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from shellbench.problems.shell.posed.rigid import free_of, held_rows, middle_and_size, rigid_modes
 from shellbench.problems.shell.posed.shell import Shell
-from shellbench.problems.shell.posed.spots import ROUNDING, SLACK, Spot, held_at, orthonormal, spot_at
+from shellbench.problems.shell.posed.spots import NO_PART, SLACK, Spot, held_at, orthonormal, spot_at
 from shellbench.problems.shell.quantities.measure import rule_of, spread_forces, unit
 from shellbench.problems.shell.quantities.modes import Frequency
 from shellbench.problems.shell.quantities.quantity import ShellQuantity
@@ -81,7 +81,7 @@ def mark_of(case: Shell, quantity: ShellQuantity) -> float:
 def leaning(case: Shell) -> Iterator[tuple[Support, Spot, float]]:
     """Yield the supports that hold points by directions that lean from the normal, the points, and sines of angles."""
     for hold in _holds(case):
-        if hold.firm and hold.lean > ROUNDING:
+        if hold.firm and hold.lean > NO_PART:
             yield from ((support, hold.spot, hold.lean) for support in hold.supports)
 
 
@@ -141,7 +141,7 @@ def _is_idle_plate(case: Shell, soft: Iterable[Hold]) -> bool:
             vectors += [case.motion(support, place, points, t)[0, 0] for t in marks]
     along = [np.cross(vector, normals[0]) for vector in (normals, *vectors)]
     return all(
-        np.abs(part).max() <= ROUNDING * np.abs(vector).max()
+        np.abs(part).max() <= NO_PART * np.abs(vector).max()
         for part, vector in zip(along, (normals, *vectors), strict=True)
     )
 

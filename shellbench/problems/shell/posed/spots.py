@@ -16,7 +16,7 @@ from shellbench.problems.shell.question.surface import Domain
 
 Array = NDArray[np.float64]
 
-ROUNDING = 1e-6  # of a vector: a smaller part of it is rounding
+NO_PART = 1e-6  # of a vector: a smaller part of it is rounding
 SLACK = 1e-9  # of a side, or of a row: what differs by less is the same
 EFFECTIVE = 4.0  # a force on a cell acts as if spread over something between the cell and its quarter
 
@@ -63,7 +63,7 @@ class Spot:
     def share(self, direction: ArrayLike) -> float:
         """Return how large that part of a direction is, from 0 to 1; 0 if it is rounding."""
         share = float(np.linalg.norm(self.unlimited(direction)) / np.linalg.norm(direction))
-        return share if share > ROUNDING else 0.0
+        return share if share > NO_PART else 0.0
 
 
 def spot_at(case: Shell, place: Point) -> Spot:
@@ -88,7 +88,7 @@ def spot_at(case: Shell, place: Point) -> Spot:
         held=held_at(case, place, points=True),
         softness=unit * math.log(2) / (modulus * thickness),
         halvings=math.log2(EFFECTIVE * max(1.0, 2 * middle_and_size(case.surface)[1] / thickness)),
-        bent=largest if largest > ROUNDING else 0.0,
+        bent=largest if largest > NO_PART else 0.0,
         shears=case.theory == "naghdi-linear",
     )
 

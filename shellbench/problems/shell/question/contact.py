@@ -21,7 +21,7 @@ from shellbench.protocol.schema import Flag, Model
 Array = NDArray[np.float64]
 
 STARTS_INSIDE = 1e-9  # of the shell's size: a depth at rest that is more than rounding
-SAMPLES = 41  # points a side at which a shell at rest is looked at
+REST_SAMPLES = 41  # points a side at which a shell at rest is looked at
 LINE = 512  # panels of a coordinate line, whose length is measured by two Gauss points each
 
 
@@ -137,7 +137,7 @@ def check_contact(case: Any) -> None:
             raise ValueError(
                 f"an obstacle of kind '{obstacle.kind}' has friction, but without [dynamics] shells slide freely"
             )
-    points = case.surface.domain.grid(SAMPLES, SAMPLES).reshape(-1, 2)
+    points = case.surface.domain.grid(REST_SAMPLES, REST_SAMPLES).reshape(-1, 2)
     rest = np.zeros((len(points), 3))
     size = float(np.ptp(case.surface.position(points), axis=0).max())
     for number, obstacle in enumerate(case.obstacles, start=1):

@@ -25,7 +25,7 @@ Coordinate = Literal["xi1", "xi2"]
 COORDINATES: tuple[Coordinate, Coordinate] = ("xi1", "xi2")
 
 FULL_TURN = 360.0  # degrees
-SAMPLES = 33  # points a side of the grid on which a surface is checked for degeneracy
+DEGENERACY_SAMPLES = 33  # points a side of the grid on which a surface is checked for degeneracy
 FLAT = 1e-8  # smallest admissible |a1 x a2| / (|a1| |a2|): the sine of the angle between the base vectors
 POLE = 1e-9  # smallest admissible |a1 x a2|, relative to its largest on the surface
 SUSPECT = 0.2  # of that: where |a1 x a2| is less on the grid, one looks closer
@@ -182,7 +182,7 @@ class AnalyticSurface(Model):
                 raise ValueError(f"the bounds of {name} are [{low:g}, {high:g}]; the first must be the smaller")
             if high - low < SMALLEST:
                 raise ValueError(f"{name} has a side of {high - low:g}, but it must be at least {SMALLEST:g}")
-        x = self.derivatives(self.domain.grid(SAMPLES, SAMPLES), order=2)
+        x = self.derivatives(self.domain.grid(DEGENERACY_SAMPLES, DEGENERACY_SAMPLES), order=2)
         if not np.all(np.abs(x[0, 0]) <= LARGEST):
             raise ValueError(f"the surface is not finite, or above {LARGEST:g}, on the domain")
         if isinstance(self, ExpressionSurface):  # the named kinds, and meshes that were fitted, are smooth
@@ -193,7 +193,7 @@ class AnalyticSurface(Model):
         lengths = np.linalg.norm(a1, axis=-1) * np.linalg.norm(a2, axis=-1)
         areas = np.linalg.norm(np.cross(a1, a2), axis=-1)
         sines = areas / np.maximum(lengths, np.finfo(float).tiny)
-        flat = self.domain.grid(SAMPLES, SAMPLES)[np.unravel_index(np.argmin(sines), sines.shape)]
+        flat = self.domain.grid(DEGENERACY_SAMPLES, DEGENERACY_SAMPLES)[np.unravel_index(np.argmin(sines), sines.shape)]
         found = flat if sines.min() <= FLAT else self._pole(areas)
         if found is not None:
             at = ", ".join(
@@ -227,13 +227,14 @@ class AnalyticSurface(Model):
         """Return a point (2,) where |a1 x a2| vanishes, from its values on the grid; None if there is none."""
         # A grid misses zeros between its points. Around its smallest values one looks again, ever closer.
         domain, largest = self.domain, float(areas.max())
-        grid = domain.grid(SAMPLES, SAMPLES).reshape(-1, 2)
+        grid = domain.grid(DEGENERACY_SAMPLES, DEGENERACY_SAMPLES).reshape(-1, 2)
         size = np.asarray(domain.size)
         smallest = np.argsort(areas.ravel())[:SUSPECTS]
         at, least = grid[smallest], areas.ravel()[smallest]
         suspect = (least > POLE * largest) & (least < SUSPECT * largest)
         steps = np.linspace(-1.0, 1.0, CLOSER)
-        square, reach = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2), size / (SAMPLES - 1)
+        square = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
+        reach = size / (DEGENERACY_SAMPLES - 1)
         for _ in range(LOOKS if suspect.any() else 0):
             around = np.clip(at[suspect, None] + square * reach, domain.lower, domain.upper)
             x = self.derivatives(around, order=1)

@@ -75,7 +75,7 @@ PICTURE = 61  # points a side of the grid that pictures are drawn from
 PICTURE_TYPE = np.float32  # of what nothing but pictures is made of: states of a path beside the last one, densities
 DENSITIES = ("membrane_energy_density", "bending_energy_density")
 RESOLUTIONS = (10, 25, 50, 100, 200)  # points a side
-SAMPLES = ((0.5, 0.5), (0.25, 0.25), (0.37, 0.81), (0.7, 0.2), (0.93, 0.61))
+INNER_POINTS = ((0.5, 0.5), (0.25, 0.25), (0.37, 0.81), (0.7, 0.2), (0.93, 0.61))
 """Where the same material point is asked for in every grid, in fractions of the sides; off all the grids but one."""
 
 
@@ -140,7 +140,7 @@ def resolution_study(solution: DisplacementField, case: Shell) -> tuple[Resoluti
         If the field is not finite at all of their points and the probes.
     """
     domain = case.surface.domain
-    probes = np.asarray(domain.lower) + np.asarray(SAMPLES) * np.asarray(domain.size)
+    probes = np.asarray(domain.lower) + np.asarray(INNER_POINTS) * np.asarray(domain.size)
     named = [place.xi for place in case.places.values() if isinstance(place, Point)]
     probes = np.concatenate([probes, np.array(named).reshape(-1, 2)])
     alone = np.stack([solution.displacement(probe[None])[0] for probe in probes])
@@ -247,7 +247,7 @@ def quantities_of(solution: DisplacementField, case: Shell, known: Mapping[str, 
 
 
 RATES = (15, 30, 60, 120, 240)  # frames per second: those of films and screens, halved and doubled
-MOST = 961  # frames: four seconds at the finest rate, so that a long motion costs no more
+MOST_FRAMES = 961  # frames: four seconds at the finest rate, so that a long motion costs no more
 POINTS = 64  # of the probes: the first ones, which are spread as evenly as all of them
 GOLDEN = (5**0.5 - 1) / 2  # its multiples, modulo one, are evenly spread and lie on no frame
 SAME = 6  # decimals of a number of frames beyond which two solvers' last instants differ by rounding only
@@ -266,7 +266,7 @@ def frame_rate_study(solution: DisplacementField, case: Shell) -> tuple[FrameRat
     fixed = end * (GOLDEN * np.arange(1, FIXED + 1) % 1.0)
     alone = [state_at(solution, points, float(t)) for t in np.sort(fixed)[::-1]][::-1]
     counts = sorted({max(2, round(round(rate * end, SAME)) + 1) for rate in RATES})
-    counts = [count for count in counts if count <= MOST]
+    counts = [count for count in counts if count <= MOST_FRAMES]
     if not counts:
         return ()
     samples: dict[int, Array] = {}

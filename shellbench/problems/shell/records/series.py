@@ -69,7 +69,7 @@ class _Snapshot:
         return self._answers[key]
 
 
-SAMPLES = 101  # times, rest among them: hundredths of the whole time, for curves of some ten swings
+CURVE_TIMES = 101  # times, rest among them: hundredths of the whole time, for curves of some ten swings
 FRAMES = 21  # times at which the field is kept, rest among them: every twentieth of the whole time
 MARK = re.compile(r"_\d+[a-z]*$")  # how the name of a quantity ends that carries its time: corner_x_200ms
 APART = {"name", "description", "unit", "primary", "at", "tolerance", "absolute", "open_finding"}
@@ -193,7 +193,7 @@ def series_of(solution: DisplacementField, case: Shell) -> tuple[Series, ...]:
 def _marks(solution: DisplacementField, case: Shell) -> Iterator[float]:
     if case.dynamics is not None:
         end = reached(solution, case)
-        uniform = [t for t in np.linspace(0.0, case.dynamics.until, SAMPLES).tolist() if t < end]
+        uniform = [t for t in np.linspace(0.0, case.dynamics.until, CURVE_TIMES).tolist() if t < end]
         yield from _distinct([*uniform, end])
         return
     steps = [step.at for step in solution.history if step.phase in {"path", "critical"}]

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.posed.mirrors import ROUNDING, Mirror, Sight
+from shellbench.problems.shell.posed.mirrors import IMAGE_ROUNDING, Mirror, Sight
 from shellbench.problems.shell.variants.placing import follows, placed_data
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ def _rotation(case: Case) -> Array | None:
         lower, size = domain.lower[axis], domain.size[axis]
         for at in (lower, lower + size / 4) if domain.periodic[axis] else (lower + size / 2,):
             normal = _normal(case, Mirror(axis, at, 0), points)
-            if normal is not None and all(abs(normal @ other) <= ROUNDING for other in normals):
+            if normal is not None and all(abs(normal @ other) <= IMAGE_ROUNDING for other in normals):
                 normals.append(normal)
     if not normals:
         return None
@@ -69,4 +69,4 @@ def _normal(case: Case, mirror: Mirror, points: Array) -> Array | None:
     wrap, position = case.surface.domain.wrap, case.surface.position
     moved = position(wrap(mirror.image(points))) - position(wrap(points))
     _, sizes, directions = np.linalg.svd(moved, full_matrices=False)
-    return directions[0] if sizes[1] <= ROUNDING * sizes[0] else None
+    return directions[0] if sizes[1] <= IMAGE_ROUNDING * sizes[0] else None

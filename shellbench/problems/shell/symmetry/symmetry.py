@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.posed.mirrors import ROUNDING, SAME, Ends, Mirror, Sight, mirror_of
+from shellbench.problems.shell.posed.mirrors import IMAGE_ROUNDING, SAME, Ends, Mirror, Sight, mirror_of
 from shellbench.problems.shell.posed.surfaces import SurfaceModel
 from shellbench.problems.shell.quantities.quantities import EnergyQuantity
 from shellbench.problems.shell.question.conditions import COMPONENTS, Formula, RigidMotion, Support, VectorFormula
@@ -304,7 +304,7 @@ def axis_of_revolution(case: Case) -> Array | None:
         for t in (0.5, 1.0):
             moved = case.motion(support, place, points, t, order=1)
             gap = np.abs(moved[1, 0] - np.cross(axis, moved[0, 0])).max()
-            if gap > ROUNDING * (1 + np.abs(moved[0, 0]).max()):
+            if gap > IMAGE_ROUNDING * (1 + np.abs(moved[0, 0]).max()):
                 return None
     return axis
 
@@ -315,6 +315,6 @@ def _axis(position: Array, tangent: Array) -> Array | None:
     shifted = np.broadcast_to(np.eye(3), crossed.shape)
     matrix = np.concatenate([crossed, shifted], axis=-1).reshape(-1, 6)
     found, *_ = np.linalg.lstsq(matrix, tangent.ravel(), rcond=None)
-    if np.abs(matrix @ found - tangent.ravel()).max() > ROUNDING * np.abs(tangent).max():
+    if np.abs(matrix @ found - tangent.ravel()).max() > IMAGE_ROUNDING * np.abs(tangent).max():
         return None
     return np.asarray(found[:3])

@@ -41,7 +41,7 @@ Find = Callable[[PathProblem, PathState, float], PathState]
 
 PATH_STEPS = 32  # steps of a path that is followed by displacement, and of its first length by arc
 MOST_STEPS = 1000  # of a path that is followed by arc length
-SAMPLES = 9  # points a side at which the length of an arc is measured
+ARC_SAMPLES = 9  # points a side at which the length of an arc is measured
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ def arc_length_steps(problem: PathProblem, row: Tensor, marks: Sequence[float], 
 
 def _samples(problem: PathProblem) -> Tensor:
     """Return the rows (3 n, 3 M) of the displacement on a grid of n points, divided by the root of n."""
-    points = problem.ansatz.case.surface.domain.grid(SAMPLES, SAMPLES).reshape(-1, 2)
+    points = problem.ansatz.case.surface.domain.grid(ARC_SAMPLES, ARC_SAMPLES).reshape(-1, 2)
     rows = [problem.row(points[[k]], np.eye(3)[[c]]) for k in range(len(points)) for c in range(3)]
     samples: Tensor = torch.stack(rows) / len(points) ** 0.5
     return samples
