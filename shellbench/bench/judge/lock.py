@@ -140,20 +140,20 @@ def todays_lock(cases: Collection[str] | None = None, suites: Collection[str] | 
     """
     gated = {name for held in catalog.tolerances().values() for name in held}
     own = set(catalog.own_case_names())  # what other packages bring is theirs to lock
-    judged = {name for name in own if any(v.role == "judge" for v in catalog.known_values(name).values)}
+    counted = own if cases is None else own & {*cases}
+    judged = {name for name in counted if any(v.role == "judge" for v in catalog.known_values(name).values)}
     asked = {
         suite: [name for name in catalog.variants_asked(suite) if name.partition(VARIANT)[0] in own]
         for suite in catalog.own_suite_names()
         if suites is None or suite in suites
     }
-    counted = (gated | judged) & own if cases is None else (gated | judged) & own & {*cases}
     return Lock(
         constants={
             f"{module.__name__.rpartition('.')[2]}.{name}": getattr(module, name)
             for module, names in JUDGING.items()
             for name in names
         },
-        cases={name: _locked(catalog.named_case(name)) for name in sorted(counted)},
+        cases={name: _locked(catalog.named_case(name)) for name in sorted((gated | judged) & counted)},
         variants={
             suite: {name: catalog.named_case(name).digest() for name in sorted(names)}
             for suite, names in asked.items()
