@@ -50,13 +50,13 @@ def rows(store: Store, suites: Sequence[str] = (), cases: Sequence[str] = ()) ->
 
 
 def rows_and_notes(
-    store: Store, suites: Sequence[str] = (), cases: Sequence[str] = ()
+    store: Store, suites: Sequence[str] = (), cases: Sequence[str] = (), current: CurrentRuns | None = None
 ) -> tuple[list[Row], tuple[str, ...]]:
-    """Return the rows of `rows`, and a sentence for whatever was left out."""
+    """Return the rows of `rows`, and a sentence for whatever was left out; `current` spares reading the store again."""
     wanted = asked_cases(cases, suites)
     # Records that count, and plans that no record has ended. Suites narrow a row to those of its suites that were asked
     # for.
-    current, planned = as_files_say(current_runs(store.read()), cases), read_planned(store)
+    current, planned = as_files_say(current or current_runs(store.read()), cases), read_planned(store)
     found = rows_of(current, not_ended(planned, (run.record for run in current.runs)))
     found = in_suites(found, suites)
     if cases:

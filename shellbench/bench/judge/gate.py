@@ -110,7 +110,7 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
         find_solver(solver)
     check_filled(store)
     current = current_runs(store.read())
-    found, notes = rows_and_notes(store, scope.suites, scope.cases)
+    found, notes = rows_and_notes(store, scope.suites, scope.cases, current)
     more = "" if scope.suites else beyond(found)
     known = {run.record.run_id for run in current.runs if run.installed}
     shown = [row for row in found if _in_scope(row, scope, cases)]
