@@ -44,7 +44,7 @@ def list_command(
         ),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
-    every: Annotated[bool, typer.Option("--all", help="A line for each case, suite and solver.")] = False,
+    every: Annotated[bool, typer.Option("--all", help="A line for each case instead.")] = False,
     wide: WideOption = False,
 ) -> None:
     """List suites and solvers by kind of problem; with a name, all about that one.
@@ -62,7 +62,7 @@ def list_command(
 
     with plugins_are_input():
         if name is None:
-            text = listing.as_text if every else listing.overview
+            text = listing.all_cases if every else listing.overview
             typer.echo(listing.as_json() if json else text(text_width(wide)))
             return
         from shellbench.bench.catalogue import about

@@ -52,8 +52,7 @@ def test_engine_and_version_are_listed():
     assert solvers()["guest"]["engine"] == VERSION
     assert solvers()["plain"]["engine"] is None
     assert {"name": "engine", "default": VERSION, "description": ""} in solvers()["guest"]["settings"]
-    (line,) = [line for line in listing.as_text().splitlines() if line.startswith("guest")]
-    assert VERSION in line
+    assert "guest (package package), plain (package package)" in listing.overview()
 
 
 def test_a_missing_extra_is_named():
@@ -62,6 +61,4 @@ def test_a_missing_extra_is_named():
     assert found["reason"].endswith(
         "strange-engine, stranger-engine are not installed: python -m pip install 'shellbench[strange]'"
     )
-    words = " ".join(listing.as_text().split())
-    assert "shellbench[strange]" in words
-    assert "can't be used" not in words
+    assert found["reason"] in listing.overview()

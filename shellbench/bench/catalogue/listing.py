@@ -91,10 +91,8 @@ def as_json() -> str:
 
 def overview(width: int | None = None) -> str:
     """Return suites and solvers by kind of problem as text, a line for each suite. No case is built for it."""
-    kinds, cases = (
-        {name: catalog.kind_named_by(name) for name in catalog.case_names()},
-        defaultdict[str, list[str]](list),
-    )
+    kinds = {name: catalog.kind_named_by(name) for name in catalog.case_names()}
+    cases = defaultdict[str, list[str]](list)
     for name in kinds:
         for suite in catalog.suites_named_by(name):
             cases[suite].append(name)
@@ -107,15 +105,15 @@ def overview(width: int | None = None) -> str:
         if not solver["available"]:
             unusable.append(solver["reason"])
         for kind in kinds_of_theories(solver["theories"]) if solver["available"] else ():
-            solvers[kind].append(solver["name"])
+            solvers[kind].append(solver["name"] + _from(solver["package"]))
     console = Console(file=StringIO(), width=width or WIDTH)
-    table = _table("", "suite", "cases", "title")
+    table = _table("suite", "cases", "title")
     for kind in sorted(suites, key=lambda kind: -len(suites[kind])):
         table.add_row(f"[bold]{escape(kind)}[/bold]")
         for row in suites[kind]:
             table.add_row(*map(escape, row))
     console.print(table)
-    table = _table("", "kind", "solvers")
+    table = _table("kind", "solvers")
     for kind in sorted(solvers, key=lambda kind: -len(solvers[kind])):
         table.add_row(escape(kind), escape(", ".join(solvers[kind])))
     console.print()
@@ -125,35 +123,16 @@ def overview(width: int | None = None) -> str:
     return "\n".join([_printed(console), "", *unusable, hint])
 
 
-def as_text(width: int | None = None) -> str:
-    """Return what there is as text; names and titles alone where a width is given that has no room for more."""
-    found = contents()
+def all_cases(width: int | None = None) -> str:
+    """Return a line for each case as text; names and titles alone where a width is given that has no room for more."""
     narrow = width is not None and width < WIDTH
     console = Console(file=StringIO(), width=width if narrow else WIDTH)
-    cases = _table("Cases", *("name", "title", "theory", "suites")[: 2 if narrow else None])
-    for case in found["cases"]:
+    table = _table(*("case", "title", "theory", "suites")[: 2 if narrow else None])
+    for case in map(_case, catalog.case_names()):
         title = f"{case['title']}{_from(case['package'])}" if case["available"] else case["reason"]
         shown = [title, case["theory"], ", ".join(case["suites"])] if case["available"] else [title]
-        cases.add_row(case["name"], *map(escape, shown[: len(cases.columns) - 1]))
-    suites = _table("Suites", *("name", "title", "cases", "runs")[: 2 if narrow else None])
-    for suite in found["suites"]:
-        runs = ", ".join(run_words(run) for run in suite["runs"])
-        asked = [*suite["cases"], *([f"{len(suite['variants'])} variants"] if suite["variants"] else [])]
-        shown = [suite["title"] + _from(suite["package"]), ", ".join(asked), runs]
-        suites.add_row(suite["name"], *map(escape, shown[: len(suites.columns) - 1]))
-    headings = ("name", "what it is", "engine", "devices", "theories", "seeds")
-    solvers = _table("Solvers", *headings[: 2 if narrow else None])
-    for solver in found["solvers"]:
-        if solver["available"]:
-            seeds = "yes" if solver["seeded"] else "no"
-            engine, devices = solver["engine"] or "-", ", ".join(solver["devices"])
-            shown = [solver["label"], engine, devices, ", ".join(solver["theories"]), seeds]
-        else:
-            shown = [solver["reason"].removeprefix(f"solver '{solver['name']}' can't be used: ")]
-        solvers.add_row(solver["name"], *map(escape, shown[: len(solvers.columns) - 1]))
-    for table in (cases, suites, solvers):
-        console.print(table)
-        console.print()
+        table.add_row(case["name"], *map(escape, shown[: len(table.columns) - 1]))
+    console.print(table)
     more = ["", "`shellbench list NAME` says all about one; --wide shows more columns."] if narrow else []
     return "\n".join([_printed(console), *more])
 
@@ -165,8 +144,8 @@ def _printed(console: Console) -> str:
     return "\n".join(line.rstrip() for line in file.getvalue().rstrip().splitlines())
 
 
-def _table(title: str, *columns: str) -> Table:
-    table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 2, 0, 0))
+def _table(*columns: str) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for i, column in enumerate(columns):
         table.add_column(column, no_wrap=i == 0, overflow="fold")
     return table
