@@ -10,12 +10,16 @@ STEEL = {"youngs_modulus": 1.2e6, "poissons_ratio": 0.0, "thickness": 0.1}
 def plate(**changes):
     """A simply supported square plate under a uniform load, in linear theory; D = 1e4, B = 1000 / 12."""
     data = {
+        "title": "plate",
+        "theory": "kirchhoff-love-linear",
         "surface": {"kind": "plane", "xi1": [0, 10], "xi2": [0, 10]},
         "material": {"youngs_modulus": 1e5, "poissons_ratio": 0.0, "thickness": 0.1},
         "points": {"centre": [5, 5]},
+        "supports": [{"name": "rim", "on": ["xi1_min", "xi1_max", "xi2_min", "xi2_max"]}],
         "loads": [{"kind": "area", "vector": [0, 0, -1e-4]}],
+        "quantities": [largest()],
     }
-    return shells.plate(**data | changes)
+    return build_case(data | changes, "plate", "plate")
 
 
 def cantilever(**changes):

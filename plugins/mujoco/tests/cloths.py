@@ -1,7 +1,7 @@
 """A plate at rest; cloth that nothing holds is that of the tests of `cst-hinge`."""
 
 from shellbench.problems.shell.case import build_case
-from tests.solvers.cst.shells import CLOTH, RIM, UNIT, largest
+from tests.solvers.cst.shells import CLOTH, UNIT, largest
 
 
 def plate(**changes):
@@ -11,7 +11,7 @@ def plate(**changes):
         "theory": "kirchhoff-love-nonlinear",
         "surface": UNIT,
         "material": CLOTH,
-        "supports": [RIM],
+        "supports": [{"name": "rim", "on": ["xi1_min", "xi1_max", "xi2_min", "xi2_max"]}],
         "loads": [{"kind": "area", "vector": [0, 0, "t"]}],
         "quantities": [largest()],
     }
