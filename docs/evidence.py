@@ -65,7 +65,7 @@ def is_kept(row: Mapping[str, Any]) -> bool:
 
 
 def shortened(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what pages quote of a row, without what is empty; of its settings, those that are no defaults."""
+    """Return the fields of a row that pages quote. Empty fields and default settings are left out."""
     return NEEDED | {
         key: value for key, value in row.items() if key not in NOT_QUOTED and value not in (None, "", [], {})
     }

@@ -165,6 +165,7 @@ def test_what_disarms_the_exam_is_red_and_said(full: Store, change: Change, sent
     verdict, text = judged(full)
     assert not verdict.good()
     assert len(verdict.lock.broken) == len(sentences)
+    assert check_lock(("toys",)).broken == verdict.lock.broken
     for found, expected in zip(verdict.lock.broken, sentences, strict=True):
         assert expected in found
         assert "\n" not in found
@@ -172,6 +173,23 @@ def test_what_disarms_the_exam_is_red_and_said(full: Store, change: Change, sent
     assert text.splitlines()[-1] == "a gate fell short"
     write_lock()  # moved, it is the exam; only what names nothing stays red
     assert judged(full)[0].lock.broken == tuple(words for words in verdict.lock.broken if ", which is no " in words)
+
+
+def test_a_gate_of_suites_looks_at_their_cases_alone(full: Store) -> None:
+    (suite_file().parent / "others.toml").write_bytes(suite_file().read_bytes())
+    other = strip.CASE.replace('suites = ["toys"]', 'suites = ["others"]')
+    (case_file().parent / "other.toml").write_text(other, encoding="utf-8")
+    (known_file().parent / "other.toml").write_text(strip.REFERENCES, encoding="utf-8")
+    forget()
+    write_lock()
+    edit(case_file().parent / "other.toml", "thickness = 0.1", "thickness = 0.2")
+    (words,) = check_lock().broken
+    assert words.startswith("other is another problem")
+    assert check_lock(("others",)).broken == (words,)
+    assert check_lock(("toys",)).broken == ()
+    assert "lock: exam 2: 1 cases, 2 figures that these suites ask, as locked" in as_text(
+        gate(full, None, Scope(suites=("toys",))), "baseline"
+    )
 
 
 def test_a_changed_case_is_red_though_no_suite_is_named(full: Store) -> None:

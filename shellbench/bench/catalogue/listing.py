@@ -138,7 +138,7 @@ def all_cases(width: int | None = None) -> str:
 
 
 def _printed(console: Console) -> str:
-    """Return what a console has written into its text, without trailing blanks."""
+    """Return the text that a console has printed, without trailing blanks."""
     file = console.file
     assert isinstance(file, StringIO)
     return "\n".join(line.rstrip() for line in file.getvalue().rstrip().splitlines())

@@ -50,7 +50,7 @@ class EditingPortrait(Portrait):
 
     @property
     def edit(self) -> str | None:
-        """What is edited."""
+        """The kind of edit: of a force, a pose or a thickness."""
         return str(self.problem.edit.what)
 
 

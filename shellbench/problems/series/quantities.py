@@ -1,4 +1,4 @@
-"""What can be asked of one shell many times: of a range of materials, and of a shell that is edited."""
+"""Quantities of a shell that is solved many times: for a range of materials, and before and after an edit."""
 
 from __future__ import annotations
 

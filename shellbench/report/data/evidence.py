@@ -1,4 +1,4 @@
-"""What a report is made from: records, the rows that compare them, and what several sections make of them."""
+"""The evidence of a report: records, the rows that compare them, and results that several sections share."""
 
 from __future__ import annotations
 

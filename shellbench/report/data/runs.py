@@ -44,12 +44,12 @@ COLUMNS = {
 
 
 def solution_name(row: Row) -> str:
-    """Return what a line of a table is called: the solver, and how the run departs from its defaults."""
+    """Return the name of a table's line: the solver, and the settings that are no defaults."""
     return f"{row.solver}, {variant}" if (variant := variant_name(row)) else row.solver
 
 
 def variant_name(row: Row) -> str:
-    """Return how a run departs from its solver's defaults: the suite's word for it, or its settings."""
+    """Return the settings of a run that are no defaults, or the name that a suite gives them."""
     settings = ", ".join(f"{key}={value}" for key, value in row.overrides.items())
     return (row.label or settings) if settings else ""
 
@@ -60,7 +60,7 @@ def seed_words(seed: int | None) -> str:
 
 
 def same_but_for_seed(row: Row) -> str:
-    """Return what the runs of one line have in common.
+    """Return the key by which runs share a line of a table.
 
     Settings that are not at their defaults tell lines apart, not all settings: a run that is missing has no others.
     """

@@ -66,7 +66,7 @@ class Section:
 
     @property
     def shows(self) -> bool:
-        """Whether there is anything to see: words alone tell nothing."""
+        """True if the section has a table or a figure: words alone are not shown."""
         return bool(self.all_tables or self.all_exhibits)
 
     def retitled(self) -> Section:

@@ -95,12 +95,12 @@ def _stem(name: str) -> str:
 
 
 def _about(section: Section, suite: str, owners: Mapping[str, str], home: Callable[[Exhibit], str]) -> Section:
-    """Return what a section has about a suite."""
+    """Return the part of a section that is about one suite."""
     return section.with_each(lambda table: _part(table, suite, owners), lambda exhibit: home(exhibit) == suite)
 
 
 def _part(table: Table, suite: str, owners: Mapping[str, str]) -> Table | None:
-    """Return what a table has about a suite; None if it has nothing."""
+    """Return the lines of a table that are about one suite; None if there are none."""
     if table.suite:
         return table if table.suite == suite else None
     part = part_of(table, {case for case, owner in owners.items() if owner == suite})
@@ -126,7 +126,7 @@ def _owner(section: Section, owners: Mapping[str, str], home: Callable[[Exhibit]
 
 
 def _home_of(leaves: Mapping[str, Leaf]) -> Callable[[Exhibit], str]:
-    """Return how to find the page of a figure: that of its suite, or the one that most of its runs are on."""
+    """Return a function that gives the page of a figure: its suite's, or the one with most of its runs."""
     pages: dict[str, list[str]] = {}
     for suite, leaf in leaves.items():
         for run_id in {row.run_id for row in leaf.rows if row.run_id}:
