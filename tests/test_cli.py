@@ -319,9 +319,9 @@ def test_list_says_what_there_is(shellbench) -> None:
     assert solvers["toy-noisy"]["seeded"]
     assert {s["name"] for s in solvers["toy"]["settings"]} == {"behaviour", "factor", "gate", "seconds", "dtype"}
     assert "No module named" in solvers["toy-broken"]["reason"]
-    text = shellbench("list", "--all")[1]
+    text = shellbench("list", "--all", "--wide")[1]
     assert all(word in text for word in ("strip", "toys"))
-    text = shellbench("list")[1]
+    text = shellbench("list", "--wide")[1]
     assert re.search(r"shell\ntoys +1 +", text)
     folded = " ".join(text.split())
     assert all(word in folded for word in ("toy (package toy-shells)", "toy-noisy (package toy-shells)"))
