@@ -6,17 +6,20 @@ Also here: combinations of features that are independent.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.posed.rigid import free_motions, rigid_modes
 from shellbench.solvers.ndf.field.choices import Slopes
 from shellbench.solvers.ndf.field.jets import Array, Placement
-from shellbench.solvers.ndf.field.mirrors import Mirrors
-from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec, area_rule
+from shellbench.solvers.ndf.field.mirrors import Mirrors, samples
+from shellbench.solvers.ndf.field.quadrature import ROUNDING, Rule, RuleSpec, area_rule
 
 DEPENDENT = 1e-12  # combinations less stiff than this share of the stiffest are rounding, with ten times its room
 
@@ -56,6 +59,19 @@ class Ansatz:
     soft: bool = False
     slopes: Slopes = "even"
     mirrors: Mirrors | None = None
+
+    @cached_property
+    def free_motions(self) -> Array:
+        """The rigid motions (6, r) that supports leave free; of a field that is its own image, the means of images."""
+        free, surface = free_motions(self.case), self.case.surface
+        if self.mirrors is None or not free.size:
+            return free
+        # Means of images of rigid motions are rigid motions, too.
+        points = samples(self.mirrors.domain)
+        means = self.mirrors.mean_of_vectors(lambda at: rigid_modes(surface, at)[0, 0] @ free, points)
+        modes = rigid_modes(surface, points)[0, 0].reshape(-1, 6)
+        found = np.linalg.lstsq(modes, means.reshape(len(modes), -1), rcond=ROUNDING)[0]
+        return np.where(np.abs(found) > ROUNDING, found, 0.0)
 
     def rule(self, focal: Array, spec: RuleSpec) -> Rule:
         """Return the rule over which energies are integrated, graded toward focal points (k, 2).

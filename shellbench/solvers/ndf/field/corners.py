@@ -124,7 +124,10 @@ class CornerPowers:
         """Return the jets (6, N) of all features at points (N, 2)."""
         if not self.corners:
             return []
-        x, size = from_derivatives(self.case.surface.derivatives(points, 2), placement), surface_size(self.case)
+        x, size = (
+            from_derivatives(self.case.surface.derivatives(points, placement.order), placement),
+            surface_size(self.case),
+        )
         columns: list[Tensor] = []
         for corner in self.corners:
             at = self.case.surface.derivatives(np.asarray(corner.xi), 1)

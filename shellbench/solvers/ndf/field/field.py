@@ -10,14 +10,16 @@ smooth and single-valued on any surface, closed ones included, and the polynomia
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.posed.rigid import free_motions, rigid_modes
+from shellbench.problems.shell.posed.rigid import rigid_modes
 from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.choices import MULTIPLIERS, Slopes
 from shellbench.solvers.ndf.field.corners import AT_A_POINT, CornerPowers
@@ -36,7 +38,7 @@ from shellbench.solvers.ndf.field.jets import (
     product,
 )
 from shellbench.solvers.ndf.field.lines import Creases, Hinges
-from shellbench.solvers.ndf.field.mirrors import Mirrors, samples
+from shellbench.solvers.ndf.field.mirrors import Mirrors, Planes, samples
 from shellbench.solvers.ndf.field.network import Network
 from shellbench.solvers.ndf.field.quadrature import ROUNDING, Rule
 from shellbench.solvers.ndf.field.supports import edge_samples, edge_supports
@@ -60,6 +62,8 @@ class FixedFeatures:
         Powers about corners, and about edges of contact, and integrals across hinges; they come last.
     mirrors
         Planes about which each feature is made even, as the mean of its images.
+    averaged
+        Of each feature that is used, the planes about which it is not even by itself.
     """
 
     case: Case
@@ -70,6 +74,7 @@ class FixedFeatures:
     creases: Creases | None = None
     mirrors: Mirrors | None = None
     hinges: Hinges | None = None
+    averaged: tuple[Planes, ...] = ()
 
     @classmethod
     def from_case(
@@ -103,11 +108,18 @@ class FixedFeatures:
 
     def _made_even(self, kept: tuple[int, ...], mirrors: Mirrors) -> FixedFeatures:
         """Return the features with their images' means in their place, of which those remain that are independent."""
-        points, made = samples(mirrors.domain), replace(self, mirrors=mirrors)
-        before, after = (each.jets(points, Placement())[VALUE] for each in (self, made))
+
+        def values(points: Array) -> Tensor:
+            return self.jets(points, Placement(planes=1))[VALUE]
+
+        points, parity = samples(mirrors.domain), mirrors.parity(values)
+        before, averaged = values(points), [tuple(planes) for planes in (parity != 1).T.tolist()]
+        made = replace(self, mirrors=mirrors, averaged=tuple(averaged))
+        after = made.jets(points, Placement(planes=1))[VALUE]
         usable = (after.norm(dim=0) > ROUNDING * before.norm(dim=0)).tolist()
         others = independent_columns(after, [k in kept and usable[k] for k in range(len(usable))])
-        return replace(made, kept=(0, *others))  # of which no constant is one
+        used = (0, *others)  # of which no constant is one
+        return replace(made, kept=used, averaged=tuple(averaged[k] for k in used))
 
     @property
     def count(self) -> int:
@@ -135,35 +147,48 @@ class FixedFeatures:
         if not self.kept:
             return placement.tensor(np.zeros((placement.planes, len(points), 0)))
         if self.mirrors is None:
-            return self._kept_columns(points, placement)
-        return self.mirrors.mean(lambda images: self._kept_columns(images, placement), points)
+            return self._columns(points, placement, self.kept)
 
-    def _kept_columns(self, points: Array, placement: Placement) -> Tensor:
-        """Return the jets (6, N, count) as they are without mirrors."""
-        columns = [constant(placement.tensor(np.ones(len(points))), placement.planes)]
-        if self.foci and self.multipliers:
-            x = from_derivatives(self.case.surface.derivatives(points, 2), placement)
-            zero = x.new_zeros(x.shape[:2])
-            for focus in self.foci:
-                numbers = range(len(columns), len(columns) + self.multipliers)
-                used = any(k in numbers for k in self.kept)
-                columns += self._around(focus, x, placement) if used else [zero] * self.multipliers
-        if self.corners:
-            columns += self.corners.columns(points, placement)
-        if self.creases:
-            columns += self.creases.columns(points, placement)
-        if self.hinges:
-            columns += self.hinges.columns(points, placement)
-        return torch.stack([columns[k] for k in self.kept], dim=-1)
+        def some(images: Array, numbers: Sequence[int]) -> Tensor:
+            return self._columns(images, placement, [self.kept[k] for k in numbers])
 
-    def _around(self, focus: Focus, x: Tensor, placement: Placement) -> list[Tensor]:
+        return self.mirrors.mean(some, points, self.averaged)
+
+    def _columns(self, points: Array, placement: Placement, kept: Sequence[int]) -> Tensor:
+        """Return the jets (6, N, n) of features with these numbers, as they are without mirrors."""
+        columns: dict[int, Tensor] = {}
+        start = 0
+        for count, made in self._parts(points, placement):
+            if any(start <= k < start + count for k in kept):
+                columns |= enumerate(made(), start)
+            start += count
+        return torch.stack([columns[k] for k in kept], dim=-1)
+
+    def _parts(self, points: Array, placement: Placement) -> Iterator[tuple[int, Callable[[], list[Tensor]]]]:
+        """Yield numbers of features that belong together, with what gives their jets (6, N)."""
+        yield 1, lambda: [constant(placement.tensor(np.ones(len(points))), placement.planes)]
+
+        @cache
+        def position() -> Tensor:
+            return from_derivatives(self.case.surface.derivatives(points, placement.order), placement)
+
+        for focus in self.foci:
+            yield self.multipliers, partial(self._around, focus, position, placement)
+        for part in (self.corners, self.creases, self.hinges):
+            if part:
+                yield part.count, partial(part.columns, points, placement)
+
+    def _around(self, focus: Focus, position: Callable[[], Tensor], placement: Placement) -> list[Tensor]:
+        x = position()
         chord = (x - constant(placement.tensor(focus.position).expand(x.shape[1:]), len(x))) / focus.reach
         first, second = (chord @ placement.tensor(focus.tangents).T).unbind(-1)
         square = dot(chord, chord)
         v = square[VALUE].clamp_min(AT_A_POINT)
         log = torch.log(v)
         bubble = compose((v * log, log + 1, 1 / v), square)
-        others = [first, second, square, product(first, second), product(first, first)]
+        others = [first, second, square]
+        if self.multipliers > 1 + len(others):
+            others += [product(first, second), product(first, first)]
         return [bubble, *(product(bubble, other) for other in others[: self.multipliers - 1])]
 
 
@@ -231,7 +256,12 @@ class Field:
     def displacement(self, points: Array) -> Tensor:
         """Return the displacement (N, 3), metres, at points (N, 2)."""
         placement = self.features.placement
-        free = self.features.values(points) @ self.output.T
+        mirrors = self.ansatz.mirrors
+        if mirrors is None:
+            free = self.features.values(points) @ self.output.T
+        else:
+            folded, number = mirrors.folded(points)
+            free = (self.features.values(folded) @ self.output.T)[number]
         u = (self.ansatz.factors.matrix(points, placement.of_values)[VALUE] @ free[..., None])[..., 0]
         u = u + self.ansatz.lift.jet(points, placement)[VALUE]
         if bool((self.rigid != 0).any()):
@@ -249,8 +279,8 @@ class Field:
     def rigid_part(self, rule: Rule) -> Tensor:
         """Return the rigid motion (6,) left free by the supports that the field has in the mean over the area."""
         case, placement = self.ansatz.case, self.features.placement
-        free = free_motions(case)
-        if not free.shape[1]:
+        free = self.ansatz.free_motions
+        if not free.any():
             return torch.zeros_like(self.rigid)
         area = rule.areas(case.surface)
         modes = rigid_modes(case.surface, rule.points)[0, 0] @ free
@@ -259,7 +289,7 @@ class Field:
         # Least squares over the area, for the modes that no support holds.
         gram = np.einsum("p,pik,pil->kl", area, modes, modes)
         moments = np.einsum("p,pik,pi->k", area, modes, displacement)
-        return placement.tensor(free @ np.linalg.solve(gram, moments))
+        return placement.tensor(free @ np.linalg.pinv(gram, rcond=ROUNDING, hermitian=True) @ moments)
 
     def without_rigid_part(self, rule: Rule) -> Field:
         """Return the field without the rigid motion that it has in the mean over the area."""

@@ -22,6 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 import torch
@@ -36,6 +37,7 @@ from shellbench.solvers.ndf.field.choices import LAYER, PeriodicInput, Slopes
 from shellbench.solvers.ndf.field.geometry import SURFACE_SAMPLES, surface_size
 from shellbench.solvers.ndf.field.jets import (
     VALUE,
+    Activation,
     Array,
     Placement,
     compose,
@@ -44,7 +46,7 @@ from shellbench.solvers.ndf.field.jets import (
     from_derivatives,
     sine,
 )
-from shellbench.solvers.ndf.field.mirrors import Mirrors
+from shellbench.solvers.ndf.field.mirrors import Mirrors, Planes
 from shellbench.solvers.ndf.field.quadrature import ROUNDING
 from shellbench.solvers.ndf.field.supports import Sides, edge_supports, even_sides, point_supports
 
@@ -212,8 +214,10 @@ class Inputs:
         Planes about which all of them are even.
     hinged
         Axis and value of lines that have features of their own, toward which no coordinate is stretched.
-    squared, averaged
-        Which of the candidates enter as 2 z^2 - 1, and which as the mean of their images.
+    squared
+        Which of the candidates enter as 2 z^2 - 1.
+    averaged
+        The planes about which each of the candidates enters as the mean of its images.
     """
 
     case: Case
@@ -225,7 +229,7 @@ class Inputs:
     mirrors: Mirrors | None = None
     hinged: tuple[tuple[int, float], ...] = ()
     squared: tuple[int, ...] = ()
-    averaged: tuple[int, ...] = ()
+    averaged: tuple[Planes, ...] = ()
 
     @classmethod
     def from_case(
@@ -247,8 +251,9 @@ class Inputs:
         domain = case.surface.domain
         if mirrors is not None:
             parity = mirrors.parity(candidates.values)
-            squared, averaged = (torch.nonzero((parity == p).any(0))[:, 0].tolist() for p in (-1, 0))
-            candidates = replace(candidates, mirrors=mirrors, squared=tuple(squared), averaged=tuple(averaged))
+            squared = tuple(torch.nonzero((parity == -1).any(0))[:, 0].tolist())
+            averaged = tuple(tuple(planes) for planes in (parity == 0).T.tolist())
+            candidates = replace(candidates, mirrors=mirrors, squared=squared, averaged=averaged)
         values = candidates.values
         columns = values(domain.grid(INPUT_SAMPLES, INPUT_SAMPLES).reshape(-1, 2))
         usable, axes = [True] * columns.shape[1], mirrored_axes(domain, periodic)
@@ -258,7 +263,7 @@ class Inputs:
 
     def values(self, points: Array) -> Tensor:
         """Return the values (N, n) of all candidates at points (N, 2)."""
-        return torch.stack([c[VALUE] for c, _ in self._columns(points, Placement())], dim=-1)
+        return self._jets_of(range(len(self._flags)), points, Placement(planes=1))[VALUE]
 
     @property
     def count(self) -> int:
@@ -268,13 +273,12 @@ class Inputs:
     @property
     def stretched(self) -> tuple[bool, ...]:
         """For each input, whether it is a stretched one."""
-        flags = [flag for _, flag in self._columns(np.asarray([self.case.surface.domain.lower]), Placement())]
-        return tuple(flags[k] for k in self.kept)
+        return tuple(self._flags[k] for k in self.kept)
 
     @property
     def from_edges(self) -> tuple[bool, ...]:
         """For each input, whether it is stretched toward an edge."""
-        flags = [flag for _, flag in self._columns(np.asarray([self.case.surface.domain.lower]), Placement())]
+        flags = self._flags
         last = flags.index(True) + len(self._stretched_lines()) if any(flags) else 0
         return tuple(flags[k] and k < last for k in self.kept)
 
@@ -287,61 +291,75 @@ class Inputs:
 
     def jets(self, points: Array, placement: Placement) -> Tensor:
         """Return the jets (6, N, n) of the inputs at points (N, 2), angles in radians."""
-        columns = self._columns(points, placement)
-        return torch.stack([columns[k][0] for k in self.kept], dim=-1)
+        return self._jets_of(self.kept, points, placement)
 
-    def _columns(self, points: Array, placement: Placement) -> list[tuple[Tensor, bool]]:
-        columns = self._squared_columns(points, placement)
-        if self.mirrors is not None and self.averaged:
+    @property
+    def _flags(self) -> list[bool]:
+        return [stretched for _, stretched in self._candidates(np.zeros((0, 2)), Placement())]
 
-            def asymmetric(images: Array) -> Tensor:
-                found = self._squared_columns(images, placement)
-                return torch.stack([found[k][0] for k in self.averaged], dim=-1)
+    def _jets_of(self, numbers: Sequence[int], points: Array, placement: Placement) -> Tensor:
+        """Return the jets (6, N, n) of candidates with these numbers."""
 
-            for k, mean in zip(self.averaged, self.mirrors.mean(asymmetric, points).unbind(-1), strict=True):
-                columns[k] = mean, columns[k][1]
-        return columns
+        def before(images: Array, some: Sequence[int]) -> Tensor:
+            candidates, columns = self._candidates(images, placement), []
+            for k in some:
+                column = candidates[numbers[k]][0]()
+                if numbers[k] in self.squared:
+                    z = column[VALUE]
+                    column = compose((2 * z * z - 1, 4 * z, torch.full_like(z, 4)), column)
+                columns.append(column)
+            return torch.stack(columns, dim=-1)
 
-    def _squared_columns(self, points: Array, placement: Placement) -> list[tuple[Tensor, bool]]:
-        columns = self._unmirrored(points, placement)
-        for k in self.squared:
-            column, stretched = columns[k]
-            z = column[VALUE]
-            columns[k] = compose((2 * z * z - 1, 4 * z, torch.full_like(z, 4)), column), stretched
-        return columns
+        if self.mirrors is None:
+            return before(points, range(len(numbers)))
+        return self.mirrors.mean(before, points, [self.averaged[k] for k in numbers])
 
-    def _unmirrored(self, points: Array, placement: Placement) -> list[tuple[Tensor, bool]]:
+    def _candidates(self, points: Array, placement: Placement) -> list[tuple[Callable[[], Tensor], bool]]:
+        """Return what gives the jet (6, N) of each candidate without mirrors, and whether it is stretched."""
         domain = self.case.surface.domain
-        unit = [even_coordinate(domain, points, axis, self.even[axis], placement) for axis in (0, 1)]
-        columns: list[tuple[Tensor, bool]] = []
-        for axis, t in enumerate(unit):
+
+        @cache
+        def unit(axis: int) -> Tensor:
+            return even_coordinate(domain, points, axis, self.even[axis], placement)
+
+        @cache
+        def position() -> Tensor:
+            return from_derivatives(self.case.surface.derivatives(points, placement.order), placement)
+
+        def turned(function: Activation, axis: int) -> Tensor:
+            angle = 2 * math.pi * unit(axis)
+            return compose(function(angle[VALUE], placement.order), angle)
+
+        def centred(axis: int) -> Tensor:
+            t = 2 * unit(axis)
+            t[VALUE] -= 1
+            return t
+
+        def along(axis: int, start: float, layer: float, widest: float) -> Tensor:
+            return self._stretched_along(axis, start, layer, widest, unit(axis))
+
+        def chord(focus: Focus, axis: int) -> Tensor:
+            distance = (position() @ placement.tensor(focus.tangents[axis])) / focus.layer
+            distance[VALUE] -= float(focus.position @ focus.tangents[axis]) / focus.layer
+            return _stretched(distance, focus.reach / focus.layer)
+
+        def beside(focus: Focus, axis: int) -> Tensor:
+            x_focus = self.case.surface.derivatives(np.asarray(focus.xi), 1)
+            layer = focus.layer / float(np.linalg.norm((x_focus[1, 0], x_focus[0, 1])[axis]))
+            return along(axis, focus.xi[axis], layer, math.inf)
+
+        columns: list[tuple[Callable[[], Tensor], bool]] = []
+        for axis in (0, 1):
             if domain.periodic[axis] and self.periodic != "none":
-                angle, functions = 2 * math.pi * t, (cosine, sine)[: 2 if self.periodic == "both" else 1]
-                columns += [(compose(f(angle[VALUE], 2), angle), False) for f in functions]
+                functions = (cosine, sine)[: 2 if self.periodic == "both" else 1]
+                columns += [(partial(turned, f, axis), False) for f in functions]
             else:
-                centred = 2 * t
-                centred[VALUE] -= 1
-                columns.append((centred, False))
-        for axis, start, layer, widest in self._stretched_lines():
-            columns.append((self._stretched_along(axis, start, layer, widest, unit[axis]), True))
-        if not self.foci:
-            return columns
+                columns.append((partial(centred, axis), False))
+        columns += [(partial(along, *line), True) for line in self._stretched_lines()]
         chords = not any(flag for side in self.even for flag in side) and not (
             self.periodic == "none" and any(domain.periodic)
         )
-        if chords:
-            x = from_derivatives(self.case.surface.derivatives(points, 2), placement)
-        for focus in self.foci:
-            for axis in (0, 1):
-                if chords:
-                    distance = (x @ placement.tensor(focus.tangents[axis])) / focus.layer
-                    distance[VALUE] -= float(focus.position @ focus.tangents[axis]) / focus.layer
-                    column = _stretched(distance, focus.reach / focus.layer)
-                else:
-                    x_focus = self.case.surface.derivatives(np.asarray(focus.xi), 1)
-                    layer = focus.layer / float(np.linalg.norm((x_focus[1, 0], x_focus[0, 1])[axis]))
-                    column = self._stretched_along(axis, focus.xi[axis], layer, math.inf, unit[axis])
-                columns.append((column, True))
+        columns += [(partial(chord if chords else beside, focus, axis), True) for focus in self.foci for axis in (0, 1)]
         return columns
 
     def _stretched_lines(self) -> list[tuple[int, float, float, float]]:

@@ -45,6 +45,11 @@ class Placement(NamedTuple):
         """The same place for jets of values alone."""
         return self._replace(planes=1)
 
+    @property
+    def order(self) -> int:
+        """The highest order of derivation in the jets."""
+        return sum(PLANES[self.planes - 1])
+
     def tensor(self, values: Array) -> Tensor:
         """Bring an array here."""
         return torch.as_tensor(np.ascontiguousarray(values), device=self.device, dtype=self.dtype)

@@ -13,7 +13,7 @@ number of parts. The field itself is one of the whole shell, and smooth across t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product as all_of
 
@@ -26,10 +26,22 @@ from shellbench.problems.shell.posed.mirrors import Mirror, Sight, mirror_of
 from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.problems.shell.question.places import Edge
 from shellbench.problems.shell.question.surface import Domain
-from shellbench.solvers.ndf.field.jets import PLANES, VALUE, Array, Placement, compose, constant, coordinates, sine
+from shellbench.solvers.ndf.field.jets import (
+    PLANES,
+    VALUE,
+    Array,
+    Integers,
+    Placement,
+    compose,
+    constant,
+    coordinates,
+    sine,
+)
 from shellbench.solvers.ndf.field.quadrature import ROUNDING, Rule, RuleSpec, area_rule
 
 MIRROR_SAMPLES = 11  # points a side at which functions are compared with their images
+Planes = tuple[bool, ...]  # of each mirror, whether it is meant
+ONE_POINT = 1e-12  # of a side: images of one point differ by rounding, a thousandth of this
 ASYMMETRIC = 0.3  # place of a sample in its cell: any but the ends, the middle, and their halves
 
 
@@ -67,9 +79,12 @@ class Mirrors:
         rule = area_rule(part, focal, replace(spec, panels=(first, second)))
         return Rule(rule.points, self.parts * rule.weights)
 
-    def images(self, points: Array) -> Iterator[tuple[Array, Array, Array]]:
-        """Yield all images (N, 2) of points, signs (2,) of coordinates and (3,) of Cartesian components."""
-        for applied in all_of((False, True), repeat=len(self.each)):
+    def images(self, points: Array, about: Sequence[bool] | None = None) -> Iterator[tuple[Array, Array, Array]]:
+        """Yield all images (N, 2) of points, signs (2,) of coordinates and (3,) of Cartesian components.
+
+        `about` tells of each plane whether it makes images; all do if it is not given.
+        """
+        for applied in all_of(*((False, True)[: 1 + asked] for asked in about or [True] * len(self.each))):
             here, coordinate_signs, component_signs = np.array(points, dtype=float), np.ones(2), np.ones(3)
             for mirror, reflects in zip(self.each, applied, strict=True):
                 if reflects:
@@ -78,22 +93,40 @@ class Mirrors:
                     component_signs = component_signs * mirror.signs
             yield self.domain.wrap(here), coordinate_signs, component_signs
 
-    def mean(self, jets: Callable[[Array], Tensor], points: Array) -> Tensor:
-        """Return the jets (6, N, ...) of the mean over all images of functions, from their jets at points (N, 2)."""
-        total: Tensor | None = None
-        for here, signs, _ in self.images(points):
-            image = jets(here)
-            turned = [float(signs[0] ** i * signs[1] ** j) for i, j in PLANES[: len(image)]]
-            image = image * image.new_tensor(turned).view(-1, *(1,) * (image.dim() - 1))
-            total = image if total is None else total + image
-        assert total is not None
-        return total / self.parts
+    def mean(self, jets: Callable[[Array, Sequence[int]], Tensor], points: Array, about: Sequence[Planes]) -> Tensor:
+        """Return the jets (6, N, n) of the means of n functions over their images at points (N, 2).
+
+        `jets` gives those of the functions with some numbers. `about` tells of each function about which planes it is
+        not even: its images about the others are itself.
+        """
+        numbers: dict[Planes, list[int]] = {}
+        for number, planes in enumerate(about):
+            numbers.setdefault(planes, []).append(number)
+        columns: dict[int, Tensor] = {}
+        for planes, alike in numbers.items():
+            total: Tensor | float = 0.0
+            for here, signs, _ in self.images(points, planes):
+                image = jets(here, alike)
+                turned = [float(signs[0] ** i * signs[1] ** j) for i, j in PLANES[: len(image)]]
+                total = total + image * image.new_tensor(turned).view(-1, 1, 1)
+            columns |= zip(alike, (total / 2 ** sum(planes)).unbind(-1), strict=True)
+        return torch.stack([columns[k] for k in range(len(about))], dim=-1)
 
     def mean_of_vectors(self, vectors: Callable[[Array], Array], points: Array) -> Array:
         """Return the mean (N, 3, ...) over all images of vector fields, each mirrored back."""
         images = [(vectors(here), signs) for here, _, signs in self.images(points)]
         mirrored = [signs.reshape(3, *(1,) * (values.ndim - 2)) * values for values, signs in images]
         return np.asarray(np.mean(mirrored, axis=0))
+
+    def folded(self, points: Array) -> tuple[Array, Integers]:
+        """Return points (n, 2) of one part, and the number (N,) of that whose image each of the points (N, 2) is."""
+        here = np.array(points, dtype=float)
+        for mirror in self.each:
+            image = self.domain.wrap(mirror.image(here))
+            here = np.where((image[:, mirror.axis] < here[:, mirror.axis])[:, None], image, here)
+        first, second = np.round((here - self.domain.lower) / (ONE_POINT * np.asarray(self.domain.size))).T
+        _, chosen, number = np.unique(first + 1j * second, return_index=True, return_inverse=True)
+        return here[chosen], number
 
     def odd(self, points: Array, placement: Placement) -> Tensor:
         """Return the jets (6, N, 3) of functions that are odd where a component is, and even about all other planes."""

@@ -139,7 +139,7 @@ def challenge(solution: NdfSolution, values: dict[str, float], seed: int) -> Cha
     field = Field(ansatz, features, shares[1] * outputs[1], solution.field.output.new_zeros(6))
     other = replace(
         solution,
-        field=field.without_rigid_part(area_rule(case.surface.domain, focal, usual.rule)),
+        field=field.without_rigid_part(rule),
         rule=usual.fine,
         membrane=membrane,
         bending=bending,

@@ -125,7 +125,8 @@ class NdfSolution(FieldSolution):
 
     def displacement_at(self, xi: Array, at: float | None) -> Array:
         """Return the displacement (N, 3) at points (N, 2)."""
-        return self.in_portions(xi, self.field.displacement)
+        mirrors = self.field.ansatz.mirrors  # points that are each other's images count once
+        return self.in_portions(xi, self.field.displacement, QUERY * (mirrors.parts if mirrors else 1))
 
     def field_at(self, name: str, xi: Array, at: float | None) -> Array:
         """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""

@@ -19,7 +19,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from shellbench.problems.shell.posed.rigid import free_motions, rigid_modes
+from shellbench.problems.shell.posed.rigid import rigid_modes
 from shellbench.solvers.ndf.field.ansatz import Ansatz, FeatureSet
 from shellbench.solvers.ndf.field.geometry import apply_rows, energy_rows, geometry, rigidities, through_matrix
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
@@ -72,7 +72,7 @@ def tabulate(ansatz: Ansatz, rule: Rule, placement: Placement, area: float = 1.0
     if ansatz.lift.moves:
         lift = ansatz.lift.jet(points, placement)
         offset, work = apply_rows(rows, lift), float((force * lift[VALUE]).sum())
-    modes = placement.tensor(_free_modes(ansatz, points)).permute(2, 0, 1)
+    modes = placement.tensor(rigid_modes(case.surface, points)[0, 0] @ ansatz.free_motions).permute(2, 0, 1)
     anchors = modes * (weights / area)[:, None] * case.material.membrane_stiffness**0.5
     transposed = matrix[VALUE].mT
     return Table(
@@ -82,16 +82,6 @@ def tabulate(ansatz: Ansatz, rule: Rule, placement: Placement, area: float = 1.0
         work,
         (transposed @ anchors[..., None])[..., 0],
     )
-
-
-def _free_modes(ansatz: Ansatz, points: Array) -> Array:
-    """Return the rigid motions (N, 3, r) left free; of a field that is its own image, what these have in common."""
-    case = ansatz.case
-
-    def modes(at: Array) -> Array:
-        return np.asarray(rigid_modes(case.surface, at)[0, 0] @ free_motions(case))
-
-    return modes(points) if ansatz.mirrors is None else ansatz.mirrors.mean_of_vectors(modes, points)
 
 
 def pulling_rows(stiffness: Tensor) -> Tensor:
@@ -172,7 +162,7 @@ def normal_equations(ansatz: Ansatz, features: FeatureSet, rule: Rule, forces: C
     """Integrate the energy of the output weights on a rule."""
     unknowns, placement = 3 * features.count, features.placement
     stiffness, load = placement.zeros(unknowns, unknowns), placement.zeros(unknowns)
-    anchor, constant = placement.zeros(free_motions(ansatz.case).shape[1], unknowns), -forces.work
+    anchor, constant = placement.zeros(ansatz.free_motions.shape[1], unknowns), -forces.work
     uncancelled = torch.zeros_like(load)
     for points, table in tables(ansatz, rule, placement):
         jets = features.jets(points)

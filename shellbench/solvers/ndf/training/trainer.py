@@ -353,7 +353,7 @@ class _Run:
         )
 
     def _certified(self, state: Trained, points: Quadratures, ending: str) -> NdfSolution:
-        problem, domain = self.problem, self.case.surface.domain
+        problem = self.problem
         spec = problem.rule_spec(CERTIFICATE * len(points.train), FINAL_ORDER)
         rule = problem.ansatz.rule(problem.focal, spec)
         features = problem.with_network(state.network)
@@ -364,7 +364,7 @@ class _Run:
         share = 1.0 if moved else energies.best
         membrane, bending, _ = energies.parts(share)
         solution = self._solution(state, share)
-        train_rule = area_rule(domain, problem.focal, points.spec)
+        train_rule = problem.ansatz.rule(problem.focal, points.spec)
         solution = replace(
             solution,
             field=solution.field.without_rigid_part(train_rule),
