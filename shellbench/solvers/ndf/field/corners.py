@@ -13,7 +13,9 @@ finite (Williams's exponents of a wedge with two free edges are 1 and more), and
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -106,7 +108,12 @@ class CornerPowers:
     @property
     def count(self) -> int:
         """Number of features."""
-        return len(self.corners) * len(self.exponents) * (1 + 2 * self.harmonics)
+        return len(self.corners) * self.each
+
+    @property
+    def each(self) -> int:
+        """Number of features of one corner."""
+        return len(self.exponents) * (1 + 2 * self.harmonics)
 
     def former(self) -> Array:
         """Return (count,): whether each feature is there with one detail less."""
@@ -117,35 +124,37 @@ class CornerPowers:
 
     def allowed(self) -> Array:
         """Return (3, count): whether each component of F has each feature."""
-        each = len(self.exponents) * (1 + 2 * self.harmonics)
-        return np.repeat(np.array([c.components for c in self.corners], dtype=bool).reshape(-1, 3).T, each, axis=1)
+        held = np.array([c.components for c in self.corners], dtype=bool).reshape(-1, 3)
+        return np.repeat(held.T, self.each, axis=1)
+
+    @cached_property
+    def _size(self) -> float:
+        return surface_size(self.case)
 
     def columns(self, points: Array, placement: Placement) -> list[Tensor]:
         """Return the jets (6, N) of all features at points (N, 2)."""
-        if not self.corners:
-            return []
-        x, size = (
-            from_derivatives(self.case.surface.derivatives(points, placement.order), placement),
-            surface_size(self.case),
-        )
-        columns: list[Tensor] = []
-        for corner in self.corners:
-            at = self.case.surface.derivatives(np.asarray(corner.xi), 1)
-            first = at[1, 0] / np.linalg.norm(at[1, 0])
-            second = at[0, 1] - (at[0, 1] @ first) * first
-            tangents = placement.tensor(np.stack([first, second / np.linalg.norm(second)]))
-            chord = (x - constant(placement.tensor(at[0, 0]).expand(x.shape[1:]), len(x))) / size
-            t1, t2 = (chord @ tangents.T).unbind(-1)
-            square = product(t1, t1) + product(t2, t2)
-            square[VALUE].clamp_min_(AT_A_POINT)
-            inverse = power(square, -0.5)
-            c1, s1 = product(t1, inverse), product(t2, inverse)
-            angular, c, s = [constant(torch.ones_like(t1[VALUE]), len(x))], c1, s1
-            for _ in range(self.harmonics):
-                angular += [c, s]
-                c, s = product(c, c1) - product(s, s1), product(c, s1) + product(s, c1)
-            turning = torch.stack(angular, dim=-1)
-            for mu in self.exponents:
-                radial = power(square, (mu + corner.shift) / 2)
-                columns += product(radial[..., None], turning).unbind(-1)
+        x = from_derivatives(self.case.surface.derivatives(points, placement.order), placement)
+        return [column for corner in self.corners for column in self.around(corner, lambda: x, placement)]
+
+    def around(self, corner: Corner, position: Callable[[], Tensor], placement: Placement) -> list[Tensor]:
+        """Return the jets (6, N) of the features about one corner, from what gives those of positions (6, N, 3)."""
+        x = position()
+        at = self.case.surface.derivatives(np.asarray(corner.xi), 1)
+        first = at[1, 0] / np.linalg.norm(at[1, 0])
+        second = at[0, 1] - (at[0, 1] @ first) * first
+        tangents = placement.tensor(np.stack([first, second / np.linalg.norm(second)]))
+        chord = (x - constant(placement.tensor(at[0, 0]).expand(x.shape[1:]), len(x))) / self._size
+        t1, t2 = (chord @ tangents.T).unbind(-1)
+        square = product(t1, t1) + product(t2, t2)
+        square[VALUE].clamp_min_(AT_A_POINT)
+        inverse = power(square, -0.5)
+        c1, s1 = product(t1, inverse), product(t2, inverse)
+        angular, c, s = [constant(torch.ones_like(t1[VALUE]), len(x))], c1, s1
+        for _ in range(self.harmonics):
+            angular += [c, s]
+            c, s = product(c, c1) - product(s, s1), product(c, s1) + product(s, c1)
+        turning, columns = torch.stack(angular, dim=-1), []
+        for mu in self.exponents:
+            radial = power(square, (mu + corner.shift) / 2)
+            columns += product(radial[..., None], turning).unbind(-1)
         return columns

@@ -174,7 +174,10 @@ class FixedFeatures:
 
         for focus in self.foci:
             yield self.multipliers, partial(self._around, focus, position, placement)
-        for part in (self.corners, self.creases, self.hinges):
+        if self.corners:
+            for corner in self.corners.corners:
+                yield self.corners.each, partial(self.corners.around, corner, position, placement)
+        for part in (self.creases, self.hinges):
             if part:
                 yield part.count, partial(part.columns, points, placement)
 

@@ -73,11 +73,12 @@ class Mirrors:
         return part, (shares[0], shares[1])
 
     def rule(self, focal: Array, spec: RuleSpec) -> Rule:
-        """Return a rule on one part whose weights stand for all parts; `spec` is one of the whole shell."""
-        part, shares = self.part()
-        first, second = (max(1, round(n * share)) for n, share in zip(spec.panels, shares, strict=True))
-        rule = area_rule(part, focal, replace(spec, panels=(first, second)))
-        return Rule(rule.points, self.parts * rule.weights)
+        """Return the points of a rule of the whole shell on one part, with weights that stand for all parts."""
+        part, _ = self.part()
+        first, second = ((*spec.joints[k], *(m.at for m in self.each if m.axis == k)) for k in (0, 1))
+        rule = area_rule(self.domain, focal, replace(spec, joints=(first, second)))
+        inside = ((rule.points > part.lower) & (rule.points < part.upper)).all(axis=1)
+        return Rule(rule.points[inside], self.parts * rule.weights[inside])
 
     def images(self, points: Array, about: Sequence[bool] | None = None) -> Iterator[tuple[Array, Array, Array]]:
         """Yield all images (N, 2) of points, signs (2,) of coordinates and (3,) of Cartesian components.
@@ -104,12 +105,11 @@ class Mirrors:
             numbers.setdefault(planes, []).append(number)
         columns: dict[int, Tensor] = {}
         for planes, alike in numbers.items():
-            total: Tensor | float = 0.0
-            for here, signs, _ in self.images(points, planes):
-                image = jets(here, alike)
-                turned = [float(signs[0] ** i * signs[1] ** j) for i, j in PLANES[: len(image)]]
-                total = total + image * image.new_tensor(turned).view(-1, 1, 1)
-            columns |= zip(alike, (total / 2 ** sum(planes)).unbind(-1), strict=True)
+            places, signs, _ = zip(*self.images(points, planes), strict=True)
+            images = jets(np.concatenate(places), alike)
+            turned = [[float(one[0] ** i * one[1] ** j) for one in signs] for i, j in PLANES[: len(images)]]
+            each = images.view(len(images), len(signs), len(points), -1) * images.new_tensor(turned)[..., None, None]
+            columns |= zip(alike, each.mean(1).unbind(-1), strict=True)
         return torch.stack([columns[k] for k in range(len(about))], dim=-1)
 
     def mean_of_vectors(self, vectors: Callable[[Array], Array], points: Array) -> Array:
