@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import torch
@@ -16,14 +17,14 @@ import torch
 from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.problems.shell.quantities.quantities import ResultantQuantity
 from shellbench.solvers.ndf.field.build import (
     build_ansatz,
     build_features,
     build_inputs,
+    built_in,
+    for_part,
     graded_points,
-    usual_resolution,
 )
 from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Field
@@ -38,7 +39,6 @@ from shellbench.solvers.ndf.linear.refinement import (
     Miss,
     first_level,
     next_level,
-    probed,
     scale,
     still_missed,
     uncertainties,
@@ -73,9 +73,14 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
     # Where challengers lose certified energy, they exploit the rule: the level is solved once more on a finer one.
     # Of all levels, that of the least certified energy answers: features drawn anew need not span the former ones.
     # Where settings fix width or panels, the first answer stands, and challengers only tell how sure it is.
-    begin, usual = time.perf_counter(), with_settings(usual_resolution(case), settings)
+    begin = time.perf_counter()
     given_width, given_rule = settings.neurons is not None, settings.panels is not None
     fixed = given_width or given_rule
+    # Fields of widths that are given are compared with each other, and with those of other recipes.
+    asked = spec.model_copy(update={"mirrors": not fixed if settings.mirrors is None else settings.mirrors})
+    mirrors = built_in(case, asked)
+    spec = spec if mirrors is None else asked
+    usual = with_settings(for_part(case, mirrors), settings)
     first = first_level(case, usual, given_width, given_rule)
     level: Level | None = first
     kept: BestLevel | None = None
@@ -136,7 +141,7 @@ def _certified_again(answer: Candidate, level: Level, settings: RitzSettings) ->
     case, field = solution.case, solution.field
     ansatz, features, focal = field.ansatz, field.features, graded_points(case, solution.spec)
     forces = concentrated(ansatz, spec, focal, features.placement)
-    energies = certify(ansatz, features, [field.output], area_rule(case.surface.domain, focal, spec), forces)[0]
+    energies = certify(ansatz, features, [field.output], ansatz.rule(focal, spec), forces)[0]
     if ansatz.soft:
         springs = Springs.from_spec(ansatz, spec, focal, settings.penalty or PENALTY)
         energies = springs.certify(energies, ansatz, features, field.output)
@@ -173,6 +178,7 @@ def _stated(
         unsettled=unsettled({name: value for name, value in uncertainty.items() if name in others}, scales),
         diagnostics={
             **solution.diagnostics,
+            "support_error": support_error(solution.field),
             "level": solved.level.number,
             "challenge_gain": missed.energy,
             "challengers": len(solved.level.kinds) * solved.level.challengers,
@@ -200,8 +206,8 @@ def _solve_level(
     ansatz, inputs = build_ansatz(case, spec), build_inputs(case, spec)
     network = level.network(inputs, settings.seed, settings.activation, placement)
     features = build_features(case, spec, network, placement, inputs)
-    rule = area_rule(case.surface.domain, focal, chosen.rule)
-    check_balance(case, rule, chosen.rule, focal)
+    whole, rule = (each(focal, chosen.rule) for each in (partial(area_rule, case.surface.domain), ansatz.rule))
+    check_balance(case, whole, chosen.rule, focal)
     equations = normal_equations(ansatz, features, rule, concentrated(ansatz, chosen.rule, focal, placement))
     weight = settings.penalty or PENALTY
     springs = Springs.from_spec(ansatz, chosen.fine, focal, weight) if ansatz.soft else None
@@ -220,7 +226,7 @@ def _solve_level(
     both = zip(parts, jitters, strict=True)
     layers = [solve_part(ansatz, features, equations, part, level=jitter) for part, jitter in both]
     outputs = [layer.weights.view(3, -1) for layer in layers]
-    fine = area_rule(case.surface.domain, focal, chosen.fine)
+    fine = ansatz.rule(focal, chosen.fine)
     certified = certify(ansatz, features, outputs, fine, concentrated(ansatz, chosen.fine, focal, placement))
     moved = ansatz.lift.moves or any(support.value for support in point_supports(case, spec.t))
     if springs:
@@ -238,7 +244,7 @@ def _solve_level(
             case=case,
             solver=NDF_RITZ,
             spec=spec,
-            field=field.without_rigid_part(rule),
+            field=field.without_rigid_part(whole),
             rule=chosen.fine,
             membrane=membrane,
             bending=bending,
@@ -270,7 +276,6 @@ def _solve_level(
             "neurons": network.width if part is parts[-1] else chosen.neurons,
             "quadrature_points": len(rule.points),
             "fine_quadrature_points": len(fine.points),
-            "support_error": support_error(solution.field),
             "jitter_share": signs.jitter_share,
         }
         if spec.activation in KINKED:
@@ -283,8 +288,6 @@ def _solve_level(
                 potential=energies.potential(share),
                 stored=membrane + bending + energies.spring_energy(share) + rounding,
                 signs=signs,
-                values=dict(measure_all(replace(solution, history=(step,)))) if judged else {},
-                probed=probed(solution) if judged else np.zeros((0, 3)),
                 step=step,
             )
         )
