@@ -8,14 +8,19 @@ import torch
 
 from shellbench.bench.catalogue import catalog
 from shellbench.problems.shell.case import build_case
+from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.solvers.ndf.field import build
 from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs, built_in, focal_points
 from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import D1, D2, D11, D12, D22, VALUE, Placement
 from shellbench.solvers.ndf.field.mirrors import mirrors_of
 from shellbench.solvers.ndf.field.network import random_features
-from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec
+from shellbench.solvers.ndf.field.quadrature import NOWHERE, ROUNDING, Rule, RuleSpec, area_rule
+from shellbench.solvers.ndf.linear import static
+from shellbench.solvers.ndf.linear.ritz_settings import RitzSettings
 from shellbench.solvers.ndf.linear.solution import NdfSolution
+from shellbench.solvers.ndf.ritz_solver import RitzSolver
 from shellbench.solvers.ndf.strains.energy import certify, concentrated, normal_equations
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from shellbench.solvers.ndf.training.training import default_plan_widths
@@ -23,6 +28,7 @@ from shellbench.solvers.ndf.training.training import default_plan_widths
 SPEC = FieldSpec(mirrors=True)
 LOOKING = SPEC.model_copy(update={"edge_stretched": True, "detail": 1})  # as challengers do: edges map to each other
 CYLINDER = "pinched_cylinder_diaphragm"
+ROOF = "roof_thinness_1e_2"
 MIRRORED = ["pinched_cylinder_free", CYLINDER, "hemisphere_hole", "hyperboloid_clamped_1e_2", "scordelis_lo"]
 
 
@@ -200,3 +206,61 @@ def test_a_mirrored_field_finds_what_a_wider_plain_one_misses_and_is_kept(tmp_pa
 def test_widths_follow_the_number_of_parts():
     case = catalog.named_case(CYLINDER)
     assert [default_plan_widths(case, True, parts)[0] for parts in (1, 4)] == [(500,), (250,)]
+
+
+def solved(name, **settings):
+    return RitzSolver().solve(catalog.named_case(name), RitzSettings(**settings))
+
+
+@pytest.fixture(scope="module")
+def roof():
+    """By ndf-ritz, with planes of symmetry and without."""
+    return solved(ROOF), solved(ROOF, mirrors=False)
+
+
+def test_planes_change_an_answer_by_less_than_it_is_sure_of(roof):
+    mirrored, plain = roof
+    assert mirrored.spec.mirrors
+    assert not plain.spec.mirrors
+    assert mirrored.parameters < plain.parameters / 1.5
+    assert mirrored.unsettled is plain.unsettled is None
+    first, second = measure_all(mirrored), measure_all(plain)
+    for name, value in first.items():
+        assert abs(value - second[name]) <= mirrored.uncertainty[name] + plain.uncertainty[name]
+    energies = [s.diagnostics["certified_energy"] for s in roof]
+    np.testing.assert_allclose(*energies, rtol=plain.diagnostics["challenge_gain"] + ROUNDING)
+
+
+def test_a_mirror_of_the_wrong_sign_is_another_shell(roof, monkeypatch):
+    def energy():
+        return solved(ROOF, neurons=60, largest_gap=1.0, mirrors=True).diagnostics["certified_energy"]
+
+    def wrong(case, spec):
+        found = built_in(case, spec)
+        return found and replace(found, each=tuple(replace(mirror, normal=2) for mirror in found.each[:1]))
+
+    np.testing.assert_allclose(energy(), roof[1].diagnostics["certified_energy"], rtol=1e-5)
+    for module in (build, static):
+        monkeypatch.setattr(module, "built_in", wrong)
+    assert abs(energy() / roof[1].diagnostics["certified_energy"] - 1) > 0.1
+
+
+@pytest.mark.parametrize("settings", [{"neurons": 30}, {"panels": (4, 4)}])
+def test_a_width_or_a_rule_that_is_given_is_one_of_the_whole_shell(settings):
+    assert not solved("square_plate", largest_gap=1.0, **settings).spec.mirrors
+
+
+def test_without_a_plane_nothing_changes():
+    few = {"neurons": 12, "panels": (3, 3), "largest_gap": 1.0}
+    one, other = (solved("rhombic_plate_60", **few, mirrors=m) for m in (True, False))
+    assert one.spec == other.spec
+    assert torch.equal(one.field.output, other.field.output)
+
+
+def test_a_part_has_the_points_of_the_rule_of_the_whole_shell():
+    # Layers and corners are those of the shell: no panel narrows toward a plane.
+    mirrors, spec = mirrors_of(catalog.named_case(ROOF)), RuleSpec((8, 6), 4, layers=(0.1, 2.0), corner_cuts=2)
+    whole, rule = area_rule(mirrors.domain, NOWHERE, spec), mirrors.rule(NOWHERE, spec)
+    assert len(whole.points) == mirrors.parts * len(rule.points)
+    both = (np.sort(np.ravel(w)) for w in (whole.weights, np.tile(rule.weights / mirrors.parts, mirrors.parts)))
+    np.testing.assert_allclose(*both, rtol=1e-9)

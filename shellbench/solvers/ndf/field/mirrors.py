@@ -124,7 +124,9 @@ class Mirrors:
         for mirror in self.each:
             image = self.domain.wrap(mirror.image(here))
             here = np.where((image[:, mirror.axis] < here[:, mirror.axis])[:, None], image, here)
-        first, second = np.round((here - self.domain.lower) / (ONE_POINT * np.asarray(self.domain.size))).T
+        steps = np.round((here - self.domain.lower) / (ONE_POINT * np.asarray(self.domain.size)))
+        here = np.where(steps == 0, self.domain.lower, here)  # powers of the distance from a corner tell rounding
+        first, second = steps.T
         _, chosen, number = np.unique(first + 1j * second, return_index=True, return_inverse=True)
         return here[chosen], number
 
