@@ -14,7 +14,7 @@ from shellbench.bench.catalogue import catalog
 from shellbench.bench.judge.baseline import read_baseline
 from shellbench.problem import Solution
 from shellbench.problems.shell.quantities.measure import measure
-from shellbench.solvers.ndf.field import ansatz
+from shellbench.solvers.ndf.field import ansatz, mirrors
 from shellbench.solvers.ndf.field.quadrature import Rule
 from shellbench.solvers.ndf.linear import static
 from shellbench.solvers.ndf.linear.regularised import JITTER, REFINEMENTS, IndefiniteError, RegularisedInverse
@@ -139,7 +139,7 @@ def test_values_repeat_when_points_are_off_by_rounding(
 ) -> None:
     primary = next(q for q in catalog.find_case(case).quantities if q.primary)
     values = [measure(answer(case), primary)]
-    for module in (ansatz, static, trainer):
+    for module in (ansatz, mirrors, static, trainer):
         monkeypatch.setattr(module, "area_rule", perturbed(module.area_rule, 1))
     values.append(measure(answer(case), primary))
     assert len(set(values)) > 1, "the points were not perturbed"

@@ -164,35 +164,6 @@ def usual_resolution(case: Case) -> Resolution:
     return Resolution(240, SCALE, STRETCHED_SCALE, _rule(case, 8, 6, 2.0), _rule(case, 11, 7, 2.0, 1))
 
 
-def finer_rule(spec: RuleSpec, growth: float) -> RuleSpec:
-    """Return a rule of as many times the panels along each side, rounded up."""
-    first, second = (math.ceil(growth * number) for number in spec.panels)
-    return replace(spec, panels=(first, second))
-
-
-# Where planes of symmetry are built in: a field of p parts has p**-`FEWER` times the features. Factors of the scales of
-# plain and of stretched inputs, and of the number of points a feature where forces act at points. Chosen by certified
-# energy on a hemisphere, pinched cylinders of R / h = 50, 300 and 1000, hyperboloids, plates and roofs.
-FEWER, PLAIN_SHARE, STRETCHED_SHARE, MORE_POINTS = 0.5, 0.75, 2.0, 1.5
-
-
-def for_part(case: Case, mirrors: Mirrors | None) -> Resolution:
-    """Return the resolution that a case asks for if planes of symmetry are built in: on one part, or the whole."""
-    usual = usual_resolution(case)
-    if mirrors is None:
-        return usual
-    neurons = round(usual.neurons * mirrors.parts**-FEWER)
-    growth = math.sqrt(mirrors.parts * neurons / usual.neurons * (MORE_POINTS if foci(case) else 1.0))
-    return replace(
-        usual,
-        neurons=neurons,
-        scale=PLAIN_SHARE * usual.scale,
-        stretched_scale=STRETCHED_SHARE * usual.stretched_scale,
-        rule=finer_rule(usual.rule, growth),
-        fine=finer_rule(usual.fine, growth),
-    )
-
-
 # Widths of the levels of a path, in units of the usual width. The last one is also that of very long strips.
 WIDTHS = (0.5, 1.0, 2.0, 3.5)
 # By level, the factor of the scale along the longer side of a flat shell, at most; and the powers of the sides' ratio

@@ -153,7 +153,8 @@ class CornerPowers:
         for _ in range(self.harmonics):
             angular += [c, s]
             c, s = product(c, c1) - product(s, s1), product(c, s1) + product(s, c1)
-        turning, columns = torch.stack(angular, dim=-1), []
+        turning = torch.stack(angular, dim=-1)
+        columns: list[Tensor] = []
         for mu in self.exponents:
             radial = power(square, (mu + corner.shift) / 2)
             columns += product(radial[..., None], turning).unbind(-1)

@@ -25,14 +25,7 @@ from shellbench.problems.shell.quantities.quantities import (
     PotentialEnergy,
 )
 from shellbench.problems.shell.solution import ShellSolution
-from shellbench.solvers.ndf.field.build import (
-    WIDTHS,
-    Resolution,
-    build_features,
-    build_inputs,
-    finer_rule,
-    is_flat,
-)
+from shellbench.solvers.ndf.field.build import WIDTHS, Resolution, build_features, build_inputs, is_flat
 from shellbench.solvers.ndf.field.choices import MULTIPLIERS, FieldSpec
 from shellbench.solvers.ndf.field.corners import held_corners
 from shellbench.solvers.ndf.field.field import Features, Field
@@ -215,6 +208,12 @@ def layered(case: Case, spec: RuleSpec, corner_cuts: int = CORNER_CUTS) -> RuleS
     if not foci(case) and layers is not None:
         spec = replace(spec, layers=layers)
     return spec if foci(case) and not held_corners(case) else replace(spec, corner_cuts=corner_cuts)
+
+
+def finer_rule(spec: RuleSpec, growth: float) -> RuleSpec:
+    """Return a rule of as many times the panels along each side, rounded up."""
+    first, second = (math.ceil(growth * number) for number in spec.panels)
+    return replace(spec, panels=(first, second))
 
 
 @dataclass(frozen=True)

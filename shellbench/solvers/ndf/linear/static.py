@@ -17,18 +17,18 @@ import torch
 from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.problems.shell.quantities.quantities import ResultantQuantity
 from shellbench.solvers.ndf.field.build import (
     build_ansatz,
     build_features,
     build_inputs,
     built_in,
-    for_part,
     graded_points,
 )
 from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Field
-from shellbench.solvers.ndf.field.jets import KINKED, Placement
+from shellbench.solvers.ndf.field.jets import KINKED, Array, Placement
 from shellbench.solvers.ndf.field.quadrature import NOWHERE, area_rule
 from shellbench.solvers.ndf.field.supports import check_balance, point_supports
 from shellbench.solvers.ndf.linear.answer import STRONGER, BestLevel, Candidate, SolvedLevel, displacement_values
@@ -39,13 +39,14 @@ from shellbench.solvers.ndf.linear.refinement import (
     Miss,
     first_level,
     next_level,
+    probed,
     scale,
     still_missed,
     uncertainties,
     unsettled,
 )
 from shellbench.solvers.ndf.linear.regularised import JITTER
-from shellbench.solvers.ndf.linear.ritz_field import with_settings
+from shellbench.solvers.ndf.linear.ritz_field import for_part, with_settings
 from shellbench.solvers.ndf.linear.ritz_settings import NDF_RITZ, RitzSettings
 from shellbench.solvers.ndf.linear.signs import Signs, jitter_share, refusal, rounding_energy, taken_up, unseen_turning
 from shellbench.solvers.ndf.linear.solution import NdfSolution
@@ -133,6 +134,10 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
     if reason is not None and kept is None:
         raise SolveFailure(reason, answer)
     return answer
+
+
+def _measured(solution: NdfSolution) -> tuple[dict[str, float], Array]:
+    return dict(measure_all(solution)), probed(solution)
 
 
 def _certified_again(answer: Candidate, level: Level, settings: RitzSettings) -> float:
@@ -288,6 +293,7 @@ def _solve_level(
                 potential=energies.potential(share),
                 stored=membrane + bending + energies.spring_energy(share) + rounding,
                 signs=signs,
+                measured=partial(_measured, replace(solution, history=(step,))),
                 step=step,
             )
         )
