@@ -93,6 +93,8 @@ class Level:
         Of challengers.
     repeated
         Whether the same features were solved for on a coarser rule before.
+    share
+        Challengers, in units of the neurons they challenge.
     """
 
     resolution: Resolution
@@ -101,6 +103,7 @@ class Level:
     number: int = 0
     kinds: tuple[Kind, ...] = ()
     repeated: bool = False
+    share: float = CHALLENGERS
 
     def on_finer_rule(self) -> Level:
         """Return the level with the same features on a finer rule, for challengers that exploit this one."""
@@ -140,12 +143,15 @@ def _seed(seed: int, level: int, kind: int) -> int:
     return int(np.random.SeedSequence([seed, level, kind]).generate_state(1)[0]) % LARGEST_SEED
 
 
-def first_level(case: Case, usual: Resolution, given_width: bool = False, given_rule: bool = False) -> Level:
+def first_level(
+    case: Case, usual: Resolution, given_width: bool = False, given_rule: bool = False, share: float = CHALLENGERS
+) -> Level:
     """Return the level that a case begins with, from its usual resolution, of which a part may have to stay."""
     neurons = usual.neurons * (2 if not given_width and is_slender(case) else 1)
     usual = replace(usual, neurons=neurons, edge_scale=_edge_scale(case))
     chosen = usual if given_rule else _with_layers(case, usual)
-    return Level(chosen, _challengers(usual.neurons), detail=1, kinds=AROUND_POINTS if foci(case) else KINDS)
+    kinds = AROUND_POINTS if foci(case) else KINDS
+    return Level(chosen, _challengers(usual.neurons, share), detail=1, kinds=kinds, share=share)
 
 
 def next_level(first: Level, before: Level, winner: str, most: int) -> Level | None:
@@ -167,11 +173,12 @@ def next_level(first: Level, before: Level, winner: str, most: int) -> Level | N
         rule=finer_rule(old.rule if before.repeated else first.resolution.rule, growth),
         fine=finer_rule(old.fine if before.repeated else first.resolution.fine, growth),
     )
-    return Level(resolution, _challengers(neurons), detail=2, number=number, kinds=before.kinds)
+    number_each = _challengers(neurons, before.share)
+    return Level(resolution, number_each, detail=2, number=number, kinds=before.kinds, share=before.share)
 
 
-def _challengers(neurons: int) -> int:
-    return max(4, round(CHALLENGERS * neurons / len(KINDS)))
+def _challengers(neurons: int, share: float) -> int:
+    return max(4, round(share * neurons / len(KINDS)))
 
 
 def _edge_scale(case: Case) -> float:

@@ -20,6 +20,8 @@ from shellbench.solvers.ndf.linear.ritz_settings import RitzSettings
 # plain and of stretched inputs, and of the number of points a feature where forces act at points. Chosen by certified
 # energy on a hemisphere, pinched cylinders of R / h = 50, 300 and 1000, hyperboloids, plates and roofs.
 FEWER, PLAIN_SHARE, STRETCHED_SHARE, MORE_POINTS = 0.5, 0.75, 2.0, 1.5
+# In units of the neurons: twice as many as elsewhere, as such fields gain ever less (see `challenge.MIRRORED_SHARE`).
+MIRRORED_CHALLENGERS = 0.5
 
 
 def field_spec(case: Case, settings: RitzSettings) -> FieldSpec:
