@@ -174,10 +174,10 @@ class FixedFeatures:
 
         for focus in self.foci:
             yield self.multipliers, partial(self._around, focus, position, placement)
-        if self.corners:
-            for corner in self.corners.corners:
-                yield self.corners.each, partial(self.corners.around, corner, position, placement)
-        for part in (self.creases, self.hinges):
+        # With planes of symmetry most corners are images of one, whose features stand for theirs.
+        corners = [(c,) for c in self.corners.corners] if self.corners and self.mirrors else []
+        powers = [replace(self.corners, corners=c) for c in corners] if corners else [self.corners]
+        for part in (*powers, self.creases, self.hinges):
             if part:
                 yield part.count, partial(part.columns, points, placement)
 

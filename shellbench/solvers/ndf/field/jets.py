@@ -159,9 +159,11 @@ def compose(derivatives: Sequence[Tensor], z: Tensor) -> Tensor:
     return jet
 
 
-def power(z: Tensor, exponent: float) -> Tensor:
+def power(z: Tensor, exponent: float | Tensor) -> Tensor:
     """Return the jet of z**exponent, z positive."""
     v = z[VALUE]
+    if len(z) == 1:
+        return v[None] ** exponent
     return compose(
         (v**exponent, exponent * v ** (exponent - 1), exponent * (exponent - 1) * v ** (exponent - 2)),
         z,

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from scipy.linalg.blas import dsyrk
 from torch import Tensor
 
 from shellbench.problems.shell.posed.rigid import rigid_modes
@@ -181,6 +182,10 @@ def normal_equations(ansatz: Ansatz, features: FeatureSet, rule: Rule, forces: C
 
 def add_gram(total: Tensor, rows: Tensor) -> None:
     """Add rows^T rows to the blocks on and above the diagonal: nearly half the work of one product."""
+    if total.device.type == "cpu" and rows.dtype == torch.float64 and not total.requires_grad:
+        # LAPACK counts its triangles by columns: what is below the diagonal there is above it here.
+        dsyrk(1.0, rows.numpy().T, beta=1.0, c=total.numpy().T, overwrite_c=1, lower=1)
+        return
     # Strips of rows of the total, each from the diagonal on. Its columns are long in memory: strips of columns, as many
     # products of the same size, take a quarter more.
     for start in range(0, total.shape[0], STRIP):
@@ -190,7 +195,7 @@ def add_gram(total: Tensor, rows: Tensor) -> None:
 
 def mirrored(upper: Tensor) -> Tensor:
     """Return the symmetric matrix whose upper half is given."""
-    return torch.triu(upper) + torch.triu(upper, 1).T
+    return upper.triu() + upper.triu(1).T
 
 
 Polynomial = tuple[float, float, float]

@@ -85,13 +85,17 @@ def first_state(problem: TrainingProblem, plan: Plan) -> tuple[Trained, Quadratu
     SolveFailure
         If no start agrees with itself on two quadratures.
     """
-    # Widths from narrow to wide, until one gains too little over the one before.
+    # Widths from narrow to wide, until one gains too little over the one before, or is bound to: gains shrink as a
+    # geometric series does.
     # 1. Points for the width; more of them as long as no start agrees with itself on both sets.
     # 2. Of all scales the start of most certified gain.
     # 3. Wider networks try that scale and larger ones; where forces act at points, that scale only.
     best: tuple[Trained, Quadratures] | None = None
     scales: Sequence[tuple[float, float]] = plan.scales
+    former = gain = 0.0
     for width in plan.widths:
+        if gain * gain < plan.tolerance * former:
+            break
         found, refinement = None, 1.0
         while found is None and refinement < MOST_REFINED:
             points = Quadratures.for_width(problem, width, refinement)
@@ -100,8 +104,10 @@ def first_state(problem: TrainingProblem, plan: Plan) -> tuple[Trained, Quadratu
         if found is None:
             continue
         state, chosen = found
-        if best is not None and state.check.relative_gain(best[0].check) < plan.tolerance:
-            break
+        if best is not None:
+            former, gain = gain, state.check.relative_gain(best[0].check)
+            if gain < plan.tolerance:
+                break
         best = state, points
         scales = chosen if problem.singular else scales[scales.index(chosen[0]) :]
     if best is None:
