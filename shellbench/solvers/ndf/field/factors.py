@@ -129,9 +129,11 @@ class BoundaryFactors:
         even = even_sides(self._supports, self.slopes)
         domain = self.case.surface.domain
         held = [{s.edge for s in self._supports if c in s.held} for c in range(3)]
-        matrix = torch.diag_embed(
-            torch.stack([edge_factor(domain, edges, even, points, placement) for edges in held], dim=-1)
-        )
+        factors: list[Tensor] = []
+        for c, edges in enumerate(held):
+            same = held.index(edges)
+            factors.append(factors[same] if same < c else edge_factor(domain, edges, even, points, placement))
+        matrix = torch.diag_embed(torch.stack(factors, dim=-1))
         tilted = [s for s in self._supports if s.tilted]
         if tilted:
             matrix = matrix_product(matrix, self._projector(tilted, held, even, points, placement))

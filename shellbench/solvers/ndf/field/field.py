@@ -23,7 +23,7 @@ from shellbench.problems.shell.posed.rigid import rigid_modes
 from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.choices import MULTIPLIERS, Slopes
 from shellbench.solvers.ndf.field.corners import AT_A_POINT, CornerPowers
-from shellbench.solvers.ndf.field.inputs import Focus, Inputs, even_columns, independent_columns
+from shellbench.solvers.ndf.field.inputs import Focus, Inputs
 from shellbench.solvers.ndf.field.jets import (
     D1,
     VALUE,
@@ -38,7 +38,7 @@ from shellbench.solvers.ndf.field.jets import (
     product,
 )
 from shellbench.solvers.ndf.field.lines import Creases, Hinges
-from shellbench.solvers.ndf.field.mirrors import Mirrors, Planes, samples
+from shellbench.solvers.ndf.field.mirrors import Mirrors, Planes, even_columns, independent_columns, samples
 from shellbench.solvers.ndf.field.network import Network
 from shellbench.solvers.ndf.field.quadrature import ROUNDING, Rule
 from shellbench.solvers.ndf.field.supports import edge_samples, edge_supports

@@ -13,8 +13,6 @@ below its size, around points that carry a force and along edges.
 About planes of symmetry that are built into a field (see `mirrors`) every input is even: one that is odd, and goes from
 -1 to 1, enters as 2 z^2 - 1, and one that is neither, such as the distance from one of two edges, as the mean of its
 images.
-
-Also here: which functions of a point are even about the seam of a periodic coordinate, found out by looking.
 """
 
 from __future__ import annotations
@@ -46,7 +44,7 @@ from shellbench.solvers.ndf.field.jets import (
     from_derivatives,
     sine,
 )
-from shellbench.solvers.ndf.field.mirrors import Mirrors, Planes
+from shellbench.solvers.ndf.field.mirrors import Mirrors, Planes, even_columns, independent_columns
 from shellbench.solvers.ndf.field.quadrature import ROUNDING
 from shellbench.solvers.ndf.field.supports import Sides, edge_supports, even_sides, point_supports
 
@@ -146,34 +144,7 @@ def edge_layers(case: Case, flat: bool = False) -> tuple[float, float] | None:
     return first, second
 
 
-EVENNESS_SAMPLES = 24  # points a side of the grid on which functions are compared with their mirror images
-
-
-def even_columns(columns: Callable[[Array], Tensor], domain: Domain, axes: Sequence[int]) -> Tensor:
-    """Tell which of several functions are even about the lower bound of each of the given coordinates.
-
-    Parameters
-    ----------
-    columns
-        Values (N, n) of n functions at points (N, 2).
-
-    Returns
-    -------
-    Tensor
-        (n,) of bool.
-    """
-    points = domain.grid(EVENNESS_SAMPLES, INPUT_SAMPLES).reshape(-1, 2)
-    here = columns(points)
-    even = torch.ones(here.shape[1], dtype=torch.bool, device=here.device)
-    for axis in axes:
-        mirrored = np.array(points)
-        mirrored[:, axis] = domain.lower[axis] + domain.upper[axis] - points[:, axis]  # the bounds are one line
-        even &= (here - columns(mirrored)).abs().amax(0) <= ROUNDING * here.abs().amax(0)
-    return even
-
-
 INPUT_SAMPLES = 24  # points a side of the grid on which inputs are tested for linear independence
-DEPENDENT_INPUT = 1e-6  # an input whose remainder is below this share of its size is left out: rounding leaves 1e-15
 
 
 def even_coordinate(domain: Domain, points: Array, axis: int, even: tuple[bool, bool], placement: Placement) -> Tensor:
@@ -398,19 +369,3 @@ def _stretched(distance: Tensor, reach: float, widest: float = math.inf) -> Tens
 def mirrored_axes(domain: Domain, periodic: PeriodicInput) -> tuple[int, ...]:
     """Return the coordinates about whose seam everything must be even."""
     return tuple(axis for axis in (0, 1) if domain.periodic[axis] and periodic == "cosine")
-
-
-def independent_columns(columns: Tensor, usable: list[bool]) -> tuple[int, ...]:
-    """Return the usable columns that are no linear combination of a constant and earlier ones."""
-    basis = [torch.ones_like(columns[:, 0]) / math.sqrt(len(columns))]
-    kept = []
-    for index, column in enumerate(columns.unbind(1)):
-        if not usable[index]:
-            continue
-        rest = column.clone()
-        for direction in basis * 2:  # twice: Gram-Schmidt loses orthogonality in one pass
-            rest = rest - (rest @ direction) * direction
-        if rest.norm() > DEPENDENT_INPUT * column.norm():
-            basis.append(rest / rest.norm())
-            kept.append(index)
-    return tuple(kept)

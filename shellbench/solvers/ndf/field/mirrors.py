@@ -8,6 +8,9 @@ as it is the only one. Each of its Cartesian components is even about a plane, o
 with the boundary matrix M, a diagonal O of functions that are odd where a component is, and features F that are even
 about all planes. Energies are integrated over one of the parts that planes cut the shell into, and multiplied by the
 number of parts. The field itself is one of the whole shell, and smooth across the planes.
+
+Also here: which functions of a point are even about the seam of a periodic coordinate, and which are independent, found
+out by looking.
 """
 
 from __future__ import annotations
@@ -42,6 +45,8 @@ from shellbench.solvers.ndf.field.quadrature import ROUNDING, Rule, RuleSpec, ar
 MIRROR_SAMPLES = 11  # points a side at which functions are compared with their images
 Planes = tuple[bool, ...]  # of each mirror, whether it is meant
 ONE_POINT = 1e-12  # of a side: images of one point differ by rounding, a thousandth of this
+EVENNESS_SAMPLES = 24  # points a side of the grid on which functions are compared with their mirror images
+DEPENDENT_INPUT = 1e-6  # an input whose remainder is below this share of its size is left out: rounding leaves 1e-15
 ASYMMETRIC = 0.3  # place of a sample in its cell: any but the ends, the middle, and their halves
 
 
@@ -186,3 +191,42 @@ def mirrors_of(case: Case) -> Mirrors:
                 if mirror is not None and all(mirror.normal != other.normal for other in found):
                     found.append(mirror)
     return Mirrors(domain, tuple(found))
+
+
+def even_columns(columns: Callable[[Array], Tensor], domain: Domain, axes: Sequence[int]) -> Tensor:
+    """Tell which of several functions are even about the lower bound of each of the given coordinates.
+
+    Parameters
+    ----------
+    columns
+        Values (N, n) of n functions at points (N, 2).
+
+    Returns
+    -------
+    Tensor
+        (n,) of bool.
+    """
+    points = domain.grid(EVENNESS_SAMPLES, EVENNESS_SAMPLES).reshape(-1, 2)
+    here = columns(points)
+    even = torch.ones(here.shape[1], dtype=torch.bool, device=here.device)
+    for axis in axes:
+        mirrored = np.array(points)
+        mirrored[:, axis] = domain.lower[axis] + domain.upper[axis] - points[:, axis]  # the bounds are one line
+        even &= (here - columns(mirrored)).abs().amax(0) <= ROUNDING * here.abs().amax(0)
+    return even
+
+
+def independent_columns(columns: Tensor, usable: list[bool]) -> tuple[int, ...]:
+    """Return the usable columns that are no linear combination of a constant and earlier ones."""
+    basis = [torch.ones_like(columns[:, 0]) / math.sqrt(len(columns))]
+    kept = []
+    for index, column in enumerate(columns.unbind(1)):
+        if not usable[index]:
+            continue
+        rest = column.clone()
+        for direction in basis * 2:  # twice: Gram-Schmidt loses orthogonality in one pass
+            rest = rest - (rest @ direction) * direction
+        if rest.norm() > DEPENDENT_INPUT * column.norm():
+            basis.append(rest / rest.norm())
+            kept.append(index)
+    return tuple(kept)
