@@ -21,10 +21,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PPoly
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
@@ -33,6 +33,9 @@ from shellbench.problems.shell.question.surface import Domain
 from shellbench.solvers.ndf.field.choices import Crease
 from shellbench.solvers.ndf.field.geometry import LINE
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, chebyshev, compose, coordinates, product
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 # Chebyshev polynomials of the coordinate across a line, and of the other one, that features are multiplied by.
 CREASE_POLYNOMIALS, HINGE_POLYNOMIALS = (8, 3), (6, 3)
@@ -156,16 +159,16 @@ class Hinge:
         """Integrals of (x - at)^k c for k = 0, 1: twice of bending, and once of the membrane."""
         side, found = self.case.surface.domain.size[self.axis], []
         for power, times in ((3, 2), (1, 1)):
-            c = _piecewise(self.compliance(power), self.breaks)
+            peak = _piecewise(self.compliance(power), self.breaks)
             # What is beside the line is smooth: without it, profiles of several lines end in what others begin with.
-            peak = PPoly(c.c, c.x)
-            peak.c[-1] -= c(self.breaks).min()
+            peak.c[-1] -= peak(self.breaks).min()
             for k in (0, 1):
                 lever = _piecewise(lambda x, k=k: ((x - self.at) / side) ** k, self.breaks)  # type: ignore[misc]
                 total = _piecewise(lambda x, p=peak, q=lever: p(x) * q(x), self.breaks)  # type: ignore[misc]
                 size = np.abs(total.antiderivative()(self.breaks)).max()
                 if size > 0:
-                    found.append(PPoly(total.c / size, total.x).antiderivative(times))
+                    total.c /= size
+                    found.append(total.antiderivative(times))
         return found
 
     def columns(self, points: Array, coordinate: Tensor, placement: Placement) -> list[Tensor]:
@@ -184,6 +187,8 @@ class Hinge:
 
 def _piecewise(formula: Callable[[Array], Array], breaks: Array) -> PPoly:
     """Return polynomials through Chebyshev's points of panels."""
+    from scipy.interpolate import PPoly  # here, for fields without such lines should not wait for its import
+
     nodes = (1 - np.cos(np.pi * (np.arange(PANEL_NODES) + 0.5) / PANEL_NODES)) / 2
     sizes = np.diff(breaks)
     values = formula(breaks[:-1, None] + nodes * sizes[:, None])
