@@ -175,8 +175,8 @@ class FixedFeatures:
         for focus in self.foci:
             yield self.multipliers, partial(self._around, focus, position, placement)
         # With planes of symmetry most corners are images of one, whose features stand for theirs.
-        corners = [(c,) for c in self.corners.corners] if self.corners and self.mirrors else []
-        powers = [replace(self.corners, corners=c) for c in corners] if corners else [self.corners]
+        alone = [replace(self.corners, corners=(c,)) for c in self.corners.corners] if self.corners else []
+        powers = alone if self.mirrors else [self.corners]
         for part in (*powers, self.creases, self.hinges):
             if part:
                 yield part.count, partial(part.columns, points, placement)
