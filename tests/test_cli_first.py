@@ -145,7 +145,7 @@ def test_a_disk_that_is_full_is_bad(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.usefixtures("here")
 def test_a_quick_look_solves_prints_and_judges(shellbench, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
-    monkeypatch.setattr("shellbench.bench.run.plan.DEFAULT_SUITE", "toys")
+    monkeypatch.setattr("shellbench.bench.run.plan.QUICK_SUITE", "toys")
     monkeypatch.setattr(first, "QUICK_SOLVERS", ("toy", "toy-noisy"))
     monkeypatch.setenv("COLUMNS", "80")
     code, out, err = shellbench("quick")

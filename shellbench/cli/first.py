@@ -23,30 +23,30 @@ What next:
 
 
 def quick(store: StoreOption = DEFAULT_STORE, wide: WideOption = False) -> None:
-    """Take a first look: solve shells of the obstacle course by fem and ndf-ritz, print the table and the verdict.
+    """Solve the suite `quick` by fem and ndf-ritz, and print the table and the verdict.
 
-    It takes half a minute. Its four shells at rest are asked as they are declared, with seed 0; `run --suite
-    obstacle_course` asks all of the suite. What has a record already is not solved again.
+    `run --quick` makes the same runs, and `check-solver --quick` asks another solver the same cases. Runs that have
+    a record are kept.
     """
     from shellbench.bench.judge import compare, verdicts
     from shellbench.bench.judge.expected import Scope
     from shellbench.bench.judge.gate import gate
     from shellbench.bench.run.local import LocalProcesses
-    from shellbench.bench.run.plan import FIRST_SEED, Request, first_look
+    from shellbench.bench.run.plan import FIRST_SEED, QUICK_SUITE, Request
     from shellbench.bench.store import environment
     from shellbench.bench.store.store import Store
     from shellbench.report.sections import tables
 
     began, where, width = time.monotonic(), Store(store), text_width(wide)
-    cases = first_look()
-    request = Request(cases=cases, solvers=QUICK_SOLVERS, seeds=(FIRST_SEED,), threads=1)
+    suites = (QUICK_SUITE,)
+    request = Request(suites=suites, threads=1)
     code = carry_out(request, where, LocalProcesses(environment.cores(), 1))
-    rows, notes = compare.rows_and_notes(where, (), cases)
+    rows, notes = compare.rows_and_notes(where, suites)
     warn(notes)
-    mine = [row for row in rows if row.solver in QUICK_SOLVERS and row.seed in (None, FIRST_SEED) and not row.overrides]
+    declared = [row for row in rows if row.solver in QUICK_SOLVERS and row.seed in (None, FIRST_SEED)]
     typer.echo()
-    typer.echo(tables.render(mine, "text", width=width))
-    verdict = gate(where, None, Scope(solvers=QUICK_SOLVERS, seeds=(FIRST_SEED,), cases=cases))
+    typer.echo(tables.render(declared, "text", width=width))
+    verdict = gate(where, None, Scope(suites))
     _echo(verdicts.in_short(verdict), width)
     typer.echo(f"{time.monotonic() - began:.0f} s; the records are in {store}\n\n{NEXT}")
     raise typer.Exit(code or (0 if verdict.good() else 1))

@@ -102,8 +102,8 @@ def run(
         bool,
         typer.Option(
             "--quick",
-            help="For a first look: fem and ndf-ritz, or those of --solver, with one seed; the course, or what "
-            "cases and suites name.",
+            help="Run fem and ndf-ritz, or those of --solver, with one seed each: on what cases and suites name, else "
+            "on the suite `quick`.",
         ),
     ] = False,
     jobs: Annotated[
@@ -169,7 +169,7 @@ def run(
 
         shellbench run my_shell_thicker.toml --start my_shell-ndf-s0-20260101T120000-0a1b2c3d
     """
-    from shellbench.bench.run.plan import DEFAULT_SUITE, Request, first_look
+    from shellbench.bench.run.plan import QUICK_SUITE, Request
     from shellbench.bench.store.earlier import find_earlier
     from shellbench.bench.store.store import Store
 
@@ -177,10 +177,10 @@ def run(
         raise typer.BadParameter("must be a positive number of seconds", param_hint="'--timeout'")
     where = Store(store)
     earlier = None if start is None else find_earlier(start, where, where.read())
-    nothing_named = not (cases or suite)
+    named = tuple(cases or ())
     request = Request(
-        cases=first_look() if quick and nothing_named else tuple(cases or ()),
-        suites=(DEFAULT_SUITE,) if quick and nothing_named else tuple(suite or ()),
+        cases=named,
+        suites=tuple(suite or ()) if named or suite or not quick else (QUICK_SUITE,),
         solvers=tuple(solver or ((earlier.solver,) if earlier else ())),
         settings=settings_of(settings),
         seeds=tuple(dict.fromkeys(seed or ())),

@@ -32,6 +32,7 @@ from shellbench.errors import InputError
 from shellbench.problem import VARIANT, Problem, SeededSettings, Solver
 
 DEFAULT_SUITE = "obstacle_course"
+QUICK_SUITE = "quick"
 FIRST_SEED = 0
 
 
@@ -90,16 +91,6 @@ class Plan:
     declined: tuple[Declined, ...]
     notes: tuple[str, ...]
     seen: int = 0
-
-
-def first_look() -> tuple[str, ...]:
-    """Return the names of the cases of `DEFAULT_SUITE` that a first look asks: those whose variants it asks, or all.
-
-    What takes so long that it is asked in one way alone takes too long for a first look, too.
-    """
-    names = [case.name for case in catalog.members(DEFAULT_SUITE)]
-    asked = {variant.partition(VARIANT)[0] for variant in catalog.variants_asked(DEFAULT_SUITE)}
-    return tuple(name for name in names if name in asked) or tuple(names)
 
 
 def wanted_runs(request: Request) -> Iterator[tuple[Problem, SuiteRun]]:
