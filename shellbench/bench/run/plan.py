@@ -29,7 +29,7 @@ from shellbench.bench.store.record import ANSWERED, NOT_SETTLED, Environment, Re
 from shellbench.bench.store.store import Contents
 from shellbench.bench.store.task import Task, case_data, new_run_id
 from shellbench.errors import InputError
-from shellbench.problem import VARIANT, Problem, SeededSettings, Solver
+from shellbench.problem import Problem, SeededSettings, Solver
 
 DEFAULT_SUITE = "obstacle_course"
 QUICK_SUITE = "quick"

@@ -21,7 +21,7 @@ from shellbench.problems.shell.solution import checked_start
 from shellbench.solvers.fem.linear import equilibrium
 from shellbench.solvers.fem.linear.modes import solve_modes
 from shellbench.solvers.fem.linear.symmetry import Folding
-from shellbench.solvers.fem.mechanics.corners import break_gradings, edge_gradings, slowest_rate
+from shellbench.solvers.fem.mechanics.corners import Singularities
 from shellbench.solvers.fem.mechanics.layers import layer_gradings
 from shellbench.solvers.fem.mechanics.solution import FemSolution
 from shellbench.solvers.fem.mesh.convergence import ASYMPTOTIC
@@ -94,8 +94,7 @@ def _refined(case: Case, chosen: FemSettings, start: FemSolution | None, progres
     began = time.perf_counter()
     # Meshes of the non-linear theory are not graded toward edges: their steps would suffer.
     graded = case.linear and chosen.grading != 1 and not case.prescribed
-    toward = _gradings(case) if graded else (UNGRADED, UNBROKEN)
-    slowest = slowest_rate(case) if graded else ASYMPTOTIC
+    toward, slowest = _gradings(case) if graded else ((UNGRADED, UNBROKEN), ASYMPTOTIC)
     on_mesh, trials = _solves(case, chosen, toward, start, progress)
     tolerance = chosen.tolerance or usual_tolerance(case, case_degree(case, chosen))
     solved_once = case.linear or case.prescribed  # or never: where all is prescribed
@@ -144,14 +143,15 @@ def _refined(case: Case, chosen: FemSettings, start: FemSolution | None, progres
     return solution
 
 
-def _gradings(case: Case) -> Gradings:
-    """Return the exponents of the gradings toward singular corners and thin layers, and toward breaks of supports."""
-    corners = edge_gradings(case)
+def _gradings(case: Case) -> tuple[Gradings, float]:
+    """Return the gradings toward corners, thin layers and breaks of supports, and the slowest rate of the energy."""
+    found = Singularities.of_case(case)
+    corners, rate = found.edge_gradings, found.slowest_rate
     if case.modal:  # waves of modes are as long all over the shell
-        return corners, break_gradings(case)
+        return (corners, found.break_gradings), rate
     # Edges that end at singular corners are graded as these ask: more would be missing where layers cross the shell.
     (a, b), (c, d) = np.where(np.array(corners) > 1, corners, layer_gradings(case)).tolist()
-    return ((a, b), (c, d)), break_gradings(case)
+    return (((a, b), (c, d)), found.break_gradings), rate
 
 
 def usual_tolerance(case: Case, degree: Degree) -> float:

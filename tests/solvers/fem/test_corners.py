@@ -8,11 +8,10 @@ from shellbench.bench.catalogue import catalog
 from shellbench.solvers.fem.mechanics.corners import (
     SMOOTH,
     Rim,
+    Singularities,
     bending_exponent,
     corner_exponents,
-    edge_gradings,
     membrane_exponent,
-    slowest_rate,
 )
 from shellbench.solvers.fem.mesh.convergence import ASYMPTOTIC
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
@@ -88,14 +87,15 @@ def test_obtuse_corners_of_a_rhombus_are_found(name, exponent):
 def test_the_course_is_graded_toward_no_edge():
     for name in ("square_plate", "scordelis_lo", "pinched_cylinder_diaphragm", "pinched_cylinder_free"):
         case = catalog.named_case(name)
-        assert edge_gradings(case) == ((1.0, 1.0), (1.0, 1.0))
-        assert slowest_rate(case) == ASYMPTOTIC
+        found = Singularities.of_case(case)
+        assert found.edge_gradings == ((1.0, 1.0), (1.0, 1.0))
+        assert found.slowest_rate == ASYMPTOTIC
 
 
 def test_edges_beside_a_clamp_are_graded():
     case = shell("hypar", supports=[{"name": "wall", "on": ["xi1_min"], "clamped": True}],
                  loads=[{"kind": "area", "vector": [0, 0, 1]}])  # fmt: skip
-    (near, far), sides = edge_gradings(case)
+    (near, far), sides = Singularities.of_case(case).edge_gradings
     assert near > 1
     assert far == 1.0  # free corners are not singular
     assert min(sides) == 1.0  # nor is the acute one beside the clamp

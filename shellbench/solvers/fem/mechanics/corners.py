@@ -20,7 +20,7 @@ boundary conditions in angular corners of plates in extension, J. Appl. Mech. 19
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
@@ -203,7 +203,7 @@ def _breaks(case: Case) -> Iterator[tuple[tuple[int, Side, float], float]]:
             _rim(_supports_beside(case, edge, at + sign * NEARBY * domain.size[running]), sign * tangent, normal)
             for sign in (1.0, -1.0)
         ]
-        found = _exponent(case, np.pi, rims[0], rims[1])
+        found = _exponent(case, excited(case), np.pi, rims[0], rims[1])
         if found < INFINITE:
             yield (axis, side, at), found
 
@@ -220,9 +220,9 @@ def _supports_beside(case: Case, edge: Edge, running: float) -> list[Support]:
     ]
 
 
-def _exponent(case: Case, angle: float, first: Rim, second: Rim) -> float:
-    """Return the least exponent of what loads can excite between two rims."""
-    across, within = excited(case)
+def _exponent(case: Case, acting: tuple[bool, bool], angle: float, first: Rim, second: Rim) -> float:
+    """Return the least exponent between two rims of what loads can excite: `acting`, see `excited`."""
+    across, within = acting
     nu, nu_of_bending = case.material.poissons_ratios
     found = INFINITE
     if across:
@@ -240,7 +240,7 @@ def corner_exponents(case: Case) -> dict[tuple[Side, Side], float]:
 
 
 def _corners(case: Case) -> Iterator[tuple[tuple[Side, Side], float]]:
-    domain = case.surface.domain
+    domain, acting = case.surface.domain, excited(case)
     for sides in product(SIDES, SIDES):
         edges = [_edge(case, axis, side) for axis, side in enumerate(sides)]
         corner = np.array([[edge.coordinate(domain) for edge in edges]])
@@ -262,7 +262,7 @@ def _corners(case: Case) -> Iterator[tuple[tuple[Side, Side], float]]:
             _rim(_supports_beside(case, edge, float(at)), tangent, normal)
             for edge, at, tangent in zip(edges, beside, along, strict=True)
         )
-        found = _exponent(case, angle, first, second)
+        found = _exponent(case, acting, angle, first, second)
         if found < INFINITE:
             yield sides, found
 
@@ -292,34 +292,54 @@ def _rim(supports: list[Support], tangent: Array, normal: Array) -> Rim:
     return Rim(bending, (min(len(inside), 2), round(angle % np.pi, 12)))
 
 
-def edge_gradings(case: Case) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return by coordinate the exponents g of the mesh lines' distances from its lower and its upper edge."""
-    found = dict.fromkeys(product((0, 1), SIDES), 1.0)
-    for sides, exponent in corner_exponents(case).items():
-        for axis, side in enumerate(sides):
+@dataclass(frozen=True)
+class Singularities:
+    """Exponents of all points of a case where moments or forces are infinite, and the meshes that resolve them.
+
+    Attributes
+    ----------
+    corners
+        By the sides of xi1 and xi2 that meet.
+    breaks
+        By axis and side of an edge, and the running coordinate at which its supports change.
+    """
+
+    corners: Mapping[tuple[Side, Side], float]
+    breaks: Mapping[tuple[int, Side, float], float]
+
+    @classmethod
+    def of_case(cls, case: Case) -> Singularities:
+        """Find them all."""
+        return cls(corner_exponents(case), break_exponents(case))
+
+    @property
+    def edge_gradings(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """By coordinate, the exponents g of the mesh lines' distances from its lower and its upper edge."""
+        found = dict.fromkeys(product((0, 1), SIDES), 1.0)
+        for sides, exponent in self.corners.items():
+            for axis, side in enumerate(sides):
+                found[axis, side] = max(found[axis, side], _grading(exponent))
+        for (axis, side, _), exponent in self.breaks.items():
             found[axis, side] = max(found[axis, side], _grading(exponent))
-    for (axis, side, _), exponent in break_exponents(case).items():
-        found[axis, side] = max(found[axis, side], _grading(exponent))
-    return (found[0, "min"], found[0, "max"]), (found[1, "min"], found[1, "max"])
+        return (found[0, "min"], found[0, "max"]), (found[1, "min"], found[1, "max"])
 
+    @property
+    def break_gradings(self) -> tuple[dict[float, float], dict[float, float]]:
+        """By coordinate, the exponents g of the mesh lines' distances from where supports change within edges."""
+        found: tuple[dict[float, float], dict[float, float]] = {}, {}
+        for (axis, _, at), exponent in self.breaks.items():
+            found[1 - axis][at] = max(found[1 - axis].get(at, 1.0), _grading(exponent))
+        return found
 
-def break_gradings(case: Case) -> tuple[dict[float, float], dict[float, float]]:
-    """Return by coordinate the exponents g of the mesh lines' distances from where supports change within edges."""
-    found: tuple[dict[float, float], dict[float, float]] = {}, {}
-    for (axis, _, at), exponent in break_exponents(case).items():
-        found[1 - axis][at] = max(found[1 - axis].get(at, 1.0), _grading(exponent))
-    return found
+    @property
+    def slowest_rate(self) -> float:
+        """Rate, in the mesh size, at which the energy converges on meshes that are graded so."""
+        exponents = [*self.corners.values(), *self.breaks.values()]
+        return min((2 * s * _grading(s) for s in exponents), default=ASYMPTOTIC)
 
 
 def _grading(exponent: float) -> float:
     return min(GRADED_RATE / (2 * exponent), STEEPEST)
-
-
-def slowest_rate(case: Case) -> float:
-    """Return the rate, in the mesh size, at which the energy converges on meshes that are graded so."""
-    exponents = [*corner_exponents(case).values(), *break_exponents(case).values()]
-    rates = [2 * s * _grading(s) for s in exponents]
-    return min(rates, default=ASYMPTOTIC)
 
 
 def excited(case: Case) -> tuple[bool, bool]:

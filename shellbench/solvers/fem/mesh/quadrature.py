@@ -9,6 +9,7 @@ from functools import cache, cached_property
 import numpy as np
 from numpy.typing import NDArray
 from skfem.quadrature import get_quadrature
+from skfem.refdom import Refdom
 
 from shellbench.problems.shell.question.places import Edge
 from shellbench.solvers.fem.mesh.mesh import Degree, Derivative, TensorMesh, gauss_rule, kind_scales, tabulate
@@ -35,8 +36,7 @@ class Quadrature:
     @classmethod
     def of_order(cls, mesh: TensorMesh, order: int) -> Quadrature:
         """Return the rule that is exact for polynomials of this degree in each coordinate."""
-        points, weights = get_quadrature(mesh.grid.refdom, order)
-        return cls(np.ascontiguousarray(points.T), weights)
+        return _quadrature(mesh.grid.refdom, order)
 
     @cached_property
     def table(self) -> Callable[[tuple[Derivative, ...], Degree], Array]:
@@ -53,6 +53,12 @@ class Quadrature:
         sizes = mesh.sizes[cells]
         points = mesh.origins[cells][:, None] + self.points * sizes[:, None]
         return mesh.domain.wrap(points), self.weights * np.prod(sizes, axis=-1, keepdims=True)
+
+
+@cache
+def _quadrature(unit_cell: type[Refdom], order: int) -> Quadrature:
+    points, weights = get_quadrature(unit_cell, order)
+    return Quadrature(np.ascontiguousarray(points.T), weights)
 
 
 @dataclass(frozen=True)
