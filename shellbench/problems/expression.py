@@ -173,8 +173,7 @@ class Expression:
         dict
             (i, j) -> (...) derivative i times in xi1 and j times in xi2.
         """
-        (found,) = derivatives_of((self,), points, order, t)
-        return found
+        return {key: value[..., 0] for key, value in derivatives_of((self,), points, order, t).items()}
 
     def enclosed(self, boxes: Mapping[str, Interval], along: str = "", order: int = 0) -> list[Interval]:
         """Return intervals (n,) of the values on boxes, and of derivatives along a variable over k!, up to an order.
@@ -199,8 +198,11 @@ class Expression:
 
 def derivatives_of(
     formulas: Sequence[Expression], points: ArrayLike, order: int, t: float = 1.0
-) -> list[dict[tuple[int, int], Array]]:
-    """Return `Expression.derivatives` of formulas with the same constants: calls that they share are made once."""
+) -> dict[tuple[int, int], Array]:
+    """Return the derivatives (i, j) -> (..., formulas) of formulas with the same constants; see `derivatives`.
+
+    Calls that formulas share are made once.
+    """
     xi = np.asarray(points, dtype=float)
     values = {
         "xi1": Taylor.variable(xi[..., 0], axis=0, order=order),
@@ -208,13 +210,12 @@ def derivatives_of(
         "t": Taylor.constant(t, order),
         **formulas[0]._known(order),
     }
-    shape = xi.shape[:-1]
-    keys = [(i, total - i) for total in range(order + 1) for i in range(total, -1, -1)]
-    found = []
-    for formula in formulas:
+    shape = (*xi.shape[:-1], len(formulas))
+    found = {(i, total - i): np.zeros(shape) for total in range(order + 1) for i in range(total, -1, -1)}
+    for number, formula in enumerate(formulas):
         series = formula._series(values, order)
-        each = {key: series.derivative(*key) for key in keys}
-        found.append({key: v if v.shape == shape else np.broadcast_to(v, shape) for key, v in each.items()})
+        for key in series.terms:
+            found[key][..., number] = series.derivative(*key)
     return found
 
 

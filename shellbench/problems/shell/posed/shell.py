@@ -293,8 +293,7 @@ class Shell(Problem):
         dict
             (i, j) -> (..., 3), in the units of the formulas.
         """
-        components = derivatives_of([self.formula(text) for text in vector], points, order, t)
-        return {key: np.stack([c[key] for c in components], axis=-1) for key in components[0]}
+        return derivatives_of([self.formula(text) for text in vector], points, order, t)
 
     def formula(self, text: Formula, variables: tuple[str, ...] = MOTION_VARIABLES) -> Expression:
         """Read a number or formula of a support, load or spring; the surface's constants are known to it."""

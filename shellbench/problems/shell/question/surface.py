@@ -168,8 +168,7 @@ class AnalyticSurface(Model):
         dict
             (i, j) -> (..., 3), metres per unit of xi1**i xi2**j; (0, 0) is the position.
         """
-        components = derivatives_of(self.expressions, points, order)
-        return {key: np.stack([c[key] for c in components], axis=-1) for key in components[0]}
+        return derivatives_of(self.expressions, points, order)
 
     def position(self, points: ArrayLike) -> Array:
         """Return the positions (..., 3) in metres of points (..., 2)."""
