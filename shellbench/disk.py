@@ -1,11 +1,15 @@
-"""Writing to a disk: what goes wrong is said in one sentence."""
+"""Writing to a disk: what goes wrong is said in one sentence. And files that spare the user work done before."""
 
 from __future__ import annotations
 
 import contextlib
 import errno
-from collections.abc import Iterator
+import json
+import os
+import secrets
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from shellbench.errors import InputError, ShellbenchError
 
@@ -25,3 +29,32 @@ def said_plainly(folder: Path, what: str = "store") -> Iterator[None]:
         if error.errno == errno.ENAMETOOLONG:
             raise InputError(f"{what} {folder}: its name is too long") from None
         raise StoreError(f"{what} {folder}: can't be written ({error.strerror or error})") from None
+
+
+def cache_folder() -> Path | None:
+    """Return the user's folder for what can be made again; None if the user has no home."""
+    with contextlib.suppress(RuntimeError):
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "shellbench"
+    return None
+
+
+def read_cache(name: str) -> Any:
+    """Return what `write_cache` has kept under a name; None if there is nothing, or nothing that can be read."""
+    folder = cache_folder()
+    with contextlib.suppress(OSError, ValueError, RecursionError):
+        if folder and (folder / name).is_file():
+            return json.loads((folder / name).read_bytes())
+    return None
+
+
+def write_cache(name: str, data: Mapping[str, Any]) -> None:
+    """Keep data in the user's cache, whole or not at all; what can't be kept is made again."""
+    folder = cache_folder()
+    if folder is None:
+        return
+    with contextlib.suppress(OSError):
+        file = folder / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        partial = file.with_suffix(f".{secrets.token_hex(4)}")
+        partial.write_text(json.dumps(data), encoding="utf-8")
+        partial.replace(file)

@@ -100,6 +100,32 @@ def test_what_looks_the_same_is_not_read_again(package: Path, monkeypatch: pytes
     assert read == [("pack.solver",)]
 
 
+def test_a_digest_is_kept_for_later_processes_until_a_file_changes(
+    package: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(package.parent / "cache"))
+    before = source_digest(["pack.solver"])
+    assert not (package.parent / "cache").exists()  # the files are as new as the clock's last step
+
+    def later() -> str:
+        """Return the digest as another process would see it."""
+        monkeypatch.setattr(source, "_DIGESTS", {})
+        return source_digest(["pack.solver"])
+
+    monkeypatch.setattr(source, "SETTLED", 0)
+    assert later() == before
+    (kept,) = (package.parent / "cache" / "shellbench" / "sources").iterdir()
+    with monkeypatch.context() as patched:
+        patched.setattr(source, "import_closure", lambda *_: pytest.fail("read again"))
+        assert later() == before
+    (package / "law.py").write_text((package / "law.py").read_text() + "\nz = 3\n", encoding="utf-8")
+    changed = later()
+    assert changed != before
+    for broken in (b"", b"[]", b'{"digest": 1}', b'{"digest": "' + before.encode() + b'", "places": {}}'):
+        kept.write_bytes(broken)
+        assert later() == changed
+
+
 @pytest.mark.parametrize("name", ["stranger", "types_only"])
 def test_a_change_outside_of_the_closure_does_not(package: Path, name: str) -> None:
     before = source_digest(["pack.solver"])

@@ -12,7 +12,6 @@ import contextlib
 import hashlib
 import json
 import os
-import secrets
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -29,6 +28,7 @@ from shellbench.bench.plugins.registry import SolverEntry, load_solver
 from shellbench.bench.plugins.settings import make_settings
 from shellbench.bench.plugins.source import locate, look_up
 from shellbench.bench.plugins.subject import NoAnswer, Refused, Subject
+from shellbench.disk import read_cache, write_cache
 from shellbench.errors import InputError, PluginError
 from shellbench.problem import Capabilities, Device, Problem, SeededSettings, Settings, Solver, why_declined
 from shellbench.protocol.sample import Sample
@@ -159,33 +159,22 @@ class Outsider:
         return PluginError(self.trouble)
 
     @property
-    def _file(self) -> Path | None:
-        try:
-            root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-        except RuntimeError:  # nobody's home
-            return None
+    def _cached_as(self) -> str:
         entry = self.entry
         key = (self.what, entry.name, entry.target, entry.distribution, entry.version, sys.prefix, sys.version)
-        return root / "shellbench" / "plugins" / f"{hashlib.sha256(repr(key).encode()).hexdigest()}.json"
+        return f"plugins/{hashlib.sha256(repr(key).encode()).hexdigest()}.json"
 
     def recall(self) -> None:
         """Take over what is kept, if it is of these very files."""
         self.places = looks((*package_files(self.entry), *sys.path))
-        with contextlib.suppress(OSError, ValueError, TypeError, KeyError, RecursionError, AttributeError):
-            kept = json.loads(self._file.read_bytes()) if self._file and self._file.is_file() else {}
-            places, answers = kept["places"], kept["answers"]
-            if places == looks(places) and self.places.items() <= places.items():
-                self.places, self.answers = dict(places), dict(answers)
+        match read_cache(self._cached_as):
+            case {"places": dict(places), "answers": dict(answers)}:
+                if places == looks(places) and self.places.items() <= places.items():
+                    self.places, self.answers = dict(places), dict(answers)
 
     def _keep(self) -> None:
-        file = self._file
-        if file is None or len(self.places) > 2 * MOST_FILES or looks(self.places) != self.places:
-            return
-        with contextlib.suppress(OSError):
-            file.parent.mkdir(parents=True, exist_ok=True)
-            partial = file.with_suffix(f".{secrets.token_hex(4)}")
-            partial.write_text(json.dumps({"places": self.places, "answers": self.answers}), encoding="utf-8")
-            partial.replace(file)
+        if len(self.places) <= 2 * MOST_FILES and looks(self.places) == self.places:
+            write_cache(self._cached_as, {"places": self.places, "answers": self.answers})
 
 
 def looks(places: Iterable[str]) -> dict[str, Any]:

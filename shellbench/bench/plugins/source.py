@@ -14,12 +14,14 @@ import hashlib
 import io
 import json
 import sys
+import time
 import tokenize
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
+from shellbench.disk import read_cache, write_cache
 from shellbench.errors import InputError
 
 IMPORTERS = ("import_module", "__import__")  # functions that import a module by its name
@@ -27,6 +29,7 @@ TO_BE_LOOKED_INTO = ("#", '"""', "'''", "\\")  # of a line: there may be a comme
 OWN = __name__.partition(".")[0]
 SUITES = ("body", "handlers", "orelse", "finalbody", "cases")  # fields of a statement that hold statements
 IMPORTS = (ast.Import, ast.ImportFrom)
+SETTLED = 2_000_000_000  # ns since the last change of a file after which its time tells of the next: clocks have steps
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
@@ -44,14 +47,18 @@ def source_digest(modules: Iterable[str], *more: str) -> str:
     """
     modules = tuple(modules)
     what = (*((name, locate(name)) for name in modules), *more)
-    if what in _DIGESTS and _DIGESTS[what].holds:
-        return _DIGESTS[what].digest
+    known = _DIGESTS.get(what) or _Digest.kept(what)
+    if known and known.holds:
+        _DIGESTS[what] = known
+        return known.digest
     closure = import_closure(*modules)
-    places = {place: look_up(place) for path in closure.values() for place in (path, path.parent)}
+    places = {str(place): look_up(place) for path in closure.values() for place in (path, path.parent)}
+    places[__file__] = look_up(Path(__file__))  # how a digest is taken
     statements = {text for name, path in closure.items() for text in _looked_at(path, _package(name, path)).statements}
     lengths_and_texts = (f"{len(text)}\n{text}" for text in sorted(statements))
     digest = hashlib.sha256("\n".join([*lengths_and_texts, *more]).encode("utf-8", "surrogatepass")).hexdigest()
     _DIGESTS[what] = _Digest(digest, places)
+    _DIGESTS[what].keep(what)
     return digest
 
 
@@ -62,22 +69,45 @@ def look_up(path: Path) -> Look | None:
     """Return what changes as soon as a file, or what a folder holds, does; None if it is not there."""
     try:
         status = path.stat()
-    except OSError:
+    except (OSError, ValueError):
         return None
     return status.st_ino, status.st_ctime_ns, status.st_mtime_ns, status.st_size
 
 
 @dataclass(frozen=True)
 class _Digest:
-    """A digest, and what its files and their folders looked like before they were read."""
+    """A digest, and what its files and their folders looked like before they were read.
+
+    It is kept for later processes, in the user's cache.
+    """
 
     digest: str
-    places: dict[Path, Look | None]
+    places: dict[str, Look | None]
 
     @property
     def holds(self) -> bool:
         """Whether no file has changed, come or gone since."""
-        return all(look_up(path) == seen for path, seen in self.places.items())
+        return bool(self.places) and all(look_up(Path(path)) == seen for path, seen in self.places.items())
+
+    @classmethod
+    def kept(cls, what: tuple[object, ...]) -> _Digest | None:
+        """Return what an earlier process has kept, if it can be read."""
+        match read_cache(_cached_as(what)):
+            case {"digest": str(digest), "places": dict(places)}:
+                return cls(digest, {path: tuple(s) if isinstance(s, list) else None for path, s in places.items()})
+        return None
+
+    def keep(self, what: tuple[object, ...]) -> None:
+        """Keep it, unless a file is so new that a change may not show in its time."""
+        newest = max((max(seen[1:3]) for seen in self.places.values() if seen), default=0)
+        if time.time_ns() - newest > SETTLED:
+            write_cache(_cached_as(what), {"digest": self.digest, "places": self.places})
+
+
+def _cached_as(what: tuple[object, ...]) -> str:
+    # ours may lie elsewhere for the same plug-in, and each Python parses in its own way
+    key = repr((what, locate(OWN), sys.version))
+    return f"sources/{hashlib.sha256(key.encode('utf-8', 'surrogatepass')).hexdigest()}.json"
 
 
 _DIGESTS: dict[tuple[object, ...], _Digest] = {}  # by modules, where they are, and any more text

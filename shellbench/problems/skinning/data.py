@@ -21,6 +21,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from shellbench.disk import cache_folder
 from shellbench.problems.skinning import body, cape, motion
 from shellbench.problems.skinning.body import Capsule, segments
 from shellbench.problems.skinning.cape import Cape, draped, simulated
@@ -103,7 +104,7 @@ LONG = 100_000  # vertices times frames beyond which progress is told
 
 def kept_at(cape: Cape, body: tuple[Capsule, ...], margin: float) -> Path:
     """Return the file of the clips."""
-    root = os.environ.get(FOLDER) or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "shellbench"
+    root = os.environ.get(FOLDER) or cache_folder() or tempfile.gettempdir()
     told = {"cape": cape.model_dump(mode="json"), "body": [part.model_dump(mode="json") for part in body]}
     text = json.dumps(told | {"margin": margin}, sort_keys=True).encode()
     code = b"".join(Path(str(maker.__file__)).read_bytes() for maker in MAKERS)
