@@ -221,7 +221,28 @@ def cases_of(suite: str) -> list[Problem]:
 
 def members(suite: str) -> list[Problem]:
     """Return the suite's own cases that belong to a suite, without variants, in the order of its file."""
-    return _in_order(suite, [named_case(name) for name in case_names() if suite in suites_named_by(name)])
+    return list(map(named_case, member_names(suite)))
+
+
+def member_names(suite: str) -> list[str]:
+    """Return the names of `members`, of which none is built."""
+    order = find_suite(suite).order
+    names = [name for name in case_names() if suite in suites_named_by(name)]
+    return sorted(names, key=lambda name: order.index(name) if name in order else len(order))
+
+
+def place_in(suite: str, name: str) -> tuple[int, ...]:
+    """Return what sorts cases and variants of a suite in the order of `cases_of`; others come last.
+
+    Only the case of a variant is built.
+    """
+    base, _, variant = name.partition(VARIANT)
+    order, found = find_suite(suite).order, member_names(suite)
+    asked = _variants_asked_of(suite, base) if variant else (name,)
+    if name not in asked or (not variant and base not in found):
+        return (len(order) + 1,)
+    at = order.index(base) if base in order else len(order)
+    return at, int(bool(variant)), found.index(base) if base in found else len(found), asked.index(name)
 
 
 def _in_order(suite: str, cases: list[Problem]) -> list[Problem]:

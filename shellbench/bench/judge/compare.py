@@ -139,13 +139,14 @@ def rows_of(current: CurrentRuns, planned: Sequence[Task] = ()) -> list[Row]:
             (row.case, row.quantity): i for i, row in enumerate(rows_of_task) if (row.case, row.quantity) not in order
         }
     found = with_distinct_titles(found)
-    suites = {row.suite for row in found}.intersection(catalog.suite_names())
-    members = {suite: [case.name for case in catalog.cases_of(suite)] for suite in suites if suite is not None}
+    known = set(catalog.suite_names())
+    asked = {(row.suite, row.case) for row in found if row.suite in known}
+    places = {(suite, case): catalog.place_in(suite, case) for suite, case in asked if suite is not None}
     errors = {(run.case.name, q.name) for run in current.runs for q in run.case.quantities if q.is_an_error}
     alone = [row for row in found if (row.case, row.quantity) in errors]
     return sorted(
         [*alone, *held_against_each_other(row for row in found if (row.case, row.quantity) not in errors)],
-        key=lambda row: _position(row, order[row.case, row.quantity], members.get(row.suite or "", [])),
+        key=lambda row: _position(row, order[row.case, row.quantity], places.get((row.suite or "", row.case), ())),
     )
 
 
@@ -244,11 +245,10 @@ def _about_run(run: Task | Record, case: Problem, declared: Mapping[str, str]) -
     }
 
 
-def _position(row: Row, quantity: int, members: Sequence[str]) -> tuple[object, ...]:
+def _position(row: Row, quantity: int, place: tuple[int, ...]) -> tuple[object, ...]:
     suite = (1, "") if row.suite is None else (0, row.suite)
-    case = members.index(row.case) if row.case in members else len(members)
     settings = json.dumps(row.overrides, sort_keys=True)
-    return (suite, case, row.case, not row.primary, quantity, row.solver, settings, row.seed or 0)
+    return (suite, place, row.case, not row.primary, quantity, row.solver, settings, row.seed or 0)
 
 
 def row_of(run: CurrentRun, quantity: Quantity) -> Row:
