@@ -7,11 +7,14 @@ import errno
 import json
 import os
 import secrets
+import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from shellbench.errors import InputError, ShellbenchError
+
+SETTLED = 2_000_000_000  # ns
 
 
 class StoreError(ShellbenchError):
@@ -29,6 +32,23 @@ def said_plainly(folder: Path, what: str = "store") -> Iterator[None]:
         if error.errno == errno.ENAMETOOLONG:
             raise InputError(f"{what} {folder}: its name is too long") from None
         raise StoreError(f"{what} {folder}: can't be written ({error.strerror or error})") from None
+
+
+Look = tuple[int, int, int, int]  # number of a file or folder, changes in ns, and bytes
+
+
+def look_up(path: Path) -> Look | None:
+    """Return what changes as soon as a file, or what a folder holds, does; None if it is not there."""
+    try:
+        status = path.stat()
+    except (OSError, ValueError):
+        return None
+    return status.st_ino, status.st_ctime_ns, status.st_mtime_ns, status.st_size
+
+
+def is_settled(seen: Look | None) -> bool:
+    """Whether the next change of a file will show in what `look_up` returns: clocks of file systems have steps."""
+    return seen is None or time.time_ns() - max(seen[1:3]) > SETTLED
 
 
 def cache_folder() -> Path | None:

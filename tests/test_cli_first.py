@@ -25,7 +25,6 @@ from shellbench.bench.catalogue import catalog, templates
 from shellbench.bench.judge import doctor
 from shellbench.bench.run.display import Lines, display
 from shellbench.bench.store.store import Store
-from shellbench.cli import first
 from shellbench.errors import InputError, Interrupted
 from shellbench.problem import Progress
 from shellbench.protocol.spelling import did_you_mean
@@ -146,15 +145,14 @@ def test_a_disk_that_is_full_is_bad(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 @pytest.mark.usefixtures("here")
 def test_a_quick_look_solves_prints_and_judges(shellbench, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
     monkeypatch.setattr("shellbench.bench.run.plan.QUICK_SUITE", "toys")
-    monkeypatch.setattr(first, "QUICK_SOLVERS", ("toy", "toy-noisy"))
     monkeypatch.setenv("COLUMNS", "80")
     code, out, err = shellbench("quick")
     assert (code, err) == (0, "")
-    assert "2 solved" in out
+    assert "5 solved" in out
     assert "every gate holds" in out
     assert "What next:" in out
     assert [line for line in out.splitlines() if len(line) > 80] == []
-    assert "2 kept from before" in shellbench("quick")[1]
+    assert "5 kept from before" in shellbench("quick")[1]
 
 
 @pytest.mark.parametrize(
@@ -192,7 +190,7 @@ def test_any_command_that_is_interrupted_says_so_and_exits_130(shellbench, monke
     def interrupt(*arguments: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Store, "read", interrupt)
+    monkeypatch.setattr(Store, "names", interrupt)
     for command in (("table",), ("gate",), ("report",), ("compare", "a", "b")):
         assert shellbench(*command) == (Interrupted.exit_code, "", "shellbench: interrupted\n")
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from shellbench.cli.options import CASES, DEFAULT_STORE, StoreOption, WideOption, text_width, warn
-from shellbench.cli.solve import QUICK_SOLVERS, carry_out
+from shellbench.cli.solve import carry_out
 
 DOCTORED = ("square_plate", "fem")  # what `doctor` solves
 UNBROKEN: dict[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
@@ -32,7 +32,7 @@ def quick(store: StoreOption = DEFAULT_STORE, wide: WideOption = False) -> None:
     from shellbench.bench.judge.expected import Scope
     from shellbench.bench.judge.gate import gate
     from shellbench.bench.run.local import LocalProcesses
-    from shellbench.bench.run.plan import FIRST_SEED, QUICK_SUITE, Request
+    from shellbench.bench.run.plan import QUICK_SUITE, Request
     from shellbench.bench.store import environment
     from shellbench.bench.store.store import Store
     from shellbench.report.sections import tables
@@ -43,9 +43,8 @@ def quick(store: StoreOption = DEFAULT_STORE, wide: WideOption = False) -> None:
     code = carry_out(request, where, LocalProcesses(environment.cores(), 1))
     rows, notes = compare.rows_and_notes(where, suites)
     warn(notes)
-    declared = [row for row in rows if row.solver in QUICK_SOLVERS and row.seed in (None, FIRST_SEED)]
     typer.echo()
-    typer.echo(tables.render(declared, "text", width=width))
+    typer.echo(tables.render(rows, "text", width=width))
     verdict = gate(where, None, Scope(suites))
     _echo(verdicts.in_short(verdict), width)
     typer.echo(f"{time.monotonic() - began:.0f} s; the records are in {store}\n\n{NEXT}")

@@ -113,7 +113,7 @@ def test_what_judges_imports_nothing_of_it(shellbench: Call, tmp_path: Path) -> 
 CACHED = (
     *(
         getattr(catalog, name)
-        for name in ("named_case", "find_suite", "known_values", "suites_named_by", "_named_by", "variants_asked")
+        for name in ("named_case", "find_suite", "known_values", "suites_named_by", "_headings", "variants_asked")
     ),
     *(kinds.kind_entries, kinds.find_kind, brought._brought),
 )

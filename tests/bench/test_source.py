@@ -7,16 +7,15 @@ from pathlib import Path
 
 import pytest
 
+from shellbench import disk
 from shellbench.bench.plugins import source
 from shellbench.bench.plugins.kinds import module_of
 from shellbench.bench.plugins.registry import find_solver, solver_entries
 from shellbench.bench.plugins.source import (
     import_closure,
     locate,
-    remember,
     source_digest,
     statements_of,
-    what_was_seen,
 )
 from shellbench.bench.store.identity import MEASURING, current_source
 from shellbench.errors import InputError
@@ -73,21 +72,6 @@ def test_any_change_in_the_closure_changes_the_digest(package: Path, name: str) 
     assert source_digest(["pack.solver"]) != before
 
 
-def test_another_process_reads_only_what_has_changed(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    before, seen = source_digest(["pack.solver"]), what_was_seen()
-    monkeypatch.setattr(source, "_SEEN", {})
-    remember(seen)
-    edit(package / "sibling.py", "y = 2", "y = 3, 4")
-    read = []
-    look = source._look_at
-    monkeypatch.setattr(source, "_look_at", lambda path, top: read.append(path.name) or look(path, top))
-    assert source_digest(["pack.solver"]) != before
-    edit(package / "sibling.py", "y = 3, 4", "y = 2")
-    assert source_digest(["pack.solver"]) == before
-    assert read == ["sibling.py"] * len(read)
-    assert read
-
-
 def test_what_looks_the_same_is_not_read_again(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = source_digest(["pack.solver"])
     read = []
@@ -112,7 +96,7 @@ def test_a_digest_is_kept_for_later_processes_until_a_file_changes(
         monkeypatch.setattr(source, "_DIGESTS", {})
         return source_digest(["pack.solver"])
 
-    monkeypatch.setattr(source, "SETTLED", 0)
+    monkeypatch.setattr(disk, "SETTLED", 0)
     assert later() == before
     (kept,) = (package.parent / "cache" / "shellbench" / "sources").iterdir()
     with monkeypatch.context() as patched:

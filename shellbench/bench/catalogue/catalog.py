@@ -16,6 +16,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from shellbench.bench.catalogue.brought import brought, distinct, suites_brought
+from shellbench.bench.catalogue.headings import Heading, headings, read_heading
 from shellbench.bench.catalogue.reference import (
     FOLDER,
     KnownValues,
@@ -25,11 +26,11 @@ from shellbench.bench.catalogue.reference import (
     read_tolerances,
 )
 from shellbench.bench.catalogue.suite import Suite, read_suite
-from shellbench.bench.plugins.kinds import find_kind, kind_name, read_problem
+from shellbench.bench.plugins.kinds import find_kind, read_problem
 from shellbench.bench.plugins.registry import OWN, refuse_without_package
 from shellbench.errors import InputError
 from shellbench.problem import VARIANT, Problem
-from shellbench.protocol.schema import LONGEST_TITLE, one_sentence, read_toml
+from shellbench.protocol.schema import LONGEST_TITLE, one_sentence
 from shellbench.protocol.spelling import did_you_mean
 
 PACKAGE = Path(__file__).resolve().parents[2]  # the folder of shellbench
@@ -54,9 +55,7 @@ def case_names() -> list[str]:
 
 def own_case_names() -> list[str]:
     """Names of the cases that come with shellbench."""
-    folder = data_folder("cases")
-    names = os.listdir(folder)  # noqa: PTH208 - a tenth of the time, and it is asked of every case
-    return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
+    return _names_in(data_folder("cases"))
 
 
 def case_file(name: str) -> Path:
@@ -87,14 +86,23 @@ def suite_names() -> list[str]:
 
 def own_suite_names() -> list[str]:
     """Names of the suites that come with shellbench."""
-    return sorted(path.stem for path in (data_folder("cases") / "suites").glob("*.toml"))
+    return _names_in(data_folder("cases") / "suites")
+
+
+def _names_in(folder: Path) -> list[str]:
+    names = os.listdir(folder)  # noqa: PTH208 - a tenth of the time, and it is asked of every case
+    return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
 
 
 @cache
-def _named_by(name: str) -> tuple[str, tuple[str, ...]]:
+def _headings() -> dict[Path, Heading]:
+    return headings(map(case_file, case_names()))
+
+
+def _named_by(name: str) -> Heading:
     """Return the kind and the suites that a case's file names; the rest of it is not checked."""
-    data = read_toml(case_file(name))
-    return kind_name(data), tuple(map(str, data.get("suites", ())))
+    path = case_file(name)
+    return _headings().get(path) or read_heading(path)
 
 
 def kind_named_by(name: str) -> str:
@@ -221,14 +229,7 @@ def cases_of(suite: str) -> list[Problem]:
 
 def members(suite: str) -> list[Problem]:
     """Return the suite's own cases that belong to a suite, without variants, in the order of its file."""
-    return list(map(named_case, member_names(suite)))
-
-
-def member_names(suite: str) -> list[str]:
-    """Return the names of `members`, of which none is built."""
-    order = find_suite(suite).order
-    names = [name for name in case_names() if suite in suites_named_by(name)]
-    return sorted(names, key=lambda name: order.index(name) if name in order else len(order))
+    return _in_order(suite, [named_case(name) for name in case_names() if suite in suites_named_by(name)])
 
 
 def place_in(suite: str, name: str) -> tuple[int, ...]:
@@ -237,12 +238,12 @@ def place_in(suite: str, name: str) -> tuple[int, ...]:
     Only the case of a variant is built.
     """
     base, _, variant = name.partition(VARIANT)
-    order, found = find_suite(suite).order, member_names(suite)
+    order, names = find_suite(suite).order, case_names()
     asked = _variants_asked_of(suite, base) if variant else (name,)
-    if name not in asked or (not variant and base not in found):
+    if base not in names or name not in asked or not (variant or suite in suites_named_by(name)):
         return (len(order) + 1,)
     at = order.index(base) if base in order else len(order)
-    return at, int(bool(variant)), found.index(base) if base in found else len(found), asked.index(name)
+    return at, int(bool(variant)), names.index(base), asked.index(name)
 
 
 def _in_order(suite: str, cases: list[Problem]) -> list[Problem]:

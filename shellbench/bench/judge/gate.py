@@ -26,7 +26,7 @@ from shellbench.bench.judge.row import Finding, Row
 from shellbench.bench.plugins.registry import find_solver, solver_entries
 from shellbench.bench.store.conformance import read_conformance, why_unchecked
 from shellbench.bench.store.current import CurrentRuns, current_runs, declared_by, overrides_of
-from shellbench.bench.store.planned import DID_NOT_END, read_planned
+from shellbench.bench.store.planned import DID_NOT_END, planned_files
 from shellbench.bench.store.store import Store
 from shellbench.errors import InputError, ShellbenchError
 
@@ -198,11 +198,10 @@ def check_filled(store: Store) -> None:
     InputError
         In one sentence.
     """
-    contents = store.read()
+    records = store.names()
     if not store.folder.exists():
         raise InputError(f"store {store.folder}: is not there; `shellbench run` makes one")
-    planned = read_planned(store)
-    if not (contents.records or contents.damaged or planned.tasks or planned.damaged):
+    if not (records or planned_files(store)):
         raise InputError(f"store {store.folder}: is empty; `shellbench run` fills it")
 
 

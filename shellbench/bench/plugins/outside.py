@@ -26,9 +26,9 @@ from shellbench.bench.plugins import registry
 from shellbench.bench.plugins.facts import facts_of
 from shellbench.bench.plugins.registry import SolverEntry, load_solver
 from shellbench.bench.plugins.settings import make_settings
-from shellbench.bench.plugins.source import locate, look_up
+from shellbench.bench.plugins.source import locate
 from shellbench.bench.plugins.subject import NoAnswer, Refused, Subject
-from shellbench.disk import read_cache, write_cache
+from shellbench.disk import look_up, read_cache, write_cache
 from shellbench.errors import InputError, PluginError
 from shellbench.problem import Capabilities, Device, Problem, SeededSettings, Settings, Solver, why_declined
 from shellbench.protocol.sample import Sample

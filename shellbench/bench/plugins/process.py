@@ -15,8 +15,6 @@ from typing import IO, Any
 
 import psutil
 
-from shellbench.bench.plugins.source import what_was_seen
-
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 READ = 65536  # bytes at once
 COMPUTES = 0.05  # share of one processor from which a process counts as computing, and not as waiting for something
@@ -81,7 +79,7 @@ class SolverProcess:
                 stderr=errors,
                 env={**KEPT_MEMORY, **os.environ, **limits, **waiting, "PYTHONPATH": path},
                 start_new_session=True,  # an interrupt from the terminal is for us; we end it ourselves
-                pass_fds=(held, *streams.pop("pass_fds", ())),
+                pass_fds=(held,),
                 **streams,
             )
         finally:
@@ -159,12 +157,8 @@ class ServerProcess:
     @classmethod
     def start(cls, solver: str, target: str, threads: int) -> ServerProcess:
         """Start a server whose runs have so many threads; it needs a moment until it says ``ready``."""
-        with tempfile.TemporaryFile() as seen:
-            seen.write(what_was_seen())
-            seen.flush()
-            streams = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "pass_fds": (seen.fileno(),)}
-            arguments = (target, str(seen.fileno()))
-            server = SolverProcess.start("shellbench.bench.run.server", *arguments, threads=threads, **streams)
+        streams = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+        server = SolverProcess.start("shellbench.bench.run.server", target, threads=threads, **streams)
         assert server.process.stdout is not None
         os.set_blocking(server.process.stdout.fileno(), False)
         return cls(solver, server)

@@ -12,16 +12,14 @@ from __future__ import annotations
 import ast
 import hashlib
 import io
-import json
 import sys
-import time
 import tokenize
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
-from shellbench.disk import read_cache, write_cache
+from shellbench.disk import Look, is_settled, look_up, read_cache, write_cache
 from shellbench.errors import InputError
 
 IMPORTERS = ("import_module", "__import__")  # functions that import a module by its name
@@ -29,7 +27,6 @@ TO_BE_LOOKED_INTO = ("#", '"""', "'''", "\\")  # of a line: there may be a comme
 OWN = __name__.partition(".")[0]
 SUITES = ("body", "handlers", "orelse", "finalbody", "cases")  # fields of a statement that hold statements
 IMPORTS = (ast.Import, ast.ImportFrom)
-SETTLED = 2_000_000_000  # ns since the last change of a file after which its time tells of the next: clocks have steps
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
@@ -62,18 +59,6 @@ def source_digest(modules: Iterable[str], *more: str) -> str:
     return digest
 
 
-Look = tuple[int, int, int, int]  # number of a file or folder, changes in ns, and bytes
-
-
-def look_up(path: Path) -> Look | None:
-    """Return what changes as soon as a file, or what a folder holds, does; None if it is not there."""
-    try:
-        status = path.stat()
-    except (OSError, ValueError):
-        return None
-    return status.st_ino, status.st_ctime_ns, status.st_mtime_ns, status.st_size
-
-
 @dataclass(frozen=True)
 class _Digest:
     """A digest, and what its files and their folders looked like before they were read.
@@ -99,8 +84,7 @@ class _Digest:
 
     def keep(self, what: tuple[object, ...]) -> None:
         """Keep it, unless a file is so new that a change may not show in its time."""
-        newest = max((max(seen[1:3]) for seen in self.places.values() if seen), default=0)
-        if time.time_ns() - newest > SETTLED:
+        if all(map(is_settled, self.places.values())):
             write_cache(_cached_as(what), {"digest": self.digest, "places": self.places})
 
 
@@ -180,18 +164,6 @@ def _looked_at(path: Path, package: str) -> _File:
     if key not in _SEEN:
         _SEEN[key] = _look_at(path, package)
     return _SEEN[key]
-
-
-def what_was_seen() -> bytes:
-    """Return what this process knows of files, as JSON: `remember` spares another one to read them again."""
-    return json.dumps([[*key, found.statements, found.imports] for key, found in list(_SEEN.items())]).encode()
-
-
-def remember(seen: bytes) -> None:
-    """Take over what another process knows of files. Those that have changed since are read."""
-    for *key, statements, imports in json.loads(seen):
-        path, package, number, altered, changed, size = key
-        _SEEN[path, package, number, altered, changed, size] = _File(tuple(statements), tuple(imports))
 
 
 def _look_at(path: Path, package: str) -> _File:

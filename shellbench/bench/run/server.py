@@ -30,7 +30,7 @@ from typing import Any, NoReturn
 
 from shellbench.bench.plugins.keeper import adopt, descendants, end_descendants
 from shellbench.bench.plugins.kinds import DEFAULT, find_kind, load_here, module_of
-from shellbench.bench.plugins.source import import_closure, remember, source_digest
+from shellbench.bench.plugins.source import import_closure, source_digest
 from shellbench.bench.run import worker
 from shellbench.bench.store.identity import MEASURING
 from shellbench.bench.store.store import LOG
@@ -40,14 +40,8 @@ LINE = 300  # characters of a message; a line up to PIPE_BUF (512 bytes at least
 LOOK = 0.5  # seconds between two looks whether a run has ended that left processes behind
 
 
-def main(target: str, seen: int) -> None:
-    """Serve runs of one solver, ``module:attribute``, until standard input ends.
-
-    `seen` is the descriptor of a file that holds what is known of sources already.
-    """
-    with open(seen, "rb") as file:
-        file.seek(0)
-        remember(file.read())
+def main(target: str) -> None:
+    """Serve runs of one solver, ``module:attribute``, until standard input ends."""
     events = os.dup(1)
     os.dup2(2, 1)  # whatever an import prints is no event
     load_here()
@@ -157,4 +151,4 @@ def child(folder: Path, events: int) -> NoReturn:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], int(sys.argv[2]))
+    main(sys.argv[1])

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from pydantic import ValidationError
 
@@ -70,11 +71,16 @@ def note_ended(task: Task, store: Store) -> None:
         folder.rmdir()  # if it was the last
 
 
+def planned_files(store: Store) -> list[Path]:
+    """Return the files of a store that tell of planned runs."""
+    return sorted((store.folder / FOLDER).glob("[!.]*.json"))
+
+
 def read_planned(store: Store) -> PlannedRuns:
     """Read what was planned in a store and not noted as ended."""
     found: dict[str, Task] = {}
     damaged: list[str] = []
-    for path in sorted((store.folder / FOLDER).glob("[!.]*.json")):
+    for path in planned_files(store):
         try:
             task = Task.model_validate_json(read_file(path, LARGEST_FILE))
         except (InputError, ValidationError):

@@ -79,14 +79,14 @@ class Store:
         records: list[Record] = []
         damaged: list[str] = []
         cases = set(catalog.case_names())
-        for name in self._names():
+        for name in self.names():
             try:
                 records.append(_of_a_case(self._read(name), cases))
             except InputError as error:
                 damaged.append(f"{self.folder / name}: is left out, for {error}")
         return Contents(tuple(sorted(records, key=lambda record: record.order)), tuple(damaged))
 
-    def _names(self) -> list[str]:
+    def names(self) -> list[str]:
         """Return the names of the files that should be records; a second dot is in those that lie beside one."""
         try:
             names = [path.name for path in self.folder.iterdir()]
@@ -108,7 +108,7 @@ class Store:
 
     def last_number(self) -> int:
         """Return the largest sequence number of the records; 0 if none has one."""
-        for name in self._names():
+        for name in self.names():
             if name not in self._numbers:  # records do not change
                 with contextlib.suppress(InputError):
                     self._read(name)
@@ -246,7 +246,7 @@ class Store:
         StoreError
             If the folder can't be made or written.
         """
-        self._names()
+        self.names()
         with said_plainly(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
             handle = os.open(self.folder / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
