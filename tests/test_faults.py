@@ -47,7 +47,7 @@ def solve_and_keep(task: Task, store: Store) -> None:
 def accuracy_gate(store: Store, scope: Scope) -> Verdict:
     """Judge accuracy alone: the lock, for which all cases and variants are read, is tested elsewhere."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("shellbench.bench.judge.gate.check_lock", lambda suites: LockCheck(0, 0))
+        patch.setattr("shellbench.bench.judge.gate.check_lock", lambda *_: LockCheck(0, 0))
         return gate(store, None, scope)
 
 

@@ -87,7 +87,8 @@ def gate_command(
     is judged, the exit code is 2.
 
     Accuracy holds each quantity against its known value at the tolerance frozen for the solver. The lock holds cases,
-    known values and tolerances: what makes the exam easier is red. Regression holds a figure against the baseline.
+    known values and tolerances of the suites that are judged: what makes the exam easier is red. Regression holds a
+    figure against the baseline.
     Cost compares seconds, memory and parameters with the baseline's, between runs on like hardware. The latter two
     are reported, and count only if asked for.
     """

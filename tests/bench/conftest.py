@@ -17,7 +17,16 @@ from tests.bench import strip
 from tests.bench.running import run
 
 PLUGIN = Path(__file__).parent / "plugin"
-CACHED = ("named_case", "find_suite", "known_values", "tolerances", "variants_asked", "suites_named_by", "_headings")
+CACHED = (
+    "named_case",
+    "find_suite",
+    "known_values",
+    "tolerances",
+    "variants_asked",
+    "suites_named_by",
+    "_headings",
+    "_names_in",
+)
 
 
 @contextmanager

@@ -113,7 +113,15 @@ def test_what_judges_imports_nothing_of_it(shellbench: Call, tmp_path: Path) -> 
 CACHED = (
     *(
         getattr(catalog, name)
-        for name in ("named_case", "find_suite", "known_values", "suites_named_by", "_headings", "variants_asked")
+        for name in (
+            "named_case",
+            "find_suite",
+            "known_values",
+            "suites_named_by",
+            "_headings",
+            "_names_in",
+            "variants_asked",
+        )
     ),
     *(kinds.kind_entries, kinds.find_kind, brought._brought),
 )

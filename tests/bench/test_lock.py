@@ -160,7 +160,7 @@ DISARMED: list[tuple[str, Change, list[str]]] = [
 def test_what_disarms_the_exam_is_red_and_said(full: Store, change: Change, sentences: list[str]) -> None:
     verdict, text = judged(full)
     assert verdict.good()
-    assert "lock: exam 1: 1 cases, 2 figures, as locked" in text.splitlines()
+    assert "lock: exam 1: 1 cases, 2 figures of what is judged, as locked" in text.splitlines()
     change()
     verdict, text = judged(full)
     assert not verdict.good()
@@ -187,7 +187,7 @@ def test_a_gate_of_suites_looks_at_their_cases_alone(full: Store) -> None:
     assert words.startswith("other is another problem")
     assert check_lock(("others",)).broken == (words,)
     assert check_lock(("toys",)).broken == ()
-    assert "lock: exam 2: 1 cases, 2 figures that these suites ask, as locked" in as_text(
+    assert "lock: exam 2: 1 cases, 2 figures of what is judged, as locked" in as_text(
         gate(full, None, Scope(suites=("toys",))), "baseline"
     )
 

@@ -29,6 +29,7 @@ from shellbench.bench.store.current import CurrentRuns, current_runs, declared_b
 from shellbench.bench.store.planned import DID_NOT_END, planned_files
 from shellbench.bench.store.store import Store
 from shellbench.errors import InputError, ShellbenchError
+from shellbench.problem import VARIANT
 
 
 @dataclass(frozen=True)
@@ -143,7 +144,10 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
         cost=tuple(cost_findings(baseline, records) if baseline else ()),
         scope=scope,
         baseline=baseline is not None,
-        lock=check_lock(scope.suites),
+        lock=check_lock(
+            scope.suites or {row.suite for row in rows if row.suite},
+            {row.case.partition(VARIANT)[0] for row in rows if not row.own_case},
+        ),
         warnings=(*notes, *noted.damaged, *bad_claims),
         beyond=more,
         claims=tuple(claims),

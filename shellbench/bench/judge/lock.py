@@ -15,7 +15,7 @@ from __future__ import annotations
 import contextlib
 import json
 import sys
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -232,29 +232,30 @@ def write_lock() -> None:
     lock_path().write_text(text, encoding="utf-8")
 
 
-def check_lock(suites: Collection[str] = ()) -> LockCheck:
+def check_lock(suites: Collection[str] | None = None, cases: Iterable[str] = ()) -> LockCheck:
     """Compare today's exam with the lock; a lock that is missing or can't be read is broken.
 
-    With suites, only what they ask is compared, or asked when it was locked: to build all cases takes seconds.
+    With suites, only what they ask is compared, or asked when it was locked, and these cases: to build all cases takes
+    10 seconds.
     """
     try:
         locked = read_lock(lock_path())
     except InputError as error:
-        return LockCheck(0, 0, broken=(str(error),), part=bool(suites))
+        return LockCheck(0, 0, broken=(str(error),), part=suites is not None)
     names = None
-    if suites:
+    if suites is not None:
         of_lock = {name: case for name, case in locked.cases.items() if not case.suites.keys().isdisjoint(suites)}
         names = {name for name in catalog.own_case_names() if not {*suites}.isdisjoint(catalog.suites_named_by(name))}
-        names |= of_lock.keys()
+        names |= of_lock.keys() | {*cases}.intersection(catalog.own_case_names(), locked.cases)
         variants = {suite: asked for suite, asked in locked.variants.items() if suite in suites}
         of_lock |= {name: case for name, case in locked.cases.items() if name in names}
         locked = locked.model_copy(update={"cases": of_lock, "variants": variants})
-    now = todays_lock(names, suites or None)
+    now = todays_lock(names, suites)
     found = [*_dangling(names), *_differences(locked, now)]
     broken = tuple(words for kind, words in found if kind == "broken")
     unlocked = tuple(words for kind, words in found if kind == "unlocked")
     figures = sum(len(case.figures) for case in now.cases.values())
-    return LockCheck(len(now.cases), figures, locked.version, broken, unlocked, bool(suites))
+    return LockCheck(len(now.cases), figures, locked.version, broken, unlocked, suites is not None)
 
 
 def _dangling(cases: Collection[str] | None) -> Iterator[Found]:

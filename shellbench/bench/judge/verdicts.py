@@ -68,7 +68,7 @@ def _calibration(verdict: Verdict, verbose: bool) -> Iterator[str]:
 
 
 def _lock(lock: LockCheck) -> Iterator[str]:
-    part = " that these suites ask" if lock.part else ""
+    part = " of what is judged" if lock.part else ""
     exam = f"exam {lock.version or '?'}: {lock.cases} cases, {lock.figures} figures{part}"
     yield f"lock: {len(lock.broken)} RED of {exam}" if lock.broken else f"lock: {exam}, as locked"
     yield from (f"  RED  {words}" for words in lock.broken)

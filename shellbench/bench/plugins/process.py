@@ -79,7 +79,7 @@ class SolverProcess:
                 stderr=errors,
                 env={**KEPT_MEMORY, **os.environ, **limits, **waiting, "PYTHONPATH": path},
                 start_new_session=True,  # an interrupt from the terminal is for us; we end it ourselves
-                pass_fds=(held,),
+                pass_fds=(held, *streams.pop("pass_fds", ())),
                 **streams,
             )
         finally:

@@ -21,6 +21,7 @@ from shellbench.bench.catalogue.reference import KnownValues
 from shellbench.bench.catalogue.suite import Study
 from shellbench.bench.judge.row import Row
 from shellbench.bench.store.record import Record
+from shellbench.errors import InputError
 from shellbench.protocol.schema import LONGEST_TITLE
 
 OWN = "own_"  # begins the name of a user's own case that would else be mistaken for one of the suite's
@@ -86,7 +87,10 @@ def studies_of(row: Row) -> set[Study]:
 
 def study_of(suite: str) -> Study | None:
     """Return what a suite studies; None if it compares solvers, or is none of the catalog."""
-    return catalog.find_suite(suite).study if suite in catalog.suite_names() else None
+    try:
+        return catalog.find_suite(suite).study
+    except InputError:
+        return None
 
 
 def rows_of_study(rows: Sequence[Row], study: Study) -> list[Row]:
