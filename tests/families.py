@@ -2,20 +2,33 @@
 
 import copy
 from collections.abc import Callable, Iterable, Mapping
+from functools import cache
 from typing import Any
 
 import pytest
 
 from shellbench.bench.catalogue import catalog
+from shellbench.bench.plugins.kinds import kind_name
 from shellbench.errors import InputError
-from shellbench.problem import Problem
 from shellbench.problems.shell.case import Case as Shell
 from shellbench.problems.shell.case import build_case
+from shellbench.protocol.schema import read_toml
 
 
-def features(case: Problem) -> set[str]:
+@cache
+def stated(name: str) -> dict[str, Any]:
+    """Return what a case's file states: building all cases takes many times longer, and each worker collects tests."""
+    return read_toml(catalog.case_file(name))
+
+
+def shells() -> list[str]:
+    """Return the names of the cases that are shells."""
+    return [name for name in catalog.case_names() if kind_name(stated(name)) == "shell"]
+
+
+def features(name: str) -> set[str]:
     """Return what a case has: its surface, the kinds of its supports and loads, and what is beside them."""
-    given = case.model_dump()
+    given = stated(name)
     surface = given.get("surface", {})
     found = {f"surface {surface.get('kind')} {surface.get('closed')} {surface.get('periodic')}"}
     for support in given.get("supports", ()):
@@ -25,7 +38,7 @@ def features(case: Problem) -> set[str]:
     found |= {f"load {load['kind']} {load.get('frame')}" for load in given.get("loads", ())}
     found |= {name for name in ("springs", "obstacles", "dynamics", "remove_rigid_motions") if given.get(name)}
     found |= {f"formula of {name}" for name, value in given.get("material", {}).items() if isinstance(value, str)}
-    return {f"{case.kind} {case.theory} {feature}" for feature in found}
+    return {f"{kind_name(given)} {given.get('theory')} {feature}" for feature in found}
 
 
 def with_something_new(names: Iterable[str]) -> list[Any]:
@@ -33,7 +46,7 @@ def with_something_new(names: Iterable[str]) -> list[Any]:
     seen: set[str] = set()
     parameters = []
     for name in names:
-        known = features(catalog.named_case(name))
+        known = features(name)
         parameters.append(pytest.param(name, marks=[pytest.mark.long] if known <= seen else []))
         seen |= known
     return parameters

@@ -7,12 +7,13 @@ import shutil
 import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from shellbench import __version__, cli
+from shellbench import __version__
 from shellbench.bench.run import local
 from shellbench.bench.store.planned import FOLDER
 from shellbench.bench.store.store import Store
@@ -21,7 +22,7 @@ from shellbench.problems.shell.records import self_intersection
 from shellbench.report.page import sections
 from tests.bench import strip
 from tests.bench.conftest import made_once, own_case, plugin, store, toys  # noqa: F401 - fixtures
-from tests.bench.running import InThisProcess
+from tests.bench.running import InThisProcess, command
 from tests.bench.test_compare import CONTRACT, edit
 from tests.patience import COMMAND_LINE, GUARD, until
 
@@ -33,18 +34,7 @@ def shellbench(toys: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capf
     folder.mkdir()
     monkeypatch.chdir(folder)
 
-    def call(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["shellbench", *map(str, arguments)])
-        try:
-            cli.main()
-            code = 0
-        except SystemExit as end:
-            code = 0 if end.code is None else int(end.code)
-        out, err = capfd.readouterr()
-        assert "Traceback" not in out + err
-        return code, out, err
-
-    return call
+    return partial(command, monkeypatch, capfd)
 
 
 def test_the_whole_way(shellbench, tmp_path: Path) -> None:
@@ -171,9 +161,9 @@ def test_in_a_pipe_a_run_is_a_line(shellbench, monkeypatch: pytest.MonkeyPatch) 
 
 def test_a_killed_command_leaves_its_plan(shellbench, own_case: Path, plugin: Path, store: Store) -> None:  # noqa: F811
     """The last run hangs and its command is killed: the gate is red over it until it has ended."""
-    command = [sys.executable, "-m", "shellbench", "run", str(own_case), "--store", str(store.folder)]
-    command += ["--solver", "toy", "--set", "toy.behaviour=hang"]
-    process = subprocess.Popen(command, env=os.environ | {"PYTHONPATH": str(plugin)}, stderr=subprocess.PIPE)
+    words = [sys.executable, "-m", "shellbench", "run", str(own_case), "--store", str(store.folder)]
+    words += ["--solver", "toy", "--set", "toy.behaviour=hang"]
+    process = subprocess.Popen(words, env=os.environ | {"PYTHONPATH": str(plugin)}, stderr=subprocess.PIPE)
     until(lambda: list(store.folder.glob(".*.partial/log.txt")) or process.poll() is not None)
     assert process.poll() is None
     process.kill()
@@ -197,13 +187,13 @@ def test_failed_runs_exit_1_and_the_others_are_kept(shellbench) -> None:
 
 @pytest.mark.usefixtures("here", "undrawn")
 def test_an_answer_that_has_not_settled_exits_1_is_kept_and_is_in_the_table(shellbench) -> None:
-    command = ("run", "strip", "--solver", "toy", "--set", "toy.behaviour=unsettled")
-    code, out, err = shellbench(*command)
+    asked = ("run", "strip", "--solver", "toy", "--set", "toy.behaviour=unsettled")
+    code, out, err = shellbench(*asked)
     assert code == 1
     assert out.startswith("not settled strip toy")
     assert out.endswith("1 not settled\n")
     assert "strip toy: not settled: centre still moves by 2e-3" in err
-    code, out, err = shellbench(*command)  # the same run would end the same
+    code, out, err = shellbench(*asked)  # the same run would end the same
     assert (code, out) == (1, "1 kept from before (1 of them not settled)\n")
     assert "strip toy: not settled: centre still moves by 2e-3" in err
     rows = json.loads(shellbench("table", "--format", "json")[1])
@@ -347,10 +337,10 @@ def test_version_and_help(shellbench) -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_interrupt_exits_130_with_a_sentence(own_case: Path, plugin: Path, store: Store, number: int) -> None:  # noqa: F811
-    command = [sys.executable, "-c", COMMAND_LINE, "run", str(own_case), "--store", str(store.folder)]
-    command += ["--solver", "toy", "--set", "toy.behaviour=hang"]
+    words = [sys.executable, "-c", COMMAND_LINE, "run", str(own_case), "--store", str(store.folder)]
+    words += ["--solver", "toy", "--set", "toy.behaviour=hang"]
     environment = os.environ | {"PYTHONPATH": str(plugin)}
-    process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     until(lambda: list(store.folder.glob(".*.partial/log.txt")) or process.poll() is not None)
     assert process.poll() is None
     process.send_signal(number)

@@ -1,9 +1,13 @@
 """Running tasks in tests, as the command line does."""
 
+import sys
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import pytest
+
+from shellbench import cli
 from shellbench.bench.run.display import Silent
 from shellbench.bench.run.execute import Ended, Event, Executor, Outcome, execute
 from shellbench.bench.run.local import LocalProcesses
@@ -14,6 +18,19 @@ from shellbench.bench.store.record import Identity, Record, document, read_docum
 from shellbench.bench.store.store import Store
 from shellbench.bench.store.task import Task, case_data
 from shellbench.problem import Problem
+
+
+def command(patch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
+    """Run the program in this process; return exit code, standard output and standard error."""
+    patch.setattr(sys, "argv", ["shellbench", *map(str, arguments)])
+    try:
+        cli.main()
+        code = 0
+    except SystemExit as end:
+        code = 0 if end.code is None else int(end.code)
+    out, err = capfd.readouterr()
+    assert "Traceback" not in out + err
+    return code, out, err
 
 
 @dataclass(frozen=True)

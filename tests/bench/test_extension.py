@@ -2,10 +2,11 @@
 
 import os
 import shutil
-import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -18,13 +19,24 @@ from shellbench.bench.store.store import Store
 from shellbench.errors import InputError
 from shellbench.report.data.evidence import Evidence
 from shellbench.report.page import brought as sections_of_others
-from tests.patience import GUARD
+from shellbench.report.page import sections
+from tests.bench.running import command
 from tests.test_faults import accuracy_gate, findings
 
 ROOT = Path(__file__).resolve().parents[2]
 TOY = Path(__file__).parent / "extension"
 POINTS = "toy_springs-1.0.dist-info/entry_points.txt"
-Call = Callable[..., subprocess.CompletedProcess[str]]
+
+
+class Done(NamedTuple):
+    """What a command left."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+Call = Callable[..., Done]
 
 
 @pytest.fixture
@@ -33,20 +45,39 @@ def site(tmp_path: Path) -> Path:
     return Path(shutil.copytree(TOY, tmp_path / "site", ignore=shutil.ignore_patterns("__pycache__")))
 
 
+CACHED = ("named_case", "find_suite", "known_values", "suites_named_by", "variants_asked")
+
+
+def forget() -> None:
+    """Have what is installed looked for again."""
+    caches = (getattr(catalog, name) for name in CACHED)
+    for one in (*caches, kinds.kind_entries, kinds.find_kind, brought._brought):
+        one.cache_clear()
+    for name in [name for name in sys.modules if name.partition(".")[0] == "toy_springs"]:
+        del sys.modules[name]
+
+
 @pytest.fixture
-def shellbench(site: Path, tmp_path: Path) -> Call:
-    def call(*arguments: str, **more: str) -> subprocess.CompletedProcess[str]:
-        path = os.pathsep.join([str(site), str(ROOT)])
-        own = {"PYTHONPATH": path, "XDG_CACHE_HOME": str(tmp_path / "cache"), "COLUMNS": "200"}
-        return subprocess.run(
-            [sys.executable, "-m", "shellbench", *arguments],
-            cwd=tmp_path,
-            env={**os.environ, **own, **more},
-            capture_output=True,
-            text=True,
-            timeout=GUARD,
-            check=False,
-        )
+def here(site: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """The package, installed for this process."""
+    for name in CACHED:  # what was read of our own cases is kept: reading all of them takes long
+        monkeypatch.setattr(catalog, name, cache(getattr(catalog, name).__wrapped__))
+    monkeypatch.syspath_prepend(site)
+    forget()
+    yield site
+    forget()
+
+
+@pytest.fixture
+def shellbench(here: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Call:
+    """The program where the package is installed, in an empty folder: it begins anew with each command."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(here), str(ROOT)]))
+
+    def call(*arguments: str) -> Done:
+        forget()
+        return Done(*command(monkeypatch, capfd, *arguments))
 
     return call
 
@@ -55,8 +86,9 @@ def shellbench(site: Path, tmp_path: Path) -> Call:
     "gates", [False, pytest.param(True, marks=pytest.mark.long)]
 )  # of all our cases: half a minute
 def test_a_package_brings_all_that_it_can_and_leaves_nothing(
-    shellbench: Call, site: Path, tmp_path: Path, gates: bool
+    shellbench: Call, site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, gates: bool
 ) -> None:
+    monkeypatch.setattr(sections, "exhibits", lambda evidence: [])  # tests of the report draw figures
     solved = shellbench("run", "--suite", "toy_springs")
     assert (solved.returncode, solved.stdout.splitlines()[-1]) == (0, "2 solved"), solved.stderr
     if gates:
@@ -73,13 +105,13 @@ def test_a_package_brings_all_that_it_can_and_leaves_nothing(
     assert shellbench("pull", "toy_spring", "--times", "2").stdout == "0.5 m\n"
 
     shutil.rmtree(site)
-    for command in (
+    for asked in (
         ("list", "hooke"),
         ("pull", "toy_spring"),
         ("run", "toy_spring"),
         ("gate", "--suite", "toy_springs"),
     ):
-        done = shellbench(*command)
+        done = shellbench(*asked)
         assert done.returncode == 2
         assert "Traceback" not in done.stderr
     told = shellbench("gate" if gates else "table")  # what fem answered, and nothing of a solver that is gone
@@ -90,7 +122,8 @@ def test_a_package_brings_all_that_it_can_and_leaves_nothing(
     assert "Hooke" not in report.read_text(encoding="utf-8")
 
 
-def test_lists_say_which_package_something_is_from(here: Path) -> None:
+def test_lists_say_which_package_something_is_from(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(catalog, "own_case_names", lambda: ["square_plate"])  # the solver is asked about each
     brings = {"case": "toy_spring", "suite": "toy_springs", "solver": "hooke"}
     assert {what: about.about(name)["package"] for what, name in brings.items()} == dict.fromkeys(brings, "toy-springs")
     assert about.about("square_plate")["package"] == "shellbench"
@@ -99,45 +132,16 @@ def test_lists_say_which_package_something_is_from(here: Path) -> None:
     assert listing.list_suite("toy_springs")["package"] == "toy-springs"
 
 
-def test_what_judges_imports_nothing_of_it(shellbench: Call, tmp_path: Path) -> None:
+def test_what_judges_imports_nothing_of_it(shellbench: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shellbench("run", "toy_spring", "--solver", "hooke")
     shellbench("list", "toy_spring")  # what its kind says of the case is known from now on
     place = tmp_path / "imported"
-    for command in (("list", "toy_spring"), ("list", "toy_springs"), ("table",), ("--help",)):
-        shellbench(*command, TOY_SPRINGS_IMPORTED=str(place))
-        assert not place.exists(), command
-    assert shellbench("pull", "toy_spring", TOY_SPRINGS_IMPORTED=str(place)).returncode == 0
+    monkeypatch.setenv("TOY_SPRINGS_IMPORTED", str(place))
+    for asked in (("list", "toy_spring"), ("list", "toy_springs"), ("table",), ("--help",)):
+        shellbench(*asked)
+        assert not place.exists(), asked
+    assert shellbench("pull", "toy_spring").returncode == 0
     assert place.exists()
-
-
-CACHED = (
-    *(
-        getattr(catalog, name)
-        for name in (
-            "named_case",
-            "find_suite",
-            "known_values",
-            "suites_named_by",
-            "_headings",
-            "_names_in",
-            "variants_asked",
-        )
-    ),
-    *(kinds.kind_entries, kinds.find_kind, brought._brought),
-)
-
-
-@pytest.fixture
-def here(site: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """The package, installed for this process."""
-    monkeypatch.syspath_prepend(site)
-    for one in CACHED:
-        one.cache_clear()
-    yield site
-    for one in CACHED:
-        one.cache_clear()
-    for name in [name for name in sys.modules if name.partition(".")[0] == "toy_springs"]:
-        del sys.modules[name]
 
 
 @pytest.mark.long  # all our cases are read anew

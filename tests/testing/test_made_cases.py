@@ -12,11 +12,11 @@ from shellbench.problems.shell.variants.variants import size
 from shellbench.testing.examination import scattered
 from shellbench.testing.made_cases import MOVING, SHORT, carried, converted, louder, placed, short_motion, slid
 from tests.alike import alike
-from tests.families import with_something_new
+from tests.families import shells, stated, with_something_new
 
-SHELLS = [name for name in case_names() if named_case(name).kind == "shell"]
-MOVABLE = [name for name in SHELLS if named_case(name).surface.kind != "mesh"]  # meshes stay where they are
-EVERY_CASE = [name for name in MOVABLE if not named_case(name).obstacles]  # and so do obstacles here
+SHELLS = shells()
+MOVABLE = [name for name in SHELLS if stated(name)["surface"]["kind"] != "mesh"]  # meshes stay where they are
+EVERY_CASE = [name for name in MOVABLE if "obstacles" not in stated(name)]  # and so do obstacles here
 SHIFT = np.array([1.0, -2.0, 0.5])
 
 

@@ -8,10 +8,10 @@ from shellbench.problems.shell.posed.mirrors import mirrored_supports, point_for
 from shellbench.problems.shell.posed.rigid import check_held
 from shellbench.problems.shell.quantities.measure import area_rule, load_density
 from shellbench.problems.shell.symmetry.symmetry import part_of, whole_of
-from tests.families import with_something_new
+from tests.families import shells, stated, with_something_new
 from tests.problems.shell.stated_shells import LARGEST, RIM, known, plate, ring
 
-STATIC = sorted(name for name in catalog.case_names() if getattr(catalog.named_case(name), "dynamics", name) is None)
+STATIC = [name for name in shells() if "dynamics" not in stated(name)]
 
 
 @pytest.mark.parametrize("name", with_something_new(STATIC))

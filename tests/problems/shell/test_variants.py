@@ -19,9 +19,9 @@ from shellbench.problems.shell.variants.placing import ABOUT, ASKEW, CYCLE, turn
 from shellbench.problems.shell.variants.reparametrisation import flipped, helical, oblique, stretched, swapped, warped
 from shellbench.problems.shell.variants.units import MILLIMETRES_TONNES, converted_points
 from shellbench.problems.shell.variants.variants import VARIANTS, size
-from tests.families import with_something_new
+from tests.families import shells, with_something_new
 
-SHELLS = [name for name in catalog.case_names() if catalog.named_case(name).kind == "shell"]
+SHELLS = shells()
 CASES = (
     "square_plate",
     "scordelis_lo",

@@ -25,7 +25,7 @@ from shellbench.solvers.ndf.field.jets import (
 )
 from shellbench.solvers.ndf.field.network import Network, deep_random_features, random_features
 from shellbench.solvers.ndf.linear.declines import why_declined
-from tests.families import with_something_new
+from tests.families import stated, with_something_new
 
 PLACEMENT = Placement()
 
@@ -139,7 +139,7 @@ def test_random_features_follow_their_seed():
     assert first.parameters == 2000 * 4
 
 
-LINEAR = [name for name in catalog.case_names() if catalog.named_case(name).theory == "kirchhoff-love-linear"]
+LINEAR = [name for name in catalog.case_names() if stated(name)["theory"] == "kirchhoff-love-linear"]
 
 
 @pytest.mark.parametrize("name", with_something_new(LINEAR))
