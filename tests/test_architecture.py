@@ -198,6 +198,7 @@ def test_the_code_weighs_no_more_than_its_budget(folder):
     assert weight <= CEILINGS[folder], f"{folder} has {weight} lines of code, {weight - CEILINGS[folder]} too many"
 
 
+@cache
 def lines_of_code(path: Path) -> int:
     """Lines that are not blank, and neither comments nor texts that stand alone."""
     source = path.read_text()

@@ -329,8 +329,8 @@ def test_vtu_without_pyvista_names_the_extra(solved, monkeypatch: pytest.MonkeyP
 
 def test_version_and_help(shellbench) -> None:
     assert shellbench("--version")[:2] == (0, f"shellbench {__version__}\n")
-    for command in ("list", "run", "table", "gate", "baseline", "report", "export"):
-        code, out, _ = shellbench(command, "--help")
+    for name in ("list", "run", "table", "gate", "baseline", "report", "export"):
+        code, out, _ = shellbench(name, "--help")
         assert code == 0
         assert "Usage" in out
 

@@ -40,12 +40,14 @@ def shown(page: str) -> list[str]:
     ]
 
 
+GROUP = typer.main.get_command(app)
+
+
 def parse(line: str) -> None:
     """Raise what the program would raise before it does anything."""
-    group = typer.main.get_command(app)
     words = shlex.split(line)[1:]
-    with group.make_context("shellbench", [*words], resilient_parsing=False) as context:
-        name, command, rest = group.resolve_command(context, words)
+    with GROUP.make_context("shellbench", [*words], resilient_parsing=False) as context:
+        name, command, rest = GROUP.resolve_command(context, words)
         command.make_context(name, rest, parent=context)
 
 
@@ -84,8 +86,7 @@ def test_one_that_can_not_be_given_is_seen(line: str) -> None:
 
 def test_the_page_on_using_it_shows_every_command() -> None:
     page = (ROOT / "docs/using.md").read_text(encoding="utf-8")
-    names = typer.main.get_command(app).commands
-    assert [name for name in names if f"shellbench {name}" not in page and f"`{name}" not in page] == []
+    assert [name for name in GROUP.commands if f"shellbench {name}" not in page and f"`{name}" not in page] == []
 
 
 def test_sessions_that_are_shown_are_there() -> None:

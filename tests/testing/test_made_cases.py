@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shellbench.bench.catalogue.catalog import case_names, named_case
+from shellbench.bench.catalogue.catalog import named_case
 from shellbench.problems.formula_text import combined, substituted, times
 from shellbench.problems.shell.quantities.measure import load_density
 from shellbench.problems.shell.variants.placing import ABOUT, CYCLE, turning

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from shellbench.bench.catalogue import catalog
 from shellbench.problems.shell.posed.mirrors import mirrored_supports, point_forces
 from shellbench.problems.shell.posed.rigid import check_held
 from shellbench.problems.shell.quantities.measure import area_rule, load_density

@@ -76,8 +76,12 @@ def test_what_is_not_compiled_is_refused():
 
 
 @pytest.mark.skipif(not HERE, reason="numba is not installed")
+@pytest.mark.parametrize("compiles", [False, pytest.param(True, marks=pytest.mark.long)])  # which takes ten seconds
 @pytest.mark.parametrize("name", ["rope_nine_links", "rope_catch", "rope_jerk"])
-def test_a_case_has_the_same_figures(name):
+def test_a_case_has_the_same_figures(name, compiles, monkeypatch):
+    if not compiles:
+        for function in [name for name, found in vars(compiled).items() if hasattr(found, "py_func")]:
+            monkeypatch.setattr(compiled, function, getattr(compiled, function).py_func)
     case = catalog.named_case(name)
     plain, fast = (ExactSolver().solve(case, {"steps_per_second": 120.0, "compiled": quick}) for quick in (False, True))
     for quantity in case.quantities:
