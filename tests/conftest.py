@@ -2,10 +2,27 @@
 
 import gc
 import os
+from collections import defaultdict
+
+import pytest
 
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Leave of a sweep that is `sampled` as many tests to the quick session as it says, spread from first to last."""
+    sweeps = defaultdict(list)
+    for item in items:
+        if item.get_closest_marker("sampled") and not item.get_closest_marker("long"):
+            sweeps[item.nodeid.partition("[")[0]].append(item)
+    for sweep in sweeps.values():
+        many, last = sweep[0].get_closest_marker("sampled").args[0], len(sweep) - 1
+        quick = {round(last * k / max(many - 1, 1)) for k in range(many)}
+        for item in (item for place, item in enumerate(sweep) if place not in quick):
+            item.add_marker(pytest.mark.long)
 
 
 def pytest_collection_finish() -> None:

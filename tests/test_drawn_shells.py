@@ -72,6 +72,7 @@ def test_what_the_load_misses_is_covered(seed):
     assert known["field_error"]["value"] == 0.0
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_file_is_the_case(tmp_path, seed):
     case, data = made(seed)

@@ -44,6 +44,7 @@ def marked(runs):
     return [pytest.param(*run, marks=[pytest.mark.long] if run[0] in LONG else []) for run in runs]
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize(("case", "name"), marked(RUNS))
 def test_without_a_fault_only_open_findings_are_red(case, name):
     assert red(case, name) == expected(case, name)

@@ -111,6 +111,7 @@ def test_judges_are_what_the_series_gives(name):
         assert 0.9 * estimate.uncertainty <= judge.uncertainty <= 2e-6 * judge.value
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", RATIOS)
 def test_second_origins_are_what_the_exponentials_give_and_agree(name):
     known = catalog.known_values(name)

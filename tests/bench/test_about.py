@@ -20,6 +20,7 @@ def flat(text: str) -> str:
     return " ".join(text.split())
 
 
+@pytest.mark.sampled(50)
 @pytest.mark.parametrize("name", catalog.case_names())
 def test_all_that_judges_a_case_is_said(name: str) -> None:
     case, text = catalog.named_case(name), flat(as_text(name))
@@ -62,6 +63,7 @@ def test_a_case_of_ones_own_is_judged_by_nothing(tmp_path: Path) -> None:
 BUT_FOR_VARIANTS = [name for name in catalog.suite_names() if name != "shape_variants"]  # hundreds: long
 
 
+@pytest.mark.sampled(13)
 @pytest.mark.parametrize("name", [*BUT_FOR_VARIANTS, pytest.param("shape_variants", marks=pytest.mark.long)])
 def test_a_suite_says_what_it_gates(name: str) -> None:
     data, suite = about(name), catalog.find_suite(name)
@@ -83,6 +85,7 @@ def solver_runs(case: str, solver: str, suite: str) -> bool:
     return base in catalog.tolerances()[solver] and any(r.solver == solver and not r.settings for r in runs)
 
 
+@pytest.mark.sampled(11)
 @pytest.mark.parametrize("name", OURS)
 def test_our_settings_are_explained_and_what_is_declined_has_a_reason(
     name: str, monkeypatch: pytest.MonkeyPatch

@@ -163,6 +163,7 @@ COMMANDS = {
 }
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("command", COMMANDS)
 def test_each_command_names_all_damage_and_shows_the_rest(
     shellbench,  # noqa: F811

@@ -187,6 +187,7 @@ JUDGED = [
 
 
 # A test a case, not a quantity: pytest takes longer over a test than these over a quantity.
+@pytest.mark.sampled(50)
 @pytest.mark.parametrize("name", JUDGED)
 def test_judges_are_what_their_origin_computes(name):
     values, theory = catalog.known_values(name), catalog.named_case(name).theory
@@ -260,6 +261,7 @@ def of_quantity(values, quantity):
     return values[quantity] if quantity in values else values[OTHER_NAMES[quantity]]
 
 
+@pytest.mark.sampled(25)
 @pytest.mark.parametrize(
     "name",
     [

@@ -395,6 +395,7 @@ def left_by(case: Case, folder: Path) -> Record:
     return read_document((folder / RECORD).read_bytes())
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("kind", HOSTILE)
 def test_no_record_is_written_that_can_not_be_read(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -68,6 +68,7 @@ def asked(entry: SolverEntry) -> str | None:
     return found.declines(catalog.named_case("square_plate"))
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize(
     ("top", "declines", "words"),
     [

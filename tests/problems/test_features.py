@@ -61,6 +61,7 @@ def test_samples_are_never_outside_of_the_bounds(text, seed):
             assert not outside.any(), (text, order, name)
 
 
+@pytest.mark.sampled(11)
 @pytest.mark.parametrize("width", [1e-3, 1e-6, 1e-9])
 @pytest.mark.parametrize(
     ("text", "measure"),

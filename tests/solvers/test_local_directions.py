@@ -218,6 +218,7 @@ def local_shell():
     return shell(surface, loads=[load, rim], supports=[wall, guide])
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ["axes", "turned", "units", "flipped", "stretched", "warped"])
 def test_variants_carry_local_directions(name):
     case = local_shell()

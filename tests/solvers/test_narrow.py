@@ -83,6 +83,7 @@ def test_a_notch_between_all_samples_is_found_by_fem(name, width):
     assert abs(measure_all(solution)["u"] - right) < max(solution.uncertainty["u"], 1e-9 * right)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("width", [5e-3, 1e-3])
 def test_a_notch_between_all_samples_is_found_by_ndf_ritz(width):
     """Few waves are enough: the field turns across the notch by features of its own."""

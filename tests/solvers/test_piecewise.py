@@ -157,6 +157,7 @@ def test_the_field_knows_how_sure_it_is_beside_a_jump():
     assert error <= 1e-3 * abs(measure_all(fem)["w"])
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ["flipped", "swapped", "stretched", "warped", "units", "turned"])
 def test_variants_carry_kinks(name):
     case = pressed(f"where(xi1 < 0.3, {LOAD}, 0)")

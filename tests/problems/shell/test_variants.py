@@ -108,6 +108,7 @@ def test_obstacles_turn_and_are_converted_with_their_shell():
         assert gaps(variant, points, np.zeros((len(grid), 3)))[0] == pytest.approx(gap * length, abs=1e-10 * length)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", CASES)
 def test_area_and_loads_stay(name):
     case = catalog.named_case(name)
@@ -120,6 +121,7 @@ def test_area_and_loads_stay(name):
         assert found[2] == pytest.approx(square / length**2, rel=2e-6)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", CASES)
 def test_points_of_quantities_stay_where_they_are(name):
     """In charts they are the same points in space; turned ones have the same distances from each other."""

@@ -115,6 +115,7 @@ def mesh_mask(mesh):
     return np.tile(mesh.carried, 3)[..., None]
 
 
+@pytest.mark.sampled(7)
 @pytest.mark.parametrize("degree", EVERY)
 @pytest.mark.parametrize("name", SURFACES)
 def test_rigid_motions_cost_nothing_or_next_to_nothing(name, degree):
@@ -128,6 +129,7 @@ def test_rigid_motions_cost_nothing_or_next_to_nothing(name, degree):
     assert np.all(costs[1][3:] <= costs[0][3:] / (14 / 16 * 4 ** (degree - 1)) + 1e-12)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("degree", "rate"), [(3, 4), (4, 6), (5, 8)])
 def test_energies_of_manufactured_shells_converge_with_twice_the_degree_less_two(degree, rate):
     # The energy of the error is the missing energy (Ritz) up to what prescribed motions at the edges change.

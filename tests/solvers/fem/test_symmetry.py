@@ -181,6 +181,7 @@ def agree(whole, part):
     assert whole.storage_bytes == part.storage_bytes
 
 
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("name", SYMMETRIC_CASES)
 def test_the_part_answers_as_the_whole(name):
     case, cells, images = SYMMETRIC_CASES[name]
@@ -216,6 +217,7 @@ def askew(case, rotation=None):
 NOT_ASKEW = {"free_tube", "torus", "tube_closed_in_its_other_coordinate", "turned_plate"}
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("name", sorted(SYMMETRIC_CASES.keys() - NOT_ASKEW))
 def test_a_shell_that_stands_askew_is_folded_as_one_that_does_not(name):
     """Its mirrors are no coordinate planes; whatever the frame, the answer is that on the whole mesh."""
@@ -239,6 +241,7 @@ def test_components_that_would_be_oblique_among_the_mirrors_are_not_turned():
     assert in_frame_of_mirrors(askew(shell("hypar", supports=[PIN], loads=[DOWN]), ASKEW)) is None  # it has none
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("variant", "copies"), [("flipped", 8), ("swapped", 8), ("stretched", 8), ("warped", 4), ("oblique", 2)]
 )
@@ -263,6 +266,7 @@ def test_a_force_that_misses_its_image_by_more_than_the_last_digit_is_no_symmetr
 BUMP = "1e-9*exp(-50*(xi1 - 0.3)**2)"
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(
     "case",
     [

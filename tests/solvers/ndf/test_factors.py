@@ -77,6 +77,7 @@ def random_field(case, covariant=False, width=6, seed=0):
     return Field(build_ansatz(case, spec), features, output, torch.zeros(6, dtype=torch.float64))
 
 
+@pytest.mark.sampled(11)
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize("covariant", [False, True])
 def test_supports_are_held_exactly(name, covariant):
@@ -96,6 +97,7 @@ def test_supports_are_held_exactly(name, covariant):
     assert why_declined(case) is None
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("name", CASES)
 def test_the_field_is_free_to_move_inside_and_where_nothing_is_held(name):
     case = CASES[name]
@@ -109,6 +111,7 @@ def test_the_field_is_free_to_move_inside_and_where_nothing_is_held(name):
             assert difference[c] > 1e-3
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("name", CASES)
 def test_jets_of_fields_match_differences(name):
     case = CASES[name]

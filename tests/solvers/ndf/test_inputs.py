@@ -35,6 +35,7 @@ CASES = {
 }
 
 
+@pytest.mark.sampled(7)
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize("periodic", ["both", "cosine", "none"])
 def test_jets_of_inputs_match_differences(name, periodic):

@@ -94,6 +94,7 @@ def coiled():
     return solve(case, **STRIP)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("t", [0.25, 0.5, 1.0])
 def test_a_cantilever_under_a_moment_is_a_circle(coiled, t):
     """M = l^2 k with l^2 = 1 - 2 k^2 / D: a full circle, a little more than full because bending shortens it."""
@@ -271,6 +272,7 @@ def test_what_a_field_cannot_follow_is_declined():
         solve(led)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("control", ["displacement", "arc_length"])
 @pytest.mark.parametrize("loads", [[SHEAR], []])
 def test_a_displacement_that_the_loads_do_not_cause_is_a_failure(control, loads):
@@ -379,6 +381,7 @@ def test_gated_quantities_are_within_their_tolerance(name):
             assert measure_all(solution)[quantity.name] == pytest.approx(known, rel=allowed.relative)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("at", [pytest.param(1.0, marks=pytest.mark.long), 0.0, -1.0])
 def test_a_point_support_is_moved_from_the_start_in_linear_theory(at):
     """In linear theory a prescribed displacement need not vanish at t = 0, and any t may be asked for."""

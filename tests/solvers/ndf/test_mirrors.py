@@ -89,6 +89,7 @@ def test_a_stiffness_that_varies_is_looked_at():
     assert {c for _, _, c in planes(even)} == {"x", "y", "z"}
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("spec", [SPEC, LOOKING], ids=["usual", "challengers"])
 @pytest.mark.parametrize("name", MIRRORED)
 def test_a_field_is_its_own_image(name, spec):

@@ -174,6 +174,7 @@ def test_angles_are_carried_over_to_a_finer_rule():
     torch.testing.assert_close(found, torch.full_like(found, 7.0), rtol=1e-11, atol=0)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(("along", "across", "normal"), [("xi1", "xi2", "y"), ("xi2", "xi1", "x")])
 def test_mirrors_that_meet_a_support_leave_its_force_determinate(along, across, normal):
     # a strip on two supports, mirrors on its sides: each support bears half of the load, whatever the plate does

@@ -68,6 +68,7 @@ def tensors_of(solution: Any) -> Mapping[str, Tensor]:
     return dict(solution.tensors())
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("format", SHORT)
 @pytest.mark.parametrize("name", ["roof", "sheared", "swung", "trained"])
 def test_every_weight_is_rounded(name: str, format: NumberFormat, request: pytest.FixtureRequest) -> None:
