@@ -104,7 +104,7 @@ def written(path, data):
 @pytest.mark.parametrize(
     ("folder", "name", "read"),
     [
-        ("cases/suites", "resolution", read_suite),
+        pytest.param("cases/suites", "resolution", read_suite, marks=pytest.mark.long),
         ("cases/suites", "nonlinear", read_suite),
         ("references", "square_plate", read_known_values),
     ],

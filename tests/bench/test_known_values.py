@@ -114,6 +114,7 @@ MODES = {
 }
 LONG = {
     "pressed_column",
+    "pressed_oval",
     *strip_on_edge.JUDGES,
     "field_drape",
     "heavy_cantilever",
