@@ -2,6 +2,7 @@
 
 import gc
 import os
+import time
 from collections import defaultdict
 
 import pytest
@@ -9,6 +10,9 @@ import pytest
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
+
+START = time.monotonic()
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -29,3 +33,11 @@ def pytest_collection_finish() -> None:
     """Let Python look for cycles in what tests make, and not, again and again, in torch and in thousands of tests."""
     gc.collect()
     gc.freeze()
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """End the long session by its verdict in a line."""
+    passed, failed, error = (len(terminalreporter.stats.get(word, ())) for word in ("passed", "failed", "error"))
+    if config.option.markexpr == "long":
+        minutes = (time.monotonic() - START) / 60
+        terminalreporter.write_line(f"long session: {passed} passed, {failed + error} failed, {minutes:.0f} min")
