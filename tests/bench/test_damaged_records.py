@@ -96,6 +96,7 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
     "a setting was edited": (edited(put("identity", "settings", "noise", value=0.25)), "damaged"),
     "the seal was taken off": (edited(lambda data: data.pop(SEAL)), "damaged"),
     "the number was taken off": (edited(lambda data: data.pop("sequence")), "damaged"),
+    "its end is missing": (replaced(lambda path: path.write_text("{")), "no whole record"),
     "a pipe": (replaced(os.mkfifo), "regular file"),
     "a folder": (replaced(Path.mkdir), "regular file"),
     "a link to nowhere": (replaced(lambda path: path.symlink_to("nowhere")), "can't be read"),
@@ -263,7 +264,8 @@ def test_a_damaged_solution_is_not_exported(shellbench, stored: tuple[Record, Re
         assert err.count("\n") == lines
 
 
-def test_damaged_fields_are_not_reported(shellbench, stored: tuple[Record, Record], store: Store) -> None:  # noqa: F811
+def test_damaged_fields_are_not_reported(shellbench, stored, store: Store, monkeypatch) -> None:  # noqa: F811
+    monkeypatch.setattr(sections, "exhibits", lambda evidence: [])
     good, other = stored
     path = store.folder / str(other.fields_file)
     said: list[str] = []

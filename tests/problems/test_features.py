@@ -39,7 +39,7 @@ def _more(inner):
     )
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 @given(st.recursive(LEAVES, _more, max_leaves=6), st.integers(0, 2**32 - 1))
 def test_samples_are_never_outside_of_the_bounds(text, seed):
     formula, random = read(text), np.random.default_rng(seed)

@@ -10,12 +10,8 @@ REPEATS = 1e-6
 """Relative. An emulated old processor changes the strip of `fem` by 8e-10, and fields by 2e-11."""
 
 
-QUICK = {"hemisphere_with_hole", "long_plate", "cylinder_in_helical_coordinates", "skew_cantilever"}
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.long]) for name in SHELLS]
-)
+@pytest.mark.sampled(3)
+@pytest.mark.parametrize("name", SHELLS)
 def test_an_unseen_shell_is_answered_as_it_was(name: str) -> None:
     kept = json.loads(KEPT.read_text(encoding="utf-8"))[name]
     for solver, values in answers(name).items():

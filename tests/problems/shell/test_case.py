@@ -162,7 +162,7 @@ FUZZED = {  # cases, and what of them is changed
 
 
 @pytest.mark.parametrize("name", FUZZED)
-@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(drawn=st.data())
 def test_a_fuzzed_case_is_a_case_or_a_clear_sentence(name, drawn):
     data, parts = copy.deepcopy(FUZZED[name][0]), FUZZED[name][1]
@@ -184,7 +184,7 @@ def test_a_fuzzed_case_is_a_case_or_a_clear_sentence(name, drawn):
     assert re.fullmatch(r"case\.toml: [^\n]*", refused)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(content=st.binary(max_size=200) | st.text(max_size=200).map(str.encode))
 def test_any_file_is_a_case_or_a_clear_sentence(tmp_path_factory, content):
     path = tmp_path_factory.mktemp("fuzz") / "case.toml"

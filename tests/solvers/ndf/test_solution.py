@@ -275,7 +275,7 @@ def test_damaged_paths_give_one_sentence(sheared, tmp_path):
             SOLVER.load(damaged)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(data=st.data())
 def test_any_flipped_byte_gives_a_path_or_one_sentence(data, tmp_path_factory):
     folder = tmp_path_factory.getbasetemp()
