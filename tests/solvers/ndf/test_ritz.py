@@ -57,19 +57,6 @@ def test_gated_quantities_are_within_their_tolerance(name):
         assert measure(solution, quantity) == pytest.approx(known, rel=allowed.relative)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("seed", [0, 1, 2])
-@pytest.mark.parametrize("name", ["pinched_cylinder_diaphragm", "pinched_cylinder_free"])
-def test_pinched_cylinders_are_within_their_tolerance(name, seed):
-    case = named_case(name)
-    solution = solve(case, seed=seed)
-    for quantity in case.quantities:
-        allowed = tolerance(name, quantity.name, SOLVER.name)
-        if allowed and not allowed.open_finding:
-            known = known_values(name).judge(quantity.name, case.theory).value
-            assert measure(solution, quantity) == pytest.approx(known, rel=allowed.relative)
-
-
 def test_clamped_plate():
     """Timoshenko & Woinowsky-Krieger, table 35: w = .00126532 q a^4 / B (to its digits) for a square plate."""
     case = plate(supports=[support("rim", *ALL, clamped=True)])

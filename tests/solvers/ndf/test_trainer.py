@@ -255,21 +255,6 @@ def test_an_edge_load_and_a_point_support():
     assert 0 < measure_all(solution)["w"] < cantilever
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("seed", [0, 1, 2])
-@pytest.mark.parametrize("name", [c.name for c in catalog.cases_of("obstacle_course")])
-def test_accuracy_on_the_obstacle_course(name, seed):
-    case = catalog.named_case(name)
-    solution = SOLVER.solve(case, TrainerSettings(seed=seed))
-    values = measure_all(solution)
-    for quantity in case.quantities:
-        if allowed := catalog.tolerance(name, quantity.name, "ndf"):
-            known = catalog.known_values(name).judge(quantity.name, case.theory)
-            value, uncertainty = (quantity.factor * said[quantity.name] for said in (values, solution.uncertainty))
-            assert abs(value - known.value) <= 2 * (uncertainty + known.uncertainty)
-            assert value == pytest.approx(known.value, rel=allowed.relative)
-
-
 def test_a_motion_refuses_a_start():
     with pytest.raises(InputError, match="ndf can't go on from an earlier solution in free_fall: a motion begins"):
         SOLVER.solve(catalog.named_case("free_fall"), TrainerSettings(), start=object())
