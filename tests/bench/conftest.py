@@ -26,6 +26,7 @@ CACHED = (
     "suites_named_by",
     "_headings",
     "_names_in",
+    "_frozen_for",
 )
 
 
