@@ -139,7 +139,7 @@ def test_jets_are_derivatives_across_the_planes_too(name):
 
 def unfolded(mirrors, rule):
     """The same rule on all parts."""
-    images = [points for points, _, _ in mirrors.images(rule.points)]
+    images = [points for points, _ in mirrors.images(rule.points, (True,) * len(mirrors.each))]
     return Rule(np.concatenate(images), np.tile(rule.weights / mirrors.parts, mirrors.parts))
 
 

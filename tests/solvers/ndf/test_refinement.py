@@ -152,18 +152,24 @@ def test_the_answer_is_the_regularisation_of_least_certified_energy(monkeypatch,
     monkeypatch.setattr(answer, "STEPS_LEFT", 3.7)
     solution, still = SimpleNamespace(case=named_case("square_plate")), np.zeros((4, 3))
     answers = tuple(
-        Candidate(solution, energy, 1.0, None, lambda k=k: ({"centre_deflection": 1e-3 * k}, still), None)
-        for k, energy in enumerate(energies)
+        planted(solution, energy, {"centre_deflection": 1e-3 * k}, still) for k, energy in enumerate(energies)
     )
     solved = SolvedLevel(None, (), answers[best], answers, dict)
     assert solved.challenged is answers[best]
     assert solved.missed().changes["centre_deflection"] == pytest.approx(told * 1e-3)
 
 
+def planted(solution, energy, values, probed):
+    """An answer of which these values are measured."""
+    answer = Candidate(solution, energy, 1.0, None, None)
+    vars(answer).update(values=values, probed=probed)
+    return answer
+
+
 @pytest.mark.parametrize("lost", [1e-6, -1e-6, 1e-10])
 def test_challengers_that_lose_certified_energy_are_no_part_of_the_answer(lost):
     """Planted: challengers change the certified energy by so much of what is stored."""
-    first, challenged = (Candidate(None, energy, 1.0, None, None, None) for energy in (-1.0, -1.0 + lost))
+    first, challenged = (Candidate(None, energy, 1.0, None, None) for energy in (-1.0, -1.0 + lost))
     assert SolvedLevel(None, (), first, (challenged,) * 3, dict).best is (first if lost == 1e-6 else challenged)
 
 
@@ -202,8 +208,9 @@ def test_the_level_of_least_certified_energy_answers(monkeypatch, energies, answ
 def test_a_displacement_that_hardly_changes_by_accident_is_no_surer_than_the_field():
     """Planted: two answers of one level have the same values, and fields that differ."""
     values, field = {"centre_deflection": 0.5, "strain_energy": 2.0}, np.zeros((4, 3))
-    first = Candidate(SimpleNamespace(case=named_case("square_plate")), -1.0, 1.0, None, lambda: (values, field), None)
-    missed = first.missed(replace(first, measured=lambda: (values, field + 1e-3)))
+    shell = SimpleNamespace(case=named_case("square_plate"))
+    first, other = (planted(shell, -1.0, values, each) for each in (field, field + 1e-3))
+    missed = first.missed(other)
     scales = {"centre_deflection": 0.5, "strain_energy": 2.0}
     stated = uncertainties(missed, 0.0, values, scales)
     assert stated["centre_deflection"] == pytest.approx(SAFETY * 1e-3)

@@ -66,12 +66,12 @@ class Ansatz:
         free, surface = free_motions(self.case), self.case.surface
         if self.mirrors is None or not free.size:
             return free
-        # Means of images of rigid motions are rigid motions, too.
         points = samples(self.mirrors.domain)
-        means = self.mirrors.mean_of_vectors(lambda at: rigid_modes(surface, at)[0, 0] @ free, points)
         modes = rigid_modes(surface, points)[0, 0].reshape(-1, 6)
-        found = np.linalg.lstsq(modes, means.reshape(len(modes), -1), rcond=ROUNDING)[0]
-        return np.where(np.abs(found) > ROUNDING, found, 0.0)
+        for mirror in self.mirrors.each:  # images of rigid motions are rigid motions, too
+            images = mirror.signs[:, None] * rigid_modes(surface, surface.domain.wrap(mirror.image(points)))[0, 0]
+            free = (free + np.linalg.lstsq(modes, images.reshape(-1, 6), rcond=ROUNDING)[0] @ free) / 2
+        return np.where(np.abs(free) > ROUNDING, free, 0.0)
 
     def rule(self, focal: Array, spec: RuleSpec) -> Rule:
         """Return the rule over which energies are integrated, graded toward focal points (k, 2).

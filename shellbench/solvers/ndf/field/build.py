@@ -29,7 +29,7 @@ from shellbench.solvers.ndf.field.factors import (
 )
 from shellbench.solvers.ndf.field.field import Features, FixedFeatures
 from shellbench.solvers.ndf.field.geometry import LINE, side_lengths
-from shellbench.solvers.ndf.field.inputs import Inputs, edge_layers, foci, mirrored_axes, strongest_curvature
+from shellbench.solvers.ndf.field.inputs import Inputs, edge_layers, foci, seams, strongest_curvature
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.lines import TOGETHER, Creases, Hinges, hinges_of
 from shellbench.solvers.ndf.field.mirrors import Mirrors, mirrors_of, samples
@@ -70,7 +70,6 @@ def build_inputs(case: Case, spec: FieldSpec) -> Inputs:
 
 def build_features(case: Case, spec: FieldSpec, network: Network, placement: Placement, inputs: Inputs) -> Features:
     """Return the features of which the field is a linear combination."""
-    mirrored = mirrored_axes(case.surface.domain, spec.periodic_input)
     # Other components, and supports that are springs, would need other powers.
     exact = spec.supports == "hard" and spec.components == "cartesian" and not turns(case)
     corners = CornerPowers.from_case(case, spec.detail) if exact and spec.detail else None
@@ -78,9 +77,9 @@ def build_features(case: Case, spec: FieldSpec, network: Network, placement: Pla
     found = hinges_of(case) if spec.detail else ()
     hinges = Hinges(case, found) if found else None
     around = foci(case, spec.layer)
-    mirrors = built_in(case, spec)
+    mirrors, closed = built_in(case, spec), seams(case.surface.domain, spec.periodic_input)
     fixed = FixedFeatures.from_case(
-        case, around, spec.multipliers, mirrored, corners, spec.slopes, creases, mirrors, hinges
+        case, around, spec.multipliers, closed, corners, spec.slopes, creases, mirrors, hinges
     )
     return Features(inputs, network, fixed, placement)
 

@@ -38,7 +38,7 @@ from shellbench.solvers.ndf.field.jets import (
     product,
 )
 from shellbench.solvers.ndf.field.lines import Creases, Hinges
-from shellbench.solvers.ndf.field.mirrors import Mirrors, Planes, even_columns, independent_columns, samples
+from shellbench.solvers.ndf.field.mirrors import Mirrors, Planes, independent_columns, samples
 from shellbench.solvers.ndf.field.network import Network
 from shellbench.solvers.ndf.field.quadrature import ROUNDING, Rule
 from shellbench.solvers.ndf.field.supports import edge_samples, edge_supports
@@ -63,7 +63,7 @@ class FixedFeatures:
     mirrors
         Planes about which each feature is made even, as the mean of its images.
     averaged
-        Of each feature that is used, the planes about which it is not even by itself.
+        Of each feature, the planes about which it is not even by itself.
     """
 
     case: Case
@@ -82,14 +82,14 @@ class FixedFeatures:
         case: Case,
         around: tuple[Focus, ...] = (),
         multipliers: int = MULTIPLIERS,
-        mirrored: tuple[int, ...] = (),
+        seams: Mirrors | None = None,
         corners: CornerPowers | None = None,
         slopes: Slopes = "even",
         creases: Creases | None = None,
         mirrors: Mirrors | None = None,
         hinges: Hinges | None = None,
     ) -> FixedFeatures:
-        """Derive the features of a case: those that are even where inputs are, and about the seams `mirrored`.
+        """Derive the features of a case: those that are even where inputs are, and about `seams`.
 
         With `mirrors`, those whose means of all images are independent.
         """
@@ -101,8 +101,8 @@ class FixedFeatures:
                 jets = everything.jets(edge_samples(case, support.edge)[1:-1], Placement())
                 slope = jets[D1 + support.edge.axis].abs().amax(0) * case.surface.domain.size[support.edge.axis]
                 even &= slope <= ROUNDING * jets[VALUE].abs().amax(0).clamp_min(1.0)
-        if mirrored:
-            even &= even_columns(lambda p: everything.jets(p, Placement())[VALUE], case.surface.domain, mirrored)
+        if seams:
+            even &= (seams.parity(lambda p: everything.jets(p, Placement(planes=1))[VALUE]) == 1).all(0)
         kept = tuple(torch.nonzero(even)[:, 0].tolist())
         return replace(everything, kept=kept) if mirrors is None else everything._made_even(kept, mirrors)
 
@@ -113,13 +113,12 @@ class FixedFeatures:
             return self.jets(points, Placement(planes=1))[VALUE]
 
         points, parity = samples(mirrors.domain), mirrors.parity(values)
-        before, averaged = values(points), [tuple(planes) for planes in (parity != 1).T.tolist()]
-        made = replace(self, mirrors=mirrors, averaged=tuple(averaged))
+        before = values(points)
+        made = replace(self, mirrors=mirrors, averaged=tuple(tuple(planes) for planes in (parity != 1).T.tolist()))
         after = made.jets(points, Placement(planes=1))[VALUE]
         usable = (after.norm(dim=0) > ROUNDING * before.norm(dim=0)).tolist()
         others = independent_columns(after, [k in kept and usable[k] for k in range(len(usable))])
-        used = (0, *others)  # of which no constant is one
-        return replace(made, kept=used, averaged=tuple(averaged[k] for k in used))
+        return replace(made, kept=(0, *others))  # of which no constant is one
 
     @property
     def count(self) -> int:
@@ -152,7 +151,7 @@ class FixedFeatures:
         def some(images: Array, numbers: Sequence[int]) -> Tensor:
             return self._columns(images, placement, [self.kept[k] for k in numbers])
 
-        return self.mirrors.mean(some, points, self.averaged)
+        return self.mirrors.mean(some, points, [self.averaged[k] for k in self.kept])
 
     def _columns(self, points: Array, placement: Placement, kept: Sequence[int]) -> Tensor:
         """Return the jets (6, N, n) of features with these numbers, as they are without mirrors."""

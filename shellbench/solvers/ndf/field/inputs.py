@@ -27,6 +27,7 @@ import torch
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.posed.mirrors import Mirror
 from shellbench.problems.shell.question.features import quick_lines
 from shellbench.problems.shell.question.loads import PointLoad
 from shellbench.problems.shell.question.places import Point
@@ -44,7 +45,7 @@ from shellbench.solvers.ndf.field.jets import (
     from_derivatives,
     sine,
 )
-from shellbench.solvers.ndf.field.mirrors import Mirrors, Planes, even_columns, independent_columns
+from shellbench.solvers.ndf.field.mirrors import Mirrors, Planes, independent_columns
 from shellbench.solvers.ndf.field.quadrature import ROUNDING
 from shellbench.solvers.ndf.field.supports import Sides, edge_supports, even_sides, point_supports
 
@@ -227,9 +228,7 @@ class Inputs:
             candidates = replace(candidates, mirrors=mirrors, squared=squared, averaged=averaged)
         values = candidates.values
         columns = values(domain.grid(INPUT_SAMPLES, INPUT_SAMPLES).reshape(-1, 2))
-        usable, axes = [True] * columns.shape[1], mirrored_axes(domain, periodic)
-        if axes:
-            usable = even_columns(values, domain, axes).tolist()
+        usable = (seams(domain, periodic).parity(values) == 1).all(0).tolist()
         return replace(candidates, kept=independent_columns(columns, usable))
 
     def values(self, points: Array) -> Tensor:
@@ -366,6 +365,7 @@ def _stretched(distance: Tensor, reach: float, widest: float = math.inf) -> Tens
     return compose((torch.asinh(v) / extent, 1 / (root * extent), -v / (root**3 * extent)), distance)
 
 
-def mirrored_axes(domain: Domain, periodic: PeriodicInput) -> tuple[int, ...]:
-    """Return the coordinates about whose seam everything must be even."""
-    return tuple(axis for axis in (0, 1) if domain.periodic[axis] and periodic == "cosine")
+def seams(domain: Domain, periodic: PeriodicInput) -> Mirrors:
+    """Return the lines about which everything must be even as the field tells no two sides of a seam apart."""
+    closed = [axis for axis in (0, 1) if domain.periodic[axis] and periodic == "cosine"]
+    return Mirrors(domain, tuple(Mirror(axis, domain.lower[axis], normal=axis) for axis in closed))

@@ -9,8 +9,7 @@ with the boundary matrix M, a diagonal O of functions that are odd where a compo
 about all planes. Energies are integrated over one of the parts that planes cut the shell into, and multiplied by the
 number of parts. The field itself is one of the whole shell, and smooth across the planes.
 
-Also here: which functions of a point are even about the seam of a periodic coordinate, and which are independent, found
-out by looking.
+Also here: which functions of a point are independent, found out by looking.
 """
 
 from __future__ import annotations
@@ -22,6 +21,7 @@ from itertools import product as all_of
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
@@ -29,23 +29,12 @@ from shellbench.problems.shell.posed.mirrors import Mirror, Sight, mirror_of
 from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.problems.shell.question.places import Edge
 from shellbench.problems.shell.question.surface import Domain
-from shellbench.solvers.ndf.field.jets import (
-    PLANES,
-    VALUE,
-    Array,
-    Integers,
-    Placement,
-    compose,
-    constant,
-    coordinates,
-    sine,
-)
+from shellbench.solvers.ndf.field.jets import PLANES, VALUE, Array, Placement, compose, constant, coordinates, sine
 from shellbench.solvers.ndf.field.quadrature import ROUNDING, Rule, RuleSpec, area_rule
 
 MIRROR_SAMPLES = 11  # points a side at which functions are compared with their images
 Planes = tuple[bool, ...]  # of each mirror, whether it is meant
 ONE_POINT = 1e-12  # of a side: images of one point differ by rounding, a thousandth of this
-EVENNESS_SAMPLES = 24  # points a side of the grid on which functions are compared with their mirror images
 DEPENDENT_INPUT = 1e-6  # an input whose remainder is below this share of its size is left out: rounding leaves 1e-15
 ASYMMETRIC = 0.3  # place of a sample in its cell: any but the ends, the middle, and their halves
 
@@ -85,19 +74,14 @@ class Mirrors:
         inside = ((rule.points > part.lower) & (rule.points < part.upper)).all(axis=1)
         return Rule(rule.points[inside], self.parts * rule.weights[inside])
 
-    def images(self, points: Array, about: Sequence[bool] | None = None) -> Iterator[tuple[Array, Array, Array]]:
-        """Yield all images (N, 2) of points, signs (2,) of coordinates and (3,) of Cartesian components.
-
-        `about` tells of each plane whether it makes images; all do if it is not given.
-        """
-        for applied in all_of(*((False, True)[: 1 + asked] for asked in about or [True] * len(self.each))):
-            here, coordinate_signs, component_signs = np.array(points, dtype=float), np.ones(2), np.ones(3)
-            for mirror, reflects in zip(self.each, applied, strict=True):
-                if reflects:
-                    here = mirror.image(here)
-                    coordinate_signs[mirror.axis] *= -1
-                    component_signs = component_signs * mirror.signs
-            yield self.domain.wrap(here), coordinate_signs, component_signs
+    def images(self, points: Array, about: Planes) -> Iterator[tuple[Array, Array]]:
+        """Yield all images (N, 2) of points about some of the planes, and signs (2,) of their coordinates."""
+        for applied in all_of(*((False, True)[: 1 + asked] for asked in about)):
+            here, signs = np.array(points, dtype=float), np.ones(2)
+            for mirror in (mirror for mirror, reflects in zip(self.each, applied, strict=True) if reflects):
+                here = mirror.image(here)
+                signs[mirror.axis] *= -1
+            yield self.domain.wrap(here), signs
 
     def mean(self, jets: Callable[[Array, Sequence[int]], Tensor], points: Array, about: Sequence[Planes]) -> Tensor:
         """Return the jets (6, N, n) of the means of n functions over their images at points (N, 2).
@@ -110,20 +94,14 @@ class Mirrors:
             numbers.setdefault(planes, []).append(number)
         columns: dict[int, Tensor] = {}
         for planes, alike in numbers.items():
-            places, signs, _ = zip(*self.images(points, planes), strict=True)
+            places, signs = zip(*self.images(points, planes), strict=True)
             images = jets(np.concatenate(places), alike)
             turned = [[float(one[0] ** i * one[1] ** j) for one in signs] for i, j in PLANES[: len(images)]]
             each = images.view(len(images), len(signs), len(points), -1) * images.new_tensor(turned)[..., None, None]
             columns |= zip(alike, each.mean(1).unbind(-1), strict=True)
         return torch.stack([columns[k] for k in range(len(about))], dim=-1)
 
-    def mean_of_vectors(self, vectors: Callable[[Array], Array], points: Array) -> Array:
-        """Return the mean (N, 3, ...) over all images of vector fields, each mirrored back."""
-        images = [(vectors(here), signs) for here, _, signs in self.images(points)]
-        mirrored = [signs.reshape(3, *(1,) * (values.ndim - 2)) * values for values, signs in images]
-        return np.asarray(np.mean(mirrored, axis=0))
-
-    def folded(self, points: Array) -> tuple[Array, Integers]:
+    def folded(self, points: Array) -> tuple[Array, NDArray[np.intp]]:
         """Return points (n, 2) of one part, and the number (N,) of that whose image each of the points (N, 2) is."""
         here = np.array(points, dtype=float)
         for mirror in self.each:
@@ -191,29 +169,6 @@ def mirrors_of(case: Case) -> Mirrors:
                 if mirror is not None and all(mirror.normal != other.normal for other in found):
                     found.append(mirror)
     return Mirrors(domain, tuple(found))
-
-
-def even_columns(columns: Callable[[Array], Tensor], domain: Domain, axes: Sequence[int]) -> Tensor:
-    """Tell which of several functions are even about the lower bound of each of the given coordinates.
-
-    Parameters
-    ----------
-    columns
-        Values (N, n) of n functions at points (N, 2).
-
-    Returns
-    -------
-    Tensor
-        (n,) of bool.
-    """
-    points = domain.grid(EVENNESS_SAMPLES, EVENNESS_SAMPLES).reshape(-1, 2)
-    here = columns(points)
-    even = torch.ones(here.shape[1], dtype=torch.bool, device=here.device)
-    for axis in axes:
-        mirrored = np.array(points)
-        mirrored[:, axis] = domain.lower[axis] + domain.upper[axis] - points[:, axis]  # the bounds are one line
-        even &= (here - columns(mirrored)).abs().amax(0) <= ROUNDING * here.abs().amax(0)
-    return even
 
 
 def independent_columns(columns: Tensor, usable: list[bool]) -> tuple[int, ...]:

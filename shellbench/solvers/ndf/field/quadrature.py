@@ -138,15 +138,12 @@ def _layered_ends(lower: float, upper: float, layer: float, panels: int) -> Arra
     return np.where(at <= 2, lower + near, upper - near)
 
 
-@cache
-def _gauss(order: int) -> tuple[Array, Array]:
-    x, w = np.polynomial.legendre.leggauss(order)
-    return x, w
+gauss = cache(np.polynomial.legendre.leggauss)
 
 
 def line_rule(ends: Array, order: int) -> tuple[Array, Array]:
     """Return Gauss points (n,) and weights (n,) on all panels between ascending ends."""
-    x, w = _gauss(order)
+    x, w = gauss(order)
     half = np.diff(ends)[:, None] / 2
     middle = (ends[:-1] + ends[1:])[:, None] / 2
     return (middle + half * x).ravel(), (half * w).ravel()

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from shellbench.problem import Step
-from shellbench.problems.shell.quantities.measure import measure
+from shellbench.problems.shell.quantities.measure import measure, measure_all
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.solvers.ndf.field.jets import Array
 from shellbench.solvers.ndf.field.quadrature import ROUNDING
-from shellbench.solvers.ndf.linear.refinement import Level, Miss, changes, tail
+from shellbench.solvers.ndf.linear.refinement import Level, Miss, changes, probed, tail
 from shellbench.solvers.ndf.linear.regularised import JITTER
 from shellbench.solvers.ndf.linear.signs import Signs
 from shellbench.solvers.ndf.linear.solution import NdfSolution
@@ -38,8 +38,6 @@ class Candidate:
         What shell and springs store, or rounding, J.
     signs
         Whether it is an answer at all.
-    measured
-        Gives values of all quantities, and the displacement (n, 3) at points all over the shell, metres.
     step
         Of the history.
     """
@@ -48,22 +46,17 @@ class Candidate:
     potential: float
     stored: float
     signs: Signs
-    measured: Callable[[], tuple[dict[str, float], Array]]
     step: Step
 
     @cached_property
-    def _measured(self) -> tuple[dict[str, float], Array]:
-        return self.measured()
-
-    @property
     def values(self) -> dict[str, float]:
         """Values of all quantities of the case."""
-        return self._measured[0]
+        return dict(measure_all(replace(self.solution, history=(self.step,))))
 
-    @property
+    @cached_property
     def probed(self) -> Array:
         """Displacement (n, 3) at points all over the shell, metres."""
-        return self._measured[1]
+        return probed(self.solution)
 
     def exploits(self, other: float) -> bool:
         """Tell whether its certified energy is above another one, J, by more than rounding."""

@@ -49,9 +49,7 @@ class RitzSettings(SeededSettings):
     )
     singular: int = PydanticField(MULTIPLIERS, ge=0, le=6, description="singular features a point force; 0 for none")
     stretched: bool = PydanticField(True, description="whether inputs are stretched toward point forces and edges")
-    mirrors: bool | None = PydanticField(
-        None, description="whether planes of symmetry are built in, linear statics; None: unless neurons or panels are"
-    )
+    mirrors: bool | None = PydanticField(None, description="build planes of symmetry in; by default if width is free")
     periodic_input: PeriodicInput = PydanticField("both", description='"both", "cosine" or "none" (a slit shell)')
     components: Components = PydanticField("cartesian", description="what the output layer gives")
     supports: Supports = PydanticField("hard", description="held by boundary factors, or about by springs, linear only")

@@ -17,7 +17,6 @@ import torch
 from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.problems.shell.quantities.quantities import ResultantQuantity
 from shellbench.solvers.ndf.field.build import (
     build_ansatz,
@@ -28,7 +27,7 @@ from shellbench.solvers.ndf.field.build import (
 )
 from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Field
-from shellbench.solvers.ndf.field.jets import KINKED, Array, Placement
+from shellbench.solvers.ndf.field.jets import KINKED, Placement
 from shellbench.solvers.ndf.field.quadrature import NOWHERE, area_rule
 from shellbench.solvers.ndf.field.supports import check_balance, point_supports
 from shellbench.solvers.ndf.linear.answer import STRONGER, BestLevel, Candidate, SolvedLevel, displacement_values
@@ -40,7 +39,6 @@ from shellbench.solvers.ndf.linear.refinement import (
     Miss,
     first_level,
     next_level,
-    probed,
     scale,
     still_missed,
     uncertainties,
@@ -135,10 +133,6 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
     if reason is not None and kept is None:
         raise SolveFailure(reason, answer)
     return answer
-
-
-def _measured(solution: NdfSolution) -> tuple[dict[str, float], Array]:
-    return dict(measure_all(solution)), probed(solution)
 
 
 def _certified_again(answer: Candidate, level: Level, settings: RitzSettings) -> float:
@@ -294,7 +288,6 @@ def _solve_level(
                 potential=energies.potential(share),
                 stored=membrane + bending + energies.spring_energy(share) + rounding,
                 signs=signs,
-                measured=partial(_measured, replace(solution, history=(step,))),
                 step=step,
             )
         )

@@ -27,8 +27,6 @@ from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec
 from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density
 
-STRIP = 256  # rows of a strip of the normal matrix; only strips on and above the diagonal are computed
-
 
 @dataclass(frozen=True)
 class Table:
@@ -181,16 +179,12 @@ def normal_equations(ansatz: Ansatz, features: FeatureSet, rule: Rule, forces: C
 
 
 def add_gram(total: Tensor, rows: Tensor) -> None:
-    """Add rows^T rows to the blocks on and above the diagonal: nearly half the work of one product."""
-    if total.device.type == "cpu" and rows.dtype == torch.float64 and not total.requires_grad:
+    """Add rows^T rows on and above the diagonal, half the work of a product; what is below it may stay as it was."""
+    if total.device.type == "cpu" and rows.dtype == torch.float64:
         # LAPACK counts its triangles by columns: what is below the diagonal there is above it here.
         dsyrk(1.0, rows.numpy().T, beta=1.0, c=total.numpy().T, overwrite_c=1, lower=1)
-        return
-    # Strips of rows of the total, each from the diagonal on. Its columns are long in memory: strips of columns, as many
-    # products of the same size, take a quarter more.
-    for start in range(0, total.shape[0], STRIP):
-        strip = slice(start, start + STRIP)
-        total[strip, start:].addmm_(rows[:, strip].T, rows[:, start:])
+    else:
+        total.addmm_(rows.T, rows)
 
 
 def mirrored(upper: Tensor) -> Tensor:
