@@ -332,13 +332,7 @@ def tolerances() -> Mapping[str, Tolerances]:
         If a file is malformed.
     """
     files = sorted((data_folder("references") / FOLDER).glob("*.toml"))
-    return {path.stem: _frozen_for(path.stem) for path in files}
-
-
-@cache
-def _frozen_for(solver: str) -> Tolerances:
-    path = data_folder("references") / FOLDER / f"{solver}.toml"
-    return read_tolerances(path) if path.is_file() else {}
+    return {path.stem: read_tolerances(path) for path in files}
 
 
 def tolerance(case_name: str, quantity: str, solver: str) -> Tolerance | None:
@@ -350,7 +344,7 @@ def tolerance(case_name: str, quantity: str, solver: str) -> Tolerance | None:
 
 def tolerances_of(solver: str) -> Tolerances:
     """Return the tolerances of a solver by case and quantity. Each package sets those of its own cases."""
-    found = _frozen_for(solver)
+    found = tolerances().get(solver, {})
     for one in brought():
         found = found | {case: held for case, held in one.tolerances.get(solver, {}).items() if case in one.cases}
     return found
