@@ -126,7 +126,7 @@ class Resolution:
     """Width and scales of random features, and the rules that they are integrated with.
 
     `along` multiplies the scale of the plain inputs of each coordinate; `edge_scale` is that of inputs stretched toward
-    edges.
+    edges. As many challengers as a `share` of the neurons tell what these have missed.
     """
 
     neurons: int
@@ -136,6 +136,7 @@ class Resolution:
     fine: RuleSpec
     along: tuple[float, float] = (1.0, 1.0)
     edge_scale: float = 2.0
+    share: float = 0.25  # neighbours are not on record
 
     def scales(self, inputs: Inputs) -> Array:
         """Return the standard deviation (n,) of the weights of each input."""

@@ -39,7 +39,6 @@ SAFETY = 2.0  # of stated uncertainties, chosen before any error was seen
 SETTLED = 1e-3  # of a quantity's scale: what gates of fields ask for
 NEGLIGIBLE = 1e-3  # part of the largest displacement below which a value's relative error is idle
 LEVEL_WIDTHS = WIDTHS[1:]  # of each level, in units of the usual width
-CHALLENGERS = 0.25  # in units of the neurons they challenge. Neighbours are not on record.
 TRAINED_SHARE = 0.5  # challengers, in units of the width of the trained layer
 SLENDER = 3.0  # ratio of a flat shell's sides from which on its ends have layers of their own; neighbours not on record
 CORNER_CUTS = 2  # of cells at corners; the certificate has one more
@@ -93,8 +92,6 @@ class Level:
         Of challengers.
     repeated
         Whether the same features were solved for on a coarser rule before.
-    share
-        Challengers, in units of the neurons they challenge.
     """
 
     resolution: Resolution
@@ -103,7 +100,6 @@ class Level:
     number: int = 0
     kinds: tuple[Kind, ...] = ()
     repeated: bool = False
-    share: float = CHALLENGERS
 
     def on_finer_rule(self) -> Level:
         """Return the level with the same features on a finer rule, for challengers that exploit this one."""
@@ -143,15 +139,12 @@ def _seed(seed: int, level: int, kind: int) -> int:
     return int(np.random.SeedSequence([seed, level, kind]).generate_state(1)[0]) % LARGEST_SEED
 
 
-def first_level(
-    case: Case, usual: Resolution, given_width: bool = False, given_rule: bool = False, share: float = CHALLENGERS
-) -> Level:
+def first_level(case: Case, usual: Resolution, given_width: bool = False, given_rule: bool = False) -> Level:
     """Return the level that a case begins with, from its usual resolution, of which a part may have to stay."""
     neurons = usual.neurons * (2 if not given_width and is_slender(case) else 1)
     usual = replace(usual, neurons=neurons, edge_scale=_edge_scale(case))
     chosen = usual if given_rule else _with_layers(case, usual)
-    kinds = AROUND_POINTS if foci(case) else KINDS
-    return Level(chosen, _challengers(usual.neurons, share), detail=1, kinds=kinds, share=share)
+    return Level(chosen, _challengers(chosen), detail=1, kinds=AROUND_POINTS if foci(case) else KINDS)
 
 
 def next_level(first: Level, before: Level, winner: str, most: int) -> Level | None:
@@ -173,12 +166,11 @@ def next_level(first: Level, before: Level, winner: str, most: int) -> Level | N
         rule=finer_rule(old.rule if before.repeated else first.resolution.rule, growth),
         fine=finer_rule(old.fine if before.repeated else first.resolution.fine, growth),
     )
-    number_each = _challengers(neurons, before.share)
-    return Level(resolution, number_each, detail=2, number=number, kinds=before.kinds, share=before.share)
+    return Level(resolution, _challengers(resolution), detail=2, number=number, kinds=before.kinds)
 
 
-def _challengers(neurons: int, share: float) -> int:
-    return max(4, round(share * neurons / len(KINDS)))
+def _challengers(resolution: Resolution) -> int:
+    return max(4, round(resolution.share * resolution.neurons / len(KINDS)))
 
 
 def _edge_scale(case: Case) -> float:

@@ -13,15 +13,15 @@ from shellbench.solvers.ndf.field.choices import FieldSpec, StrainName
 from shellbench.solvers.ndf.field.inputs import foci
 from shellbench.solvers.ndf.field.jets import activation, smooth_activation
 from shellbench.solvers.ndf.field.mirrors import Mirrors
-from shellbench.solvers.ndf.linear.refinement import finer_rule
+from shellbench.solvers.ndf.linear.refinement import finer_rule, is_slender
 from shellbench.solvers.ndf.linear.ritz_settings import RitzSettings
 
-# Where planes of symmetry are built in: a field of p parts has p**-`FEWER` times the features. Factors of the scales of
-# plain and of stretched inputs, and of the number of points a feature where forces act at points. Chosen by certified
-# energy on a hemisphere, pinched cylinders of R / h = 50, 300 and 1000, hyperboloids, plates and roofs.
+# Where planes of symmetry are built in: a field of p parts has p**-`FEWER` times the features. Slender shells keep all:
+# with half of them a strip of 1 : 50 settled 1.5e-6 short of its energy, with all 1e-7. Factors of the scales of plain
+# and of stretched inputs, and of the number of points a feature where forces act at points. Chosen by certified energy
+# on a hemisphere, pinched cylinders of R / h = 50, 300 and 1000, hyperboloids, plates and roofs.
 FEWER, PLAIN_SHARE, STRETCHED_SHARE, MORE_POINTS = 0.5, 0.75, 2.0, 1.5
-# In units of the neurons: twice as many as elsewhere, as such fields gain ever less (see `challenge.MIRRORED_SHARE`).
-MIRRORED_CHALLENGERS = 0.5
+CHALLENGED = 2.0  # times as many challengers as elsewhere: such fields gain ever less (see `challenge.MIRRORED_SHARE`)
 
 
 def field_spec(case: Case, settings: RitzSettings) -> FieldSpec:
@@ -69,13 +69,14 @@ def for_part(case: Case, mirrors: Mirrors | None) -> Resolution:
     usual = usual_resolution(case)
     if mirrors is None:
         return usual
-    neurons = round(usual.neurons * mirrors.parts**-FEWER)
+    neurons = usual.neurons if is_slender(case) else round(usual.neurons * mirrors.parts**-FEWER)
     growth = math.sqrt(mirrors.parts * neurons / usual.neurons * (MORE_POINTS if foci(case) else 1.0))
     return replace(
         usual,
         neurons=neurons,
         scale=PLAIN_SHARE * usual.scale,
         stretched_scale=STRETCHED_SHARE * usual.stretched_scale,
+        share=CHALLENGED * usual.share,
         rule=finer_rule(usual.rule, growth),
         fine=finer_rule(usual.fine, growth),
     )

@@ -33,7 +33,6 @@ from shellbench.solvers.ndf.field.supports import check_balance, point_supports
 from shellbench.solvers.ndf.linear.answer import STRONGER, BestLevel, Candidate, SolvedLevel, displacement_values
 from shellbench.solvers.ndf.linear.patches import Balances
 from shellbench.solvers.ndf.linear.refinement import (
-    CHALLENGERS,
     KINDS,
     Level,
     Miss,
@@ -45,7 +44,7 @@ from shellbench.solvers.ndf.linear.refinement import (
     unsettled,
 )
 from shellbench.solvers.ndf.linear.regularised import JITTER
-from shellbench.solvers.ndf.linear.ritz_field import MIRRORED_CHALLENGERS, for_part, with_settings
+from shellbench.solvers.ndf.linear.ritz_field import for_part, with_settings
 from shellbench.solvers.ndf.linear.ritz_settings import NDF_RITZ, RitzSettings
 from shellbench.solvers.ndf.linear.signs import Signs, jitter_share, refusal, rounding_energy, taken_up, unseen_turning
 from shellbench.solvers.ndf.linear.solution import NdfSolution
@@ -81,7 +80,7 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
     mirrors = built_in(case, asked)
     spec = spec if mirrors is None else asked
     usual = with_settings(for_part(case, mirrors), settings)
-    first = first_level(case, usual, given_width, given_rule, MIRRORED_CHALLENGERS if mirrors else CHALLENGERS)
+    first = first_level(case, usual, given_width, given_rule)
     level: Level | None = first
     kept: BestLevel | None = None
     steps: list[Step] = []
