@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
+
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.solvers.ndf.field.build import Resolution, usual_resolution
 from shellbench.solvers.ndf.field.choices import FieldSpec, StrainName
+from shellbench.solvers.ndf.field.geometry import SURFACE_SAMPLES
 from shellbench.solvers.ndf.field.inputs import foci
 from shellbench.solvers.ndf.field.jets import activation, smooth_activation
 from shellbench.solvers.ndf.field.mirrors import Mirrors
@@ -21,6 +24,9 @@ from shellbench.solvers.ndf.linear.ritz_settings import RitzSettings
 # and of stretched inputs, and of the number of points a feature where forces act at points. Chosen by certified energy
 # on a hemisphere, pinched cylinders of R / h = 50, 300 and 1000, hyperboloids, plates and roofs.
 FEWER, PLAIN_SHARE, STRETCHED_SHARE, MORE_POINTS = 0.5, 0.75, 2.0, 1.5
+# Of the speed along a coordinate line. Panels and scales are in coordinates: on pinched cylinders whose coordinates run
+# 2.3 times as fast at one place as at another, such features exploit the rule; those that run evenly have 1 to 1.3.
+UNEVEN = 2.0
 CHALLENGED = 2.0  # times as many challengers as elsewhere: such fields gain ever less (see `challenge.MIRRORED_SHARE`)
 
 
@@ -62,6 +68,13 @@ def strain_of(case: Case, strain: StrainName | None) -> StrainName:
     if case.linear and strain not in (None, "linear"):
         raise InputError(f"case '{case.name}' is of the linear theory: setting strain = \"{strain}\" does not fit it")
     return strain or ("linear" if case.linear else "exact")
+
+
+def takes_planes(case: Case) -> bool:
+    """Tell whether planes of symmetry are built in by default: not around forces where coordinates run unevenly."""
+    x = case.surface.derivatives(case.surface.domain.grid(SURFACE_SAMPLES, SURFACE_SAMPLES), 1)
+    speeds = [np.linalg.norm(d, axis=-1) for d in (x[1, 0], x[0, 1])]
+    return not foci(case) or all(bool((s.max(k) <= UNEVEN * s.min(k)).all()) for k, s in enumerate(speeds))
 
 
 def for_part(case: Case, mirrors: Mirrors | None) -> Resolution:

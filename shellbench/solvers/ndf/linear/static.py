@@ -44,7 +44,7 @@ from shellbench.solvers.ndf.linear.refinement import (
     unsettled,
 )
 from shellbench.solvers.ndf.linear.regularised import JITTER
-from shellbench.solvers.ndf.linear.ritz_field import for_part, with_settings
+from shellbench.solvers.ndf.linear.ritz_field import for_part, takes_planes, with_settings
 from shellbench.solvers.ndf.linear.ritz_settings import NDF_RITZ, RitzSettings
 from shellbench.solvers.ndf.linear.signs import Signs, jitter_share, refusal, rounding_energy, taken_up, unseen_turning
 from shellbench.solvers.ndf.linear.solution import NdfSolution
@@ -76,7 +76,8 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
     given_width, given_rule = settings.neurons is not None, settings.panels is not None
     fixed = given_width or given_rule
     # Fields of widths that are given are compared with each other, and with those of other recipes.
-    asked = spec.model_copy(update={"mirrors": not fixed if settings.mirrors is None else settings.mirrors})
+    wanted = not fixed and takes_planes(case) if settings.mirrors is None else settings.mirrors
+    asked = spec.model_copy(update={"mirrors": wanted})
     mirrors = built_in(case, asked)
     spec = spec if mirrors is None else asked
     usual = with_settings(for_part(case, mirrors), settings)
