@@ -52,11 +52,11 @@ ROOMS = {  # of a package, from the lowest up; what stands at its root is a room
 }
 MOST_MODULES, MOST_LINES = 20, 400  # of a folder, its `__init__` apart; of a module
 CEILINGS = {  # lines of code: no blanks, comments and docstrings; the aims are 52,000 and 42,000
-    "shellbench": 53_760,
-    "tests": 40_520,
+    "shellbench": 53_940,
+    "tests": 40_630,
     "shellbench/protocol": 1_000,
     "shellbench/bench": 7_050,
-    "shellbench/bench/catalogue": 950,
+    "shellbench/bench/catalogue": 965,
     "shellbench/bench/judge": 2_100,
     "shellbench/bench/plugins": 1_300,
     "shellbench/bench/run": 1_300,
@@ -64,14 +64,14 @@ CEILINGS = {  # lines of code: no blanks, comments and docstrings; the aims are 
     "shellbench/cli": 950,
     "shellbench/problems": 8_750,
     "shellbench/problems/shell": 5_600,
-    "shellbench/report": 9_600,
-    "shellbench/report/data": 2_400,
+    "shellbench/report": 9_610,
+    "shellbench/report/data": 2_410,
     "shellbench/report/figures": 850,
     "shellbench/report/page": 950,
     "shellbench/report/sections": 2_700,
     "shellbench/report/studies": 2_800,
     "shellbench/solvers/fem": 7_100,
-    "shellbench/solvers/ndf": 11_800,
+    "shellbench/solvers/ndf": 11_880,
     "shellbench/testing": 2_650,
 }
 HEAVY = {"torch", "skfem", "scipy", "KratosMultiphysics", "mujoco"}

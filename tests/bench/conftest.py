@@ -26,7 +26,6 @@ CACHED = (
     "suites_named_by",
     "_headings",
     "_names_in",
-    "_frozen_for",
 )
 
 
