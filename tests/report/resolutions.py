@@ -11,6 +11,7 @@ import pytest
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.judge.row import Row
 from shellbench.bench.store.record import Measured, Record
+from shellbench.errors import InputError
 from shellbench.protocol.history import PrecisionStep
 from shellbench.report.data.evidence import Evidence
 from tests.report.conftest import headline_of, identity, keep
@@ -33,8 +34,14 @@ def only_suites(patch: pytest.MonkeyPatch, suites: Sequence[str], **facts: objec
     kept = {
         name: SimpleNamespace(name=name, study=None if name == "obstacle_course" else name, **told) for name in suites
     }
+
+    def find(name):
+        if name not in kept:
+            raise InputError(name)
+        return kept[name]
+
     patch.setattr(catalog, "suite_names", lambda: list(kept))
-    patch.setattr(catalog, "find_suite", kept.__getitem__)
+    patch.setattr(catalog, "find_suite", find)
 
 
 def unknowns(n: int) -> int:
