@@ -1,4 +1,4 @@
-"""Writing to a disk: what goes wrong is said in one sentence. And files that spare the user work done before."""
+"""Writing to a disk with errors in one sentence, and the user's cache of results that can be made again."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import Any
 
 from shellbench.errors import InputError, ShellbenchError
 
-SETTLED = 2_000_000_000  # ns
+SETTLED = 2_000_000_000  # ns after which a change has another time on any file system
 
 
 class StoreError(ShellbenchError):
@@ -38,7 +38,7 @@ Look = tuple[int, int, int, int]  # number of a file or folder, changes in ns, a
 
 
 def look_up(path: Path) -> Look | None:
-    """Return what changes as soon as a file, or what a folder holds, does; None if it is not there."""
+    """Return inode, times of change and size of a file or folder: they change when it does. None if it is not there."""
     try:
         status = path.stat()
     except (OSError, ValueError):
@@ -47,7 +47,7 @@ def look_up(path: Path) -> Look | None:
 
 
 def is_settled(seen: Look | None) -> bool:
-    """Whether the next change of a file will show in what `look_up` returns: clocks of file systems have steps."""
+    """Tell if a later change of the file is bound to have another time: clocks of file systems have steps."""
     return seen is None or time.time_ns() - max(seen[1:3]) > SETTLED
 
 
@@ -59,7 +59,7 @@ def cache_folder() -> Path | None:
 
 
 def read_cache(name: str) -> Any:
-    """Return what `write_cache` has kept under a name; None if there is nothing, or nothing that can be read."""
+    """Return the data that `write_cache` has kept under a name; None if there are none that can be read."""
     folder = cache_folder()
     with contextlib.suppress(OSError, ValueError, RecursionError):
         if folder and (folder / name).is_file():

@@ -17,7 +17,7 @@ from shellbench.protocol.schema import read_toml
 
 @cache
 def stated(name: str) -> dict[str, Any]:
-    """Return what a case's file states: building all cases takes many times longer, and each worker collects tests."""
+    """Return the data of a case's file: building all cases takes many times longer, and each worker collects tests."""
     return read_toml(catalog.case_file(name))
 
 

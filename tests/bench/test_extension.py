@@ -29,7 +29,7 @@ POINTS = "toy_springs-1.0.dist-info/entry_points.txt"
 
 
 class Done(NamedTuple):
-    """What a command left."""
+    """Exit code and output of a command."""
 
     returncode: int
     stdout: str

@@ -1,4 +1,4 @@
-"""What unknowns cost `fem`: time and memory on the roof and the cylinder, by its own dissection, SuperLU and PARDISO.
+"""Time and memory of `fem` against unknowns, on the roof and the cylinder: own dissection, SuperLU and PARDISO.
 
 Each mesh is solved in a process of its own, which reports processor time and peak memory of the solve. The exponents are
 slopes of the last three meshes in double logarithmic scale. Planes of symmetry are not used, so that unknowns are those

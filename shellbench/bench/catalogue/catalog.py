@@ -232,7 +232,7 @@ def members(suite: str) -> list[Problem]:
 
 
 def place_in(suite: str, name: str) -> tuple[int, ...]:
-    """Return what sorts cases and variants of a suite in the order of `cases_of`; others come last.
+    """Return a key that sorts cases and variants of a suite in the order of `cases_of`; others come last.
 
     Only the case of a variant is built.
     """

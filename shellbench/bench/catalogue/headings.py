@@ -1,4 +1,4 @@
-"""What files of cases say of themselves in a word, kept between processes: to read all of them takes half a second."""
+"""Kind and suites of each case, kept between processes: reading all files of cases takes half a second."""
 
 from __future__ import annotations
 

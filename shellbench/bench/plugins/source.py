@@ -76,14 +76,14 @@ class _Digest:
 
     @classmethod
     def kept(cls, what: tuple[object, ...]) -> _Digest | None:
-        """Return what an earlier process has kept, if it can be read."""
+        """Return the digest that an earlier process has kept; None if there is none that can be read."""
         match read_cache(_cached_as(what)):
             case {"digest": str(digest), "places": dict(places)}:
                 return cls(digest, {path: tuple(s) if isinstance(s, list) else None for path, s in places.items()})
         return None
 
     def keep(self, what: tuple[object, ...]) -> None:
-        """Keep it, unless a file is so new that a change may not show in its time."""
+        """Keep the digest, unless a file is so new that its next change may carry the same time."""
         if all(map(is_settled, self.places.values())):
             write_cache(_cached_as(what), {"digest": self.digest, "places": self.places})
 

@@ -285,7 +285,7 @@ class Inputs:
         return self.mirrors.mean(before, points, [self.averaged[k] for k in numbers])
 
     def _candidates(self, points: Array, placement: Placement) -> list[tuple[Callable[[], Tensor], bool]]:
-        """Return what gives the jet (6, N) of each candidate without mirrors, and whether it is stretched."""
+        """Return for each candidate a function of its jet (6, N) without mirrors, and True if it is stretched."""
         domain = self.case.surface.domain
 
         @cache
