@@ -37,7 +37,7 @@ DEFINED = (  # no figures of a run: what things are called, what was asked for, 
     r"C1 finite",
     r"at most 2 for 95 % of the figures, and never more than 5|a figure beyond 5|and 1e-12 of the figure",
     r"\b1e-2, 1e-3 and 1e-4|an error above 1e-2|within three uncertainties",
-    r"\b(7|10) minutes|\b(1\.4|2\.4) GB",  # measured by hand, and said roughly
+    r"\b(5|8) minutes|\b(1\.4|2\.4) GB",  # measured by hand, and said roughly
     r"Python 3\.11( to 3\.13)?|x86-64",
     r"its default, 1e-4, is the tightest",
     r"\(20\d\d\)",
