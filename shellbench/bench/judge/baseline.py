@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from statistics import fmean, stdev
 from typing import Annotated, Literal
@@ -58,8 +59,7 @@ class BaselineValue(Model):
     @property
     def band(self) -> float:
         """Half width of what is admissible around the mean."""
-        between_seeds = stdev(self.values.values()) if len(self.values) > 1 else 0.0
-        return max(DEVIATIONS * between_seeds, ROOM * self.spread, REPEATS * abs(self.mean))
+        return max(DEVIATIONS * _deviation(tuple(self.values.values())), ROOM * self.spread, REPEATS * abs(self.mean))
 
 
 class BaselineCost(Model):
@@ -84,9 +84,9 @@ class Baseline(Model):
     costs: tuple[BaselineCost, ...]
 
     def value(self, row: Row) -> BaselineValue | None:
-        """Return what is remembered of a row."""
-        wanted = (row.case, row.solver, row.quantity, row.at)
-        return next((v for v in self.values if (v.case, v.solver, v.quantity, v.at) == wanted), None)
+        """Return the remembered value of a row; None if there is none."""
+        wanted = _key(row)
+        return next((value for value in self.values if value.quantity == row.quantity and _key(value) == wanted), None)
 
 
 def read_baseline(path: Path) -> Baseline | None:
@@ -144,6 +144,11 @@ def make_baseline(
         values=tuple(sorted((*kept_values, *new), key=lambda v: (v.case, v.solver, v.quantity))),
         costs=tuple(sorted((*kept_costs, *costs.values()), key=lambda c: (c.case, c.solver))),
     )
+
+
+@lru_cache(maxsize=4096)  # a gate asks for the band of each row, and many rows share one
+def _deviation(values: tuple[float, ...]) -> float:
+    return stdev(values) if len(values) > 1 else 0.0
 
 
 def _key(of: Row | BaselineValue) -> Key:

@@ -14,6 +14,7 @@ from functools import lru_cache
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, Field, ValidationError
+from pydantic_core import from_json, to_json
 
 from shellbench.bench.plugins.kinds import kind_of
 from shellbench.errors import InputError
@@ -53,11 +54,22 @@ def _is_time(text: str) -> str:
 
 
 def _has_figures(data: Any) -> Any:
-    for path, value in leaves(data):
-        if isinstance(value, int | float) and not abs(value) <= LARGEST:
-            where = ".".join(map(str, path))
-            raise ValueError(f"found {str(value)[:60]} at '{where}', but figures are finite and at most {LARGEST:g}")
+    if not _all_figures(data):
+        for path, value in leaves(data):
+            if not _all_figures(value):
+                where = ".".join(map(str, path))
+                raise ValueError(
+                    f"found {str(value)[:60]} at '{where}', but figures are finite and at most {LARGEST:g}"
+                )
     return data
+
+
+def _all_figures(data: Any) -> bool:
+    if isinstance(data, dict):
+        return all(map(_all_figures, data.values()))
+    if isinstance(data, list | tuple):
+        return all(map(_all_figures, data))
+    return not isinstance(data, int | float) or abs(data) <= LARGEST
 
 
 def leaves(data: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[tuple[str | int, ...], Any]]:
@@ -248,9 +260,9 @@ def read_document(text: bytes) -> Record:
     if len(text) > LARGEST_RECORD:
         raise InputError(f"it has {len(text)} bytes, and a record has at most {LARGEST_RECORD}")
     try:
-        data = json.loads(text)
+        data = from_json(text)
         seal = data.pop(SEAL, None) if isinstance(data, dict) else None
-        record = Record.model_validate_json(json.dumps(data), strict=True)
+        record = Record.model_validate_json(to_json(data), strict=True)
         intact = seal == (None if record.sequence is None else _seal(data))
     except ValidationError as error:
         raise InputError(f"it is no whole record ({one_sentence(error)})") from None
