@@ -86,9 +86,10 @@ class Expression:
 
     @property
     def parts(self) -> tuple[Expression, ...]:
-        """What may vary quickly in a long formula: its calls, divisors and high powers; itself if it is short.
+        """Parts of a long formula that may vary quickly: its calls, divisors and high powers; a short formula itself.
 
-        A long formula is a polynomial of these. Intervals of it as a whole would be as wide as it is long.
+        A long formula is a polynomial of these parts. An interval of the whole formula would be too wide, since
+        interval bounds grow with its length.
         """
         if sum(1 for _ in ast.walk(self._tree)) <= LONG:
             return (self,)
@@ -98,7 +99,7 @@ class Expression:
 
     @property
     def constant(self) -> bool:
-        """Whether no variable stands in the formula."""
+        """True if the formula contains no variable."""
         return not any(self.depends_on(name) for name in self._variables)
 
     @property
@@ -220,7 +221,7 @@ def derivatives_of(
 
 
 class _Formula(NamedTuple):
-    """What decides whether a formula is allowed: its text, and the names and functions that may stand in it."""
+    """A formula's text with the names and functions that it may contain; these decide if it is allowed."""
 
     text: str
     variables: tuple[str, ...]

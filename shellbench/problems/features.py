@@ -251,7 +251,7 @@ class Dividing:
         return Division(low, high, halved, undecided, pole or cells.pole)
 
     def told(self, low: Array, high: Array) -> tuple[Array, Array]:
-        """Return what samples of cells can't tell along each axis (n, axes), and the least magnitude (n,) there."""
+        """Return the error of samples along each axis (n, axes) and the formulas' least magnitude (n,), by cell."""
         parts = [slice(start, start + AT_A_TIME) for start in range(0, len(low), AT_A_TIME)]
         each = [self._told(low[part], high[part]) for part in parts]
         return np.concatenate([error for error, _ in each]), np.concatenate([whole for _, whole in each])

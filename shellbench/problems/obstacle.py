@@ -25,7 +25,7 @@ QUOTED = 60  # characters of a formula in a message
 
 
 class Body(Model):
-    """What obstacles have in common."""
+    """Base of all obstacles: a centre, friction and a signed distance."""
 
     centre: Path = Field(description="where it is, m: numbers, or formulas of the time t")
     friction: Annotated[Finite, Field(ge=0)] = Field(0.0, description="Coulomb's coefficient")

@@ -1,4 +1,4 @@
-"""What solvers of all kinds have in common: how they take a case, settings and progress. No mechanics."""
+"""Base classes of the solvers of all kinds: they check the case and its settings, and report progress. No mechanics."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ class CheckedSolver(ABC):
 
     @abstractmethod
     def declines(self, case: Any) -> str | None:
-        """Return why it can't take a problem, as one clause, or None if it can."""
+        """Return the reason that the solver declines a problem, as one clause, or None if it takes it."""
 
     def declines_quantity(self, case: Any, quantity: Any) -> str | None:
-        """Return why it can't give a quantity of a problem that it takes, as one clause, or None if it can."""
+        """Return the reason that it can't give a quantity of a problem that it takes, or None if it can; one clause."""
         return None
 
     def refusal(self, case: Any) -> str | None:
-        """Return why it can't give all that a problem asks, as one clause, or None if it can."""
+        """Return the reason that it can't give everything that a problem asks, as one clause, or None if it can."""
         return self.declines(case) or next(iter(declined_quantities(self, case).values()), None)
 
     def declines_with(self, case: Any, settings: Any) -> str | None:
-        """Return why it can't take a problem with settings; what `declines` says unless settings matter."""
+        """Return the reason that it declines a problem with these settings, or None; by default that of `declines`."""
         return self.declines(case)
 
     def solve(

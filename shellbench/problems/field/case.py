@@ -34,7 +34,7 @@ class Match(Model):
 
 
 class Training(Model):
-    """What a trained answer may spend; it binds no solver that does not train."""
+    """Limits of a training: its epochs and samples. Solvers that do not train ignore them."""
 
     epochs: int = Field(ge=1, le=1_000_000, strict=True, description="steps of the optimiser")
     samples: int = Field(64, ge=1, le=1000, strict=True, description="samples of an epoch: so many, squared")
@@ -139,7 +139,7 @@ class FieldCase(Problem):
 
     @property
     def has_field(self) -> bool:
-        """Whether a field is asked for."""
+        """True if the case asks for a field."""
         return self.match is not None or self.cloth is not None
 
     def physics(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What a field tells of itself, so that a report can draw how it was learned."""
+"""Portrait of a field: the data from which a report draws its training."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class FieldPortrait(Portrait):
 
     @property
     def learns(self) -> bool:
-        """Whether it asks for a field."""
+        """True if the case asks for a field."""
         return bool(self.problem.has_field)
 
     @property

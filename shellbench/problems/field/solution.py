@@ -28,7 +28,7 @@ DRAWN = 65  # points of a surface along a side
 
 @dataclass(frozen=True)
 class FieldAnswer:
-    """What all answers have: the case, arrays by name, how they are read (JSON data), and how they came about."""
+    """Base of the answers: the case, arrays by name, how to read them (JSON data), and the history of the solve."""
 
     case: FieldCase
     tensors: Mapping[str, Array]

@@ -180,7 +180,7 @@ class RopeCase(Problem):
 
     @property
     def moving(self) -> Rope | Particles | None:
-        """What moves; None of a chain at rest."""
+        """The rope or the particles that move; None for a chain at rest."""
         return self.rope or self.particles
 
     @property
@@ -189,7 +189,7 @@ class RopeCase(Problem):
         return 0 if self.particles else self.rope.count if self.rope else 1
 
     def free(self, vectors: Array) -> Array:
-        """Return what belongs to nodes that move freely, (n, ...), of what belongs to all nodes of a motion."""
+        """Return the rows (n, ...) of nodes that move freely, taken from the rows of all nodes of a motion."""
         if not self.chains:
             return vectors
         by_chain = vectors.reshape(self.chains, -1, *vectors.shape[1:])

@@ -17,7 +17,7 @@ PUSHED = 1e-9  # of the weight: a push that is no larger is rounding
 
 
 def why_not_planar(case: Any) -> str | None:
-    """Return why angles can't say where the links are, as one clause, or None if they can."""
+    """Return the reason that angles of the links can't describe the motion, as one clause, or None if they can."""
     if not isinstance(case, RopeCase) or case.rope is None:
         return "it solves ropes in motion only"
     if case.obstacles:

@@ -1,6 +1,7 @@
-"""What solvers of ropes have in common: what they refuse, their steps in time, and how levels tell the uncertainty.
+"""Base of the solvers of ropes: the cases that they decline, their steps in time, and the uncertainty from levels.
 
-No mechanics stand here. A solver gives `answer`; one that follows motions has `refined` call it level by level.
+This module contains no mechanics. A solver implements `answer`; one that follows motions has `refined` call it level by
+level.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ class Watch:
         return np.asarray(self.every * np.arange(len(self.frames)))
 
     def due(self, time: float, step: float) -> bool:
-        """Whether a frame lies at this time, s, or before the next step's."""
+        """Return True if a frame is due at this time, s, or before the end of the next step."""
         return time + step >= self.every * (len(self.frames) - WHOLE)
 
     def keep(self, time: float, nodes: Array) -> None:
@@ -145,7 +146,7 @@ def refined(
 
 
 def settled(values: Sequence[float]) -> float:
-    """Return how wrong the last value may be, of levels with steps halved each time, if errors fall as the step."""
+    """Return an estimate of the last value's error; each level halves the step, and errors fall as the step."""
     changes = np.abs(np.diff(values))
     return float(np.max(changes / 2.0 ** np.arange(len(changes))[::-1])) + LEVEL_ROUNDING * abs(values[-1])
 
@@ -183,7 +184,7 @@ def start_of(case: RopeCase) -> tuple[Array, Array]:
 
 
 def roots_of(case: RopeCase) -> Callable[[float], tuple[Array, Array, Array]]:
-    """Return what gives position, velocity and acceleration of the roots, (chains, 3) each, at a time, s."""
+    """Return a function of the time, s: position, velocity and acceleration of the roots, (chains, 3) each."""
     assert case.rope is not None
     path, around = case.rope.root, case.rope.around
     if any(isinstance(formula, str) for formula in path):

@@ -58,7 +58,7 @@ class Ranges(Model):
         )
 
     def outside(self, material: Material) -> str | None:
-        """Return why a material is beyond the ranges, as one clause, or None if it is within."""
+        """Return the parameter of a material that is beyond its range, as one clause, or None if all are within."""
         for name, value in material._asdict().items():
             low, high = getattr(self, name)
             if not low - SLACK * high <= value <= high * (1 + SLACK):  # not so where it is not a number
@@ -176,7 +176,7 @@ class ConditionedCase(SeriesCase):
 
     @property
     def moving(self) -> bool:
-        """Whether the shell moves."""
+        """True if the shell moves."""
         return "dynamics" in self.shell
 
     def _shell(self, material: Material) -> Case:

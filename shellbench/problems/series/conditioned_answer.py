@@ -1,4 +1,4 @@
-"""What solvers for ranges of materials have in common: the protocol, and how an answer came."""
+"""Base of the solvers for ranges of materials: the protocol, and the answer with its history."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class ConditionedSolver(FreshSolver):
     """A solver of problems of kind `conditioned`."""
 
     def declines(self, case: Any) -> str | None:
-        """Return why it can't take a problem, as one clause, or None if it can."""
+        """Return the reason that the solver declines a problem, as one clause, or None if it takes it."""
         if not isinstance(case, ConditionedCase):
             return "it solves problems of kind 'conditioned' only"
         if case.theory not in self.capabilities.theories:
@@ -67,7 +67,7 @@ class ConditionedSolver(FreshSolver):
         return self.refuses(case)
 
     def refuses(self, case: ConditionedCase) -> str | None:
-        """Return why it can't take a problem of its kind."""
+        """Return the reason that the solver declines a problem of its kind, or None if it takes it."""
         return None
 
     @abstractmethod

@@ -33,7 +33,7 @@ class Change(Model):
 
 
 class Edit(Model):
-    """What a user changes: a force, the pose of a support, or the thickness."""
+    """An edit by a user: a change of a force, of the pose of a support, or of the thickness."""
 
     what: What = Field(description="force: of loads; pose: motion of supports; thickness: of the material")
     changes: Annotated[tuple[Change, ...], Field(min_length=1)] = Field(description="fields, and what they become")

@@ -61,7 +61,7 @@ class Timed:
 
 @dataclass(frozen=True, kw_only=True)
 class EditedAnswer:
-    """What is asked of an edited shell: (2, n) from the earlier solution, and from scratch, m."""
+    """Answer to an edited shell: quantities (2, n), first from the earlier solution, then from scratch, m."""
 
     case: EditingCase
     values: NDArray[np.float64]
@@ -121,14 +121,14 @@ class EditingSolver(FreshSolver):
         """Return the certified potential energy of a solution's last state, J."""
 
     def declines(self, case: Any) -> str | None:
-        """Return why it can't take a problem, as one clause, or None if it can."""
+        """Return the reason that the solver declines a problem, as one clause, or None if it takes it."""
         if not isinstance(case, EditingCase):
             return "it solves problems of kind 'editing' only"
         solver = self.shells()
         return solver.refusal(case.original) or solver.refusal(case.edited) or self.goes_on(case)
 
     def goes_on(self, case: EditingCase) -> str | None:
-        """Return why it has no use for an earlier solution of a case's shell, or None if it has."""
+        """Return the reason that an earlier solution of the case's shell is of no use, or None if it is of use."""
         return None
 
     def load(self, path: Path) -> EditedAnswer:

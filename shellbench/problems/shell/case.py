@@ -203,7 +203,7 @@ class Case(Shell):
         return self
 
     def drifts(self, solution: Any) -> dict[str, float]:
-        """Return how far values without a limit move with a solver's cells; see `shellbench.problem.Problem.drifts`."""
+        """Return the change over a solver's cells of unbounded values; see `shellbench.problem.Problem.drifts`."""
         return drifts(self, solution)
 
     @cached_property

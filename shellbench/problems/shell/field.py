@@ -1,4 +1,4 @@
-"""What a solution of a shell is: a continuous displacement field that can be asked anywhere."""
+"""Protocol of a shell's solution: a continuous displacement field that can be evaluated anywhere."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class DisplacementField(Solution, Protocol):
         ...
 
     def touch(self, at: float | None = None) -> Touch:
-        """Return what obstacles exert on the shell; only asked where there are any."""
+        """Return the contact forces of obstacles on the shell; called only for cases with obstacles."""
         ...
 
     def rounded(self, format: NumberFormat) -> tuple[DisplacementField, int]:

@@ -100,20 +100,20 @@ DAMAGE = (ValueError, KeyError, TypeError, EOFError, IndexError, zipfile.BadZipF
 
 @dataclass(frozen=True, kw_only=True)
 class ShellSolution:
-    """What solutions of shells have in common; see `shellbench.problem.Solution` for the protocol.
+    """Base of the solutions of shells; see `shellbench.problem.Solution` for the protocol.
 
     A subclass has `case` and `parameters`, as fields or as properties.
 
     Attributes
     ----------
     formats
-        Of files: `save` writes the first one, such as "mine, format 1", and `load` reads them all.
+        Formats of files: `save` writes the first one, such as "mine, format 1", and `load` reads them all.
     numbers
         Names of the arrays that the displacement is made of: they are counted, and rounded.
     history, diagnostics, uncertainty, extrapolated, unsettled
         See `shellbench.problem.Solution`.
     mode_values
-        Of a case that asks for modes: their values by number (see `shellbench.problems.shell.quantities.modes`).
+        Values by number, if the case asks for modes (see `shellbench.problems.shell.quantities.modes`).
     """
 
     formats: ClassVar[tuple[str | int, ...]] = ()
@@ -142,7 +142,7 @@ class ShellSolution:
         return sum(int(getattr(self, name).nbytes) for name in self.numbers)
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows."""
+        """Return the HTML that a notebook shows."""
         return solution_html(self)
 
     def displacement(
@@ -172,7 +172,7 @@ class ShellSolution:
         return self._on_points(points, lambda xi: self.field_at(name, xi, at))
 
     def _on_points(self, points: ArrayLike, function: Callable[[Array], Array]) -> Array:
-        """Return what a function of points (N, 2) has at points (..., 2); it is never asked at none."""
+        """Return the values at points (..., 2) of a function of points (N, 2), which is never called with no points."""
         xi = np.asarray(points, dtype=float)
         values = function(xi.reshape(-1, 2) if xi.size else self.case.surface.domain.grid(3, 3)[1:2, 1])
         return np.asarray(values[: xi.size // 2].reshape((*xi.shape[:-1], *values.shape[1:])))
@@ -217,7 +217,7 @@ class ShellSolution:
         raise NotImplementedError
 
     def touch(self, at: float | None = None) -> Touch:
-        """Return what obstacles exert on the shell; InputError where the solver knows none."""
+        """Return the contact forces of obstacles on the shell; InputError if the solver knows none."""
         raise InputError(f"{self.case.name}: this solution knows no obstacles")
 
     def rounded(self, format: NumberFormat) -> tuple[Self, int]:
@@ -236,7 +236,7 @@ class ShellSolution:
         return (replace(self, **changed) if changed else self), bytes_taken
 
     def kept(self) -> tuple[Words, Arrays]:
-        """Return what `restored` needs of a file: JSON values and arrays by name."""
+        """Return the data that `restored` needs of a file: JSON values and arrays by name."""
         return {}, {name: getattr(self, name) for name in self.numbers}
 
     @classmethod
@@ -245,7 +245,7 @@ class ShellSolution:
         raise NotImplementedError
 
     def facts(self) -> dict[str, Any]:
-        """Return what every file says: the case, the history and what came of it."""
+        """Return the data that every file holds: the case, the history and the results of the solve."""
         modes = {"mode_values": {str(number): value for number, value in self.mode_values.items()}}
         return {
             **(modes if self.mode_values else {}),
@@ -339,27 +339,27 @@ def time_reached(case: Case, last: float, at: float | None) -> float:
 
 
 class ShellSolver(CheckedSolver):
-    """What solvers of shells have in common; see `shellbench.problem.Solver` for the protocol.
+    """Base of the solvers of shells; see `shellbench.problem.Solver` for the protocol.
 
-    A subclass gives `answer` and `load`, and `declines` where it can't take all cases of its theories. It is a light
-    module: what solves is imported when it is called.
+    A subclass gives `answer` and `load`, and `declines` if it can't take all cases of its theories. The module of the
+    subclass is light: it imports the modules that solve only when it is called.
 
     Attributes
     ----------
     takes
-        What it takes beyond the plainest shells; cases with more are declined.
+        Properties beyond the plainest shells that it takes; it declines cases with more.
     """
 
     takes: ClassVar[frozenset[Beyond]] = frozenset()
 
     def declines(self, case: Case) -> str | None:
-        """Return why the solver can't take this case, as one clause, or None if it can."""
+        """Return the reason that the solver declines a case, as one clause, or None if it takes it."""
         if case.theory not in self.capabilities.theories:
             return f"it does not solve the theory {case.theory}"
         return why_not_plain(case, self.takes)
 
     def declines_quantity(self, case: Case, quantity: Any) -> str | None:
-        """Return why the solver can't give a quantity of a case that it takes, as one clause, or None if it can."""
+        """Return the reason that it can't give a quantity of a case that it takes, as one clause, or None if it can."""
         if isinstance(quantity, ResultantQuantity) and "resultants" not in self.takes:
             return "this solver states no stress resultants"
         return None

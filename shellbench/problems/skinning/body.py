@@ -77,7 +77,7 @@ def pushed_out(places: Array, axes: Array, radii: Array, margin: float, along: A
 
 
 def _from_axis(places: Array, axis: Array) -> Array:
-    """Return what leads from the nearest point of a segment (..., 2, 3) to each place (..., n, 3)."""
+    """Return the vectors (..., n, 3) from the nearest point of a segment (..., 2, 3) to each place (..., n, 3)."""
     start, along = axis[..., None, 0, :], axis[..., None, 1, :] - axis[..., None, 0, :]
     apart = places - start
     share = np.clip(_dot(apart, along) / np.maximum(_dot(along, along), TINY), 0.0, 1.0)

@@ -56,7 +56,7 @@ class Cape(Model):
 
 
 class Cloth:
-    """What steps: springs as pairs of slices of the grid, and the inverse of the free vertices' matrix."""
+    """The cape in time steps: springs as pairs of slices of the grid, and the inverse matrix of the free vertices."""
 
     def __init__(self, cape: Cape, body: Sequence[Capsule], margin: float) -> None:
         self.cape, self.body, self.margin = cape, body, margin

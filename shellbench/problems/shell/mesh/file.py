@@ -25,7 +25,7 @@ TEXTURE_NAMES = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"))  # of PLY, 
 
 @dataclass(frozen=True)
 class MeshFile:
-    """What a file says, its indices counted from 0.
+    """Content of a mesh file, its indices counted from 0.
 
     Attributes
     ----------

@@ -41,7 +41,7 @@ LESS = 1 - 0.75**4
 
 
 class MeshFit(Model):
-    """What has become of a mesh.
+    """Splines fitted to a mesh, with their stated errors.
 
     Attributes
     ----------

@@ -110,7 +110,7 @@ def shape_of(spans: Sequence[int], periodic: Sequence[bool]) -> tuple[int, int]:
 def local_basis(
     x: Array, bounds: tuple[float, float], spans: int, periodic: bool, order: int = 0
 ) -> tuple[NDArray[np.int64], list[Array]]:
-    """Return which six coefficients (n, 6) matter at points (n,), and their weights (n, 6) for each derivative."""
+    """Return the indices (n, 6) of the coefficients that act at points (n,), and weights (n, 6) by derivative."""
     scale = spans / (bounds[1] - bounds[0])
     place = (x - bounds[0]) * scale
     if periodic:

@@ -1,4 +1,4 @@
-"""What a case must be like so that its path or its motion begins at rest and can be followed."""
+"""Checks that a path or a motion begins at rest and can be followed."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def check_motion(case: Shell) -> None:
 
 
 def is_constant(case: Shell) -> bool:
-    """Whether supports stand still and loads do not depend on time."""
+    """Return True if supports stand still and loads do not depend on time."""
     sample = case.surface.domain.grid(COURSE_SAMPLES, COURSE_SAMPLES)
     return case.steady and not any(np.any(at(float(t))) for _, at in _moves(case, sample) for t in instants(case))
 

@@ -91,7 +91,7 @@ class Sight:
         return replace(self, points=points, along=(first, second))
 
     def alike(self, one: Array, other: Array, scale: float | None = None) -> bool:
-        """Whether two arrays differ by rounding only, relative to their largest magnitude unless it is given."""
+        """Return True if two arrays differ by rounding only, relative to `scale` or else their largest magnitude."""
         if scale is None:
             scale = max(float(np.abs(one).max(initial=0.0)), float(np.abs(other).max(initial=0.0)))
         return bool(np.abs(one - other).max(initial=0.0) <= self.rounding * scale)
@@ -267,7 +267,7 @@ def _point_loads_agree(case: Shell, mirror: Mirror, sight: Sight, t: float) -> b
 
 
 def _same(domain: Domain, one: ArrayLike, other: ArrayLike, slack: float) -> bool:
-    """Whether two points (2,) are one, round a closed shell too."""
+    """Return True if two points (2,) coincide; on a closed shell, also across the seam."""
     gap, size = np.subtract(one, other), np.asarray(domain.size)
     gap = np.where(domain.periodic, gap - size * np.round(gap / size), gap)
     return bool(np.all(np.abs(gap) <= slack * size))
@@ -280,7 +280,7 @@ def _coincide(domain: Domain, one: Place, other: Place, slack: float) -> bool:
 
 
 def _supports_agree(case: Shell, mirror: Mirror, sight: Sight) -> bool:
-    """Whether what is held on a place is held on its image, and moves as the image of its motion."""
+    """Return True if each supported place and its image are held alike, and the image moves as the mirrored motion."""
     domain = case.surface.domain
     held: dict[Place, tuple[frozenset[str], bool]] = {}
     for support, place in case.supported_places():
@@ -308,7 +308,7 @@ def _motions_agree(case: Shell, mirror: Mirror, sight: Sight, place: Place, imag
 
 
 def _moved(case: Shell, place: Place, points: Array, t: float, order: int) -> dict[tuple[int, int], Array]:
-    """Return how supports move a place, with derivatives: what they hold, and all of it where they hold the slope."""
+    """Return the motion of a place by its supports, with derivatives: held components; all if they hold the slope."""
     keys = [(i, j) for i, j in product(range(order + 1), repeat=2) if i + j <= order]
     total = {key: np.zeros((len(points), 3)) for key in keys}
     for support, other in case.supported_places():

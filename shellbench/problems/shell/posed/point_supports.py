@@ -123,7 +123,7 @@ def check_point_supports(case: Shell) -> None:
 
 
 def _motions(case: Shell, hold: Hold) -> Array:
-    """Return how rigid motions (6) move a point along the directions in which it is held (k, 6)."""
+    """Return the displacements of a point in the six rigid motions, along the directions in which it is held (k, 6)."""
     return np.asarray(hold.rows @ rigid_modes(case.surface, np.array([hold.spot.xi]))[0, 0][0])
 
 

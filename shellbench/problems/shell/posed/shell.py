@@ -107,12 +107,12 @@ class Shell(Problem):
 
     @property
     def linear(self) -> bool:
-        """Whether strains are linearised."""
+        """True if the strains are linearised."""
         return self.theory != "kirchhoff-love-nonlinear"
 
     @property
     def modal(self) -> bool:
-        """Whether modes are asked for: frequencies or buckling loads."""
+        """True if the case asks for modes: frequencies or buckling loads."""
         return bool(self.quantities) and isinstance(self.quantities[0], ModeQuantity)
 
     @property
@@ -184,7 +184,7 @@ class Shell(Problem):
 
     @property
     def prescribed(self) -> bool:
-        """Whether the whole surface is moved as prescribed, so that nothing is left to solve for."""
+        """True if a support prescribes the motion of the whole surface, so that nothing is left to solve for."""
         return any(isinstance(place, Whole) and support.motion for support, place in self.supported_places())
 
     @property
@@ -224,13 +224,13 @@ class Shell(Problem):
 
     @property
     def buckles(self) -> bool:
-        """Whether the path leads to where the shell buckles, and may lead on from there."""
+        """True if the path leads to the buckling of the shell; it may go on from there."""
         critical = any(isinstance(q, CriticalPoint) for q in self.quantities)
         return critical or self.path.after_buckling == "follow"
 
     @property
     def ends_critical(self) -> bool:
-        """Whether the path ends where the shell buckles."""
+        """True if the path ends at the buckling of the shell."""
         return self.buckles and self.path.after_buckling == "stop"
 
     @property
@@ -239,7 +239,7 @@ class Shell(Problem):
         return tuple(sorted({*self.states, self.path.until}))
 
     def mark_words(self, mark: float) -> str:
-        """Return what a mark means, such as "t = 0.25 s", "deflection = 12 mm" or "mode 2"."""
+        """Return the meaning of a mark, such as "t = 0.25 s", "deflection = 12 mm" or "mode 2"."""
         if self.modal:
             return f"mode {mark:g}"
         if self.dynamics is not None:
@@ -322,12 +322,12 @@ class Shell(Problem):
 
     @property
     def undecided(self) -> str | None:
-        """Return which formula no cells tell, and where, as one clause; None if all are told."""
+        """The formula that no number of cells resolves, and its place, as one clause; None if all are resolved."""
         return undecided(self)
 
     @property
     def steady(self) -> bool:
-        """Whether no load depends on t."""
+        """True if no load depends on t."""
         return not any(self.formula(f).depends_on("t") for load in self.loads for f in load.formulas)
 
     def scalar(self, text: Formula, t: float) -> float:

@@ -61,13 +61,13 @@ class Spot:
         return free if self.shears else free - self.normal * (self.normal @ free)
 
     def share(self, direction: ArrayLike) -> float:
-        """Return how large that part of a direction is, from 0 to 1; 0 if it is rounding."""
+        """Return the relative length, from 0 to 1, of the unlimited part of a direction; 0 if it is rounding."""
         share = float(np.linalg.norm(self.unlimited(direction)) / np.linalg.norm(direction))
         return share if share > NO_PART else 0.0
 
 
 def spot_at(case: Shell, place: Point) -> Spot:
-    """Return what is to be known of a point at which something acts."""
+    """Return the data of a point at which something acts: normal, held directions, softness and others."""
     domain, point = case.surface.domain, np.array([place.xi])
     x = case.surface.derivatives(point, order=2)
     normal = local_directions(case.surface, point)[0, 2]

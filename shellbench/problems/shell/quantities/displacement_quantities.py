@@ -32,7 +32,7 @@ Direction = Annotated[Vector, AfterValidator(_not_zero)]
 
 
 class PointQuantity(ShellQuantity):
-    """What is measured at points, as the mean over them.
+    """Base of quantities that are measured at points, as the mean over them.
 
     Attributes
     ----------
@@ -148,10 +148,10 @@ class LargestDisplacement(ShellQuantity):
 
 
 class FieldError(ShellQuantity):
-    """How far the displacement is from a prescribed one: the norm over the midsurface of u - v, over that of v.
+    """Error of the displacement u against a prescribed one, v: the norm of u - v over the midsurface, over that of v.
 
-    The norm is the root of the integral of the squared magnitude. A case whose load makes v the answer has the known
-    value 0.
+    The norm is the root of the integral of the squared magnitude. If the load of the case makes v the exact solution,
+    the known value is 0.
 
     Attributes
     ----------

@@ -104,7 +104,7 @@ class BucklingLoad(ModeQuantity):
 
 
 def why_too_few(asked: int, positive: int, nearest: float | None) -> str:
-    """Return why a shell has fewer buckling loads than were asked for, in one sentence.
+    """Return the reason that a shell has fewer buckling loads than the case asks for, in one sentence.
 
     Parameters
     ----------

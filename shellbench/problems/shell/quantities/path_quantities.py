@@ -13,7 +13,7 @@ from shellbench.protocol.schema import Finite, Name
 
 
 class PathQuantity(ShellQuantity):
-    """What belongs to a path and not to one of its kept states.
+    """Base of quantities that belong to a path as a whole, not to one of its kept states.
 
     Attributes
     ----------

@@ -111,20 +111,20 @@ Motion = Annotated[Value | Translation | Rotation, Field(discriminator="kind")]
 
 
 class Support(Model):
-    """What holds the shell at some places.
+    """A support: it holds or moves the shell at some places.
 
-    `components` are held at zero, or moved as `motion` says; the others are free. They are Cartesian ones, or local to
-    the shell at rest: "along" an edge, "across" it within the surface, and "normal" to the surface. `clamped` holds
-    the slope too, on edges only: u,n . a3 = 0 (n the conormal), a rotation carrying a3 along. `symmetry = "x"` says
+    The `components` are held at zero, or moved as `motion` says; the others are free. They are Cartesian, or local to
+    the shell at rest: "along" an edge, "across" it within the surface, and "normal" to the surface. `clamped` holds the
+    slope too, on edges only: u,n . a3 = 0 (n the conormal), where a rotation carries a3 along. `symmetry = "x"` states
     that an edge lies in a plane of symmetry whose normal is x: u_x = 0, and the slope is held.
 
-    In linear theory a point along the midsurface can be held against rigid motions only, and the loads have to be in
-    balance without it: it yields without bound as meshes are refined.
+    In linear theory, a support that holds a point along the midsurface may only prevent rigid motions, and the loads
+    have to be in balance without it. Under a force the point would move without bound as meshes are refined.
 
     Attributes
     ----------
     name
-        What quantities call it.
+        Name by which quantities refer to it.
     on
         Places that it holds: edges and parts of them, corners, named points, or the whole "surface".
     components
@@ -135,7 +135,7 @@ class Support(Model):
     symmetry
         Normal of the plane of symmetry in which the edge lies. It implies components and clamp, and takes neither.
     motion
-        How the held components move; at rest without it.
+        Motion of the held components; at rest without it.
     """
 
     name: Name
@@ -164,12 +164,12 @@ class Support(Model):
 
     @property
     def local(self) -> bool:
-        """Whether these are directions local to the shell."""
+        """True if these are directions local to the shell."""
         return any(name in LOCAL for name in self.held)
 
     @property
     def holds_slope(self) -> bool:
-        """Whether the rotation about the edge is held."""
+        """True if the rotation about the edge is held."""
         return self.clamped or self.symmetry is not None
 
 
@@ -235,7 +235,7 @@ class Material(Model):
 
     @property
     def uniform(self) -> bool:
-        """Whether the shell has one modulus and one thickness."""
+        """True if modulus and thickness are constant over the shell."""
         return self.modulus_factor == 1.0 and self.thickness_factor == 1.0
 
     def factors(

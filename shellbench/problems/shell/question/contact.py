@@ -26,14 +26,14 @@ LINE = 512  # panels of a coordinate line, whose length is measured by two Gauss
 
 
 class Contact(Model):
-    """How the shell touches obstacles."""
+    """Options of the contact of the shell with obstacles."""
 
     thickness: Flag = Field(False, description="whether a face touches, half a thickness from the midsurface")
 
 
 @dataclass(frozen=True)
 class Touch:
-    """What obstacles exert on a shell, at the points where its solver has it.
+    """Contact forces of obstacles on a shell, at the points where its solver computes them.
 
     Attributes
     ----------
@@ -42,9 +42,9 @@ class Touch:
     forces
         (n, 3) on the shell, N.
     lengths
-        (n, 2) of the shell at rest that a point stands for in its row along either coordinate, m.
+        (n, 2) lengths of the shell at rest that a point stands for in its row, by coordinate, m.
     reach
-        (2,) length along either coordinate, m, over which forces make a pressure: less is the solver's own noise.
+        (2,) length along either coordinate, m, over which forces make a pressure; below it they are numerical noise.
     """
 
     points: Array
@@ -64,7 +64,7 @@ def touch_at_vertices(case: Any, points: Array, steps: Array, forces: Array) -> 
 
 
 def kept_touch(touching: Sequence[Touch]) -> dict[str, Array]:
-    """Return what a file keeps of contact at some states, by name; nothing where nothing was touched."""
+    """Return the arrays that a file keeps of contact at some states, by name; empty if nothing was touched."""
     if not touching:
         return {}
     first = touching[0]
@@ -78,7 +78,7 @@ def kept_touch(touching: Sequence[Touch]) -> dict[str, Array]:
 
 
 def restored_touch(arrays: Mapping[str, NDArray[Any]]) -> tuple[Touch, ...]:
-    """Return what `kept_touch` kept."""
+    """Return the contact at each state from the arrays of `kept_touch`."""
     if "touch_points" not in arrays:
         return ()
     points, lengths, reach = (arrays[f"touch_{name}"] for name in ("points", "lengths", "reach"))
@@ -86,7 +86,7 @@ def restored_touch(arrays: Mapping[str, NDArray[Any]]) -> tuple[Touch, ...]:
 
 
 def gaps(case: Any, points: Array, displacement: Array, t: float = 1.0) -> tuple[Array, Array]:
-    """Return how far a shell is from the nearest obstacle (n,), m, and the direction (n, 3) in which that grows.
+    """Return the gap (n,) to the nearest obstacle, m, and the direction (n, 3) in which it grows.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def gaps(case: Any, points: Array, displacement: Array, t: float = 1.0) -> tuple
 def nearest_obstacle(
     case: Any, points: Array, displacement: Array, t: float, rest: Array | None = None
 ) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Return what `gaps` does, and the numbers (n,) of the nearest obstacles; `rest` (n, 3) are points at rest."""
+    """Return the results of `gaps`, and the numbers (n,) of the nearest obstacles; `rest` (n, 3) are points at rest."""
     places = (case.surface.position(points) if rest is None else rest) + displacement
     offsets = [places - obstacle.at(t)[0] for obstacle in case.obstacles]
     distances = [obstacle.distance(o) for obstacle, o in zip(case.obstacles, offsets, strict=True)]
@@ -153,7 +153,7 @@ def check_contact(case: Any) -> None:
 
 
 def deepest(solution: Any, at: float | None) -> float:
-    """Return how deep the displaced shell is in obstacles anywhere, m; 0 where it is in none."""
+    """Return the largest depth of the displaced shell in obstacles, m; 0 if it is in none."""
     # Where forces act the search looks, too.
     case, t = solution.case, at
     if t is None:
@@ -167,9 +167,9 @@ def deepest(solution: Any, at: float | None) -> float:
 
 
 def edge_of_contact(case: Any, touch: Touch, start: tuple[float, float], axis: int, forward: bool) -> float:
-    """Return how far it is from a point to where contact begins, along a coordinate line, m; ValueError if nowhere.
+    """Return the distance from a point to the start of contact along a coordinate line, m; ValueError if none.
 
-    The edge lies within a cell: it is where a line force and a pressure after it have the resultant and the moment of
+    The edge lies within a cell: a line force at the edge and a pressure behind it have the resultant and the moment of
     the forces that the solver found.
     """
     # 1. The row of points nearest to the line, and their distances from the start.
@@ -205,7 +205,7 @@ def edge_of_contact(case: Any, touch: Touch, start: tuple[float, float], axis: i
 
 
 def line_length(case: Any, start: tuple[float, float], axis: int, forward: bool) -> float:
-    """Return how long a coordinate line is from a point to the end of the domain, m."""
+    """Return the length of a coordinate line from a point to the end of the domain, m."""
     domain = case.surface.domain
     end = (domain.upper if forward else domain.lower)[axis]
     return abs(float(_distances(case, start, axis)(np.array([end]))[0]))

@@ -1,4 +1,4 @@
-"""What varies quickly in the formulas of a case, and where: see `shellbench.problems.features`."""
+"""Places where the formulas of a case vary quickly; see `shellbench.problems.features`."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ def undecided(case: Any) -> str | None:
 
 
 def narrowest(case: Any) -> str | None:
-    """Return which formula varies within less than samples resolve, and where, as one clause; None if none does."""
+    """Return a formula that varies within less than samples resolve, with its place, as one clause, or None."""
     for feature in case.features:
         axes = (0, 1) if feature.edge is None else (1 - feature.edge.axis,)
         for axis in axes:

@@ -13,7 +13,7 @@ from shellbench.protocol.schema import Finite, Model, Name, Positive
 
 
 class Path(Model):
-    """How the load factor t goes from rest, where t = 0, and which states are kept.
+    """Path of the load factor t from rest, where t = 0, and the states that are kept.
 
     Attributes
     ----------
@@ -29,8 +29,8 @@ class Path(Model):
         Under load control, at a state that is no minimum of the energy: "stop" there, or "follow" the shell to a stable
         state and go on from it. A path that stops ends there if critical points are asked for, and fails otherwise.
     states
-        Marks on the path of states that are kept beside those that quantities ask for: load factors, or values of
-        the displacement quantity at its first passage.
+        Marks of further states to keep, beside those of the quantities: load factors, or values of the displacement
+        quantity at its first passage.
     """
 
     control: Literal["load", "displacement", "arc_length"] = "load"

@@ -52,7 +52,7 @@ class Edge:
 
     @property
     def whole(self) -> bool:
-        """Whether it is all of the edge."""
+        """True if it is the whole edge."""
         return self.between is None
 
     def coordinate(self, domain: Domain) -> float:
@@ -79,7 +79,7 @@ class Edge:
         return np.asarray((beyond >= 0) & (beyond <= stop - start + 2 * slack))
 
     def overlaps(self, other: Edge, domain: Domain) -> bool:
-        """Whether they have more than a point in common."""
+        """Return True if the two edges have more than a point in common."""
         if (self.axis, self.side) != (other.axis, other.side):
             return False
         (start, stop), (first, last) = self.bounds(domain), other.bounds(domain)

@@ -83,7 +83,7 @@ class Domain:
 
 
 class Surface(Protocol):
-    """What the solvers need of a midsurface."""
+    """Protocol of a midsurface, as solvers use it."""
 
     @property
     def domain(self) -> Domain:

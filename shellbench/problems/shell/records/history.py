@@ -1,4 +1,4 @@
-"""How a solution came about, as its history tells it, and what is kept of a solve that fails."""
+"""Uncertainty from the history of a solution, and the partial results of a solve that fails."""
 
 from __future__ import annotations
 
@@ -128,17 +128,17 @@ COMPONENT = 0.5  # of the largest component of a vector: in a plane, one directi
 
 
 def moving_uncertainty(case: Case, values: Mapping[str, float], apart: Mapping[str, float]) -> dict[str, float]:
-    """Return how sure a motion is of its quantities, from how sure each of them seems by itself.
+    """Return the uncertainty of a motion's quantities, from that of each quantity by itself.
 
-    Two things are known beside that. A place errs by a vector, which turns as the shell moves: one component of it may
-    change little by chance. And what starts from rest keeps a total energy of zero: what it shows instead is an error.
+    Two facts enlarge it. The error of a place is a vector, which turns as the shell moves: one component may change
+    little by chance. And a motion from rest keeps a total energy of zero, so that any other value is an error.
 
     Parameters
     ----------
     values
-        Of the quantities.
+        Values of the quantities.
     apart
-        How much each of them may be off, as its own changes tell.
+        Uncertainty of each of them, from its own changes.
     """
     known = {q.name: q for q in case.quantities if q.name in apart}
     sure = dict(apart)
@@ -153,7 +153,7 @@ def moving_uncertainty(case: Case, values: Mapping[str, float], apart: Mapping[s
 
 
 def _place(quantity: QuantityModel) -> tuple[object, ...] | None:
-    """Return what a quantity is a component of: a kind, where and when; None if it is no component."""
+    """Return the vector of which a quantity is a component: its kind, place and time; None if it is no component."""
     match quantity:
         case DisplacementQuantity() | PositionQuantity():
             return ("place", quantity.points, quantity.at)

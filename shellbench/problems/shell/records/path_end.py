@@ -43,9 +43,9 @@ def cut_short(solution: Solved, why: str) -> Solved:
 
 
 def branch_passed(case: Case, factor: float) -> str:
-    """Return how a path ends at a branch of other equilibria before a load factor, and how to go on if that is known.
+    """Return a sentence on the branch that a path passed before a load factor, with the way to go on if one is known.
 
-    A branch that breaks a symmetry of the case is not there in a model of the part between its mirrors.
+    A model of the part between the mirrors does not have a branch that breaks a symmetry of the case.
     """
     found = f"a branch of other equilibria was passed before load factor {factor:.6g}"
     planes = sorted({f"{COMPONENTS[m.normal]} = {m.offset:.6g}" for m in part_of(case).mirrors})

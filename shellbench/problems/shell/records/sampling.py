@@ -106,7 +106,7 @@ def energy_densities(solution: DisplacementField, xi: Array) -> dict[str, NDArra
 
 
 def _told(ask: Callable[[], dict[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
-    """Return what a solution tells; nothing if it can't."""
+    """Return the arrays that a call on the solution gives; none if it fails."""
     try:
         return ask()
     except (InputError, NotImplementedError):

@@ -1,12 +1,12 @@
-"""Whether a deformed surface passes through itself: a measure of an answer, no mechanics.
+"""Self-intersection of a deformed surface: a measure of an answer, no mechanics.
 
 The surface is sampled at a grid of material points, whose cells are nearly square and are cut into two triangles each.
-Nothing is said beyond these triangles:
+The result is limited to these triangles:
 
-- A crossing between triangles that share a point is not looked for: folds narrower than two cells go unseen.
+- Crossings between triangles that share a point are not looked for: folds narrower than two cells are missed.
 - The triangles differ from the surface by its sag, about the square of a cell times the curvature over 8. Sheets
   closer to each other than both their sags may be taken for crossing, or their crossing be missed.
-- Sheets that touch do not cross, nor do edges that meet up to `SHALLOW` of the surface's size.
+- Sheets that touch do not cross; edges that meet up to `SHALLOW` of the surface's size do not either.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def words(found: SelfIntersection, mark_words: Callable[[float], str]) -> str:
 
 
 def grid_size(case: Case) -> tuple[int, int]:
-    """Return how many points the grid has along each coordinate: about `POINTS`, cells nearly square at rest."""
+    """Return the number of grid points along each coordinate: about `POINTS` in all, cells nearly square at rest."""
     shape = case.surface.position(case.surface.domain.grid(FEWEST, FEWEST))
     across = [float(np.linalg.norm(np.diff(shape, axis=axis), axis=-1).sum(axis=axis).mean()) for axis in (0, 1)]
     first = math.sqrt(POINTS * across[0] / across[1])
@@ -136,9 +136,9 @@ def sag(shape: Array, xi: Array, domain: Domain) -> float:
 
 
 def lies_over_a_plane(shape: Array) -> bool:
-    """Return whether the triangles of a shape (n1, n2, 3) lie side by side as seen from some direction.
+    """Return True if the triangles of a shape (n1, n2, 3) lie side by side as seen from some direction.
 
-    Then none of them crosses another. Where it says no, they may lie so all the same.
+    Then none of them crosses another. False is no proof of the contrary.
     """
     # 1. Look along the mean normal. All triangles must turn the same side to the viewer, and none its edge.
     # 2. The border, as seen from there, must be one closed line that does not meet itself.
@@ -157,7 +157,7 @@ def lies_over_a_plane(shape: Array) -> bool:
 
 
 def _is_simple(corners: Array) -> bool:
-    """Return whether the sides of a closed polygon (n, 2) meet at their common corners only."""
+    """Return True if the sides of a closed polygon (n, 2) meet at their common corners only."""
 
     def side(start: Array, end: Array, place: Array) -> NDArray[np.bool_]:
         one, other = end - start, place - start
@@ -262,7 +262,7 @@ def _pierced(corners: Array, pairs: Indices, heights: Array, shallow: float) -> 
 
 
 def _inside(triangles: Array, places: Array) -> NDArray[np.bool_]:
-    """Return which places (k, 3) in the planes of triangles (k, 3, 3) lie in them, borders included."""
+    """Return a mask (k,): True if a place (k, 3) in the plane of its triangle (k, 3, 3) lies in it or on its border."""
     edges = np.roll(triangles, -1, axis=1) - triangles
     turns = np.cross(edges, places[:, None] - triangles)
     same = np.einsum("kcj,kdj->kcd", turns, turns)

@@ -35,7 +35,7 @@ def snapshot_of(solution: DisplacementField, mark: float) -> DisplacementField:
 
 
 class _Snapshot:
-    """What measuring asks of a solution is remembered; all else is the solution's own."""
+    """A solution at one mark that remembers the answers to measurements; it passes on all other attributes."""
 
     def __init__(self, solution: DisplacementField, mark: float) -> None:
         self._solution = solution
@@ -124,12 +124,12 @@ def _by_load(case: Shell) -> bool:
 
 
 def _meaning(quantity: QuantityModel) -> str:
-    """Return what two quantities have in common that measure the same thing."""
+    """Return a text that is the same for two quantities that measure the same thing."""
     return quantity.model_dump_json(exclude=APART)
 
 
 def _keeps_energy(case: Shell) -> bool:
-    """Whether a case might ask for its total energy."""
+    """Return True if a case may ask for its total energy."""
     try:
         TOTAL.check_motion(case, is_constant(case))
     except ValueError:

@@ -83,7 +83,7 @@ class Part:
 
     @property
     def copies(self) -> int:
-        """How many times the part is in the whole."""
+        """Number of copies of the part in the whole."""
         return 1 << len(self.mirrors)
 
     def images(self) -> Iterator[tuple[Mirror, ...]]:
@@ -151,7 +151,7 @@ class Part:
                     yield number, support, found
 
     def holds(self, motion: RigidMotion) -> bool:
-        """Whether planes of symmetry exclude a rigid motion.
+        """Return True if planes of symmetry exclude a rigid motion.
 
         A plane excludes the translation across it and the rotations about axes in it: in the mean over the area a
         symmetric displacement is then orthogonal to the motion.

@@ -61,7 +61,7 @@ def _axes(case: Shell) -> Iterator[int]:
 
 
 def follows(case: Shell, rotation: NDArray[np.float64]) -> bool:
-    """Whether what holds a shell by some Cartesian components does so after a rotation (3, 3) too, by the same ones."""
+    """Return True if the held Cartesian components stay the same ones after a rotation (3, 3) of the shell."""
     return all(rotation[axis, axis] >= 1 - SAME_AXIS for axis in _axes(case))
 
 

@@ -226,7 +226,7 @@ class _Reparametrisation:
         return [self.formula(f) for f in vector]
 
     def place(self, name: str) -> str:
-        """Return what an edge, a corner or a point is called in the chart."""
+        """Return the name that an edge, a corner or a point has in the chart."""
         edges = dict(self.chart.edges)
         return ",".join(sorted(edges.get(part, part) for part in name.split(",")))
 
@@ -300,7 +300,7 @@ class _Reparametrisation:
         return {"component": other.get(component, component)}
 
     def _orthogonal(self) -> bool:
-        """Whether the coordinate lines of the case meet at right angles everywhere."""
+        """Return True if the coordinate lines of the case meet at right angles everywhere."""
         surface = self.case.surface
         x = surface.derivatives(surface.domain.grid(ANGLES, ANGLES).reshape(-1, 2), order=1)
         lengths = np.linalg.norm(x[1, 0], axis=-1) * np.linalg.norm(x[0, 1], axis=-1)

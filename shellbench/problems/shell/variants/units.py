@@ -20,12 +20,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Units:
-    """How many new units there are in the old one: 1000 millimetres in a metre.
+    """Number of new units in the old one, such as 1000 millimetres in a metre.
 
     Attributes
     ----------
     length, force
-        Of metres and newtons. The unit of time stays.
+        Factors of metres and newtons. The unit of time stays.
     """
 
     length: float
