@@ -120,7 +120,7 @@ class Ties:
         return result
 
     def reduce_cells(self, matrix: CellMatrices) -> CellMatrices:
-        """Return what `reduce` does of a sum of cell matrices; a diagonal is the number of cells that have it."""
+        """Return the result of `reduce` for a sum of cell matrices; fixed diagonal entries count the cells of the node."""
         # Conditions tie what belongs to one vertex or one side of a cell. A cell has all of that or nothing of it.
         dofs = matrix.dofs
         carried = self.free.shape[1]
