@@ -199,7 +199,7 @@ class Mesh:
         return met[:, None], (weight * depth[:, None] * normal)[:, None], weight[:, :, None] * outer
 
     def span(self) -> tuple[Sparse, Array]:
-        """Return the sparse map (3 n, k) from free unknowns to places, and the prescribed displacement (n, 3) of pins."""
+        """Return the sparse map (3 n, k) from free unknowns to places, and the displacement (n, 3) of the pins."""
         points = self.lattice.points
         given, values = np.zeros((len(points), 3), dtype=bool), np.zeros((len(points), 3))
         given[:, ["xyz".index(axis) for axis in self.cloth.confined]] = True

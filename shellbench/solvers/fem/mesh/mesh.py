@@ -55,7 +55,7 @@ _BUBBLES = 16 * np.array([[0, 0, 1, -2, 1, 0], [0, 0, -1, 4, -5, 2]], dtype=floa
 
 
 def kinds_of(degree: Degree) -> tuple[tuple[int, int], ...]:
-    """Return a node's degrees of freedom by coordinate: 0 for a value, 1 for a slope, from 2 on bubbles. `KINDS` first."""
+    """Return a node's degrees of freedom by coordinate, `KINDS` first: 0 is a value, 1 a slope, 2 and more bubbles."""
     numbers = range(degree - 1)
     return KINDS + tuple((a, b) for a in numbers for b in numbers if max(a, b) > 1)
 
