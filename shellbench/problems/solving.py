@@ -11,7 +11,7 @@ from shellbench.problem import Capabilities, Progress, ProgressCallback, Setting
 
 
 def silent(progress: Progress) -> None:
-    """Tell nobody."""
+    """Ignore the progress."""
 
 
 class CheckedSolver(ABC):
@@ -20,7 +20,7 @@ class CheckedSolver(ABC):
     Attributes
     ----------
     uses_start
-        Whether it goes on from an earlier solution; one is refused otherwise.
+        Whether it can continue from an earlier solution; otherwise it refuses one.
     """
 
     name: ClassVar[str]
@@ -56,7 +56,7 @@ class CheckedSolver(ABC):
         Raises
         ------
         SolveFailure
-            If no trustworthy answer was reached; what was reached comes with it.
+            If no trustworthy answer was reached; the partial solution comes with it.
         InputError
             If the solver declines the case, the settings do not fit it, or `start` is of no use to the solver.
         """
@@ -74,7 +74,7 @@ class CheckedSolver(ABC):
     def answer_from(
         self, start: Solution | Path | None, case: Any, settings: Any, progress: ProgressCallback
     ) -> Solution:
-        """Solve a case that is not declined; `start` is None unless the solver has a use for it."""
+        """Solve a case that is not declined; `start` is None unless the solver can use it."""
 
 
 class FreshSolver(CheckedSolver):

@@ -18,7 +18,8 @@ LEVEL_ROUNDING = 1e-14  # relative: what no level tells
 class FieldSolver(FreshSolver):
     """A solver of problems of kind `field`.
 
-    A subclass says which theories it takes, and gives `answer` and what it refuses beyond them by `refuses`.
+    A subclass states the theories that it takes, and gives `answer`, and in `refuses` the cases that it declines beyond
+    them.
     """
 
     def declines(self, case: Any) -> str | None:
@@ -33,7 +34,7 @@ class FieldSolver(FreshSolver):
 
     @abstractmethod
     def load(self, path: Path) -> Solution:
-        """Read what an answer has saved."""
+        """Read the file of an answer."""
 
 
 def measured(case: FieldCase, answer: FieldAnswer) -> dict[str, float]:

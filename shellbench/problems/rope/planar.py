@@ -1,4 +1,4 @@
-"""Ropes whose links are taut and stay in the plane (x, z), so that angles say where they are."""
+"""Ropes whose links stay taut and in the plane (x, z), so that angles describe the motion."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def start_angles(case: RopeCase) -> tuple[Array, Array]:
 
 
 def pulling(case: RopeCase, at: float, tensions: Array, before: list[Any]) -> Array:
-    """Return tensions without rounding below zero; SolveFailure, with the states before, where a link must push."""
+    """Return tensions without rounding below zero; SolveFailure, with the states before, if a link would push."""
     weight = float(case.masses.sum()) * case.gravity
     if tensions.min() < -PUSHED * max(weight, float(tensions.max())):
         raise SolveFailure(f"a link lets go before t = {at:g}", before)

@@ -49,7 +49,7 @@ class ConditionedAnswer(ABC):
 
 
 def stepped(material: Material, by: Parameter, step: float) -> Material:
-    """Return a material a step farther: in log h or log E, or in nu."""
+    """Return a material shifted by a step: in log h or log E, or in nu."""
     if by == "poissons_ratio":
         return material._replace(poissons_ratio=material.poissons_ratio + step)
     return material._replace(**{by: getattr(material, by) * math.exp(step)})
@@ -72,4 +72,4 @@ class ConditionedSolver(FreshSolver):
 
     @abstractmethod
     def load(self, path: Path) -> Solution:
-        """Read what an answer has saved."""
+        """Read the file of an answer."""

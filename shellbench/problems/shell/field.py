@@ -18,7 +18,7 @@ RESULTANTS = ("membrane_force", "moment", "shear_force")
 
 
 class DisplacementField(Solution, Protocol):
-    """A continuous displacement field and how it came about."""
+    """A continuous displacement field with its history."""
 
     def displacement(
         self, points: ArrayLike, at: float | None = None, material: Mapping[str, float] | None = None
@@ -60,8 +60,7 @@ class DisplacementField(Solution, Protocol):
     def rounded(self, format: NumberFormat) -> tuple[DisplacementField, int]:
         """Return the solution with all numbers that `displacement` needs rounded to a format, and the bytes it takes.
 
-        What is asked of the rounded solution is computed in double precision. Each array may be kept with a power of
-        two as its scale (see `shellbench.problems.shell.solution`). Plug-ins may lack this method; no precision is
-        studied then.
+        The rounded solution is evaluated in double precision. Each array may be kept with a power of two as its scale
+        (see `shellbench.problems.shell.solution`). Plug-ins may lack this method; no precision is studied then.
         """
         ...

@@ -1,4 +1,4 @@
-"""Shells as a kind of problem: what records keep of their solutions, and what can be exported."""
+"""Shells as a kind of problem: the data of their solutions for records, and their exports."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def precision(solution: DisplacementField, case: Case, values: Values) -> Sequen
 
 
 def self_intersection(solution: DisplacementField, case: Case, values: Values) -> Sequence[SelfIntersection]:
-    """Return when the surface first passes through itself."""
+    """Return the first state at which the surface passes through itself."""
     return self_intersection_study(solution, case)
 
 

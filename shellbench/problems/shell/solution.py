@@ -1,13 +1,14 @@
-"""The common part of solutions of shells: what is no mechanics is written once.
+"""The common part of solutions of shells, which contains no mechanics.
 
-The solution of a solver is a subclass. It says how it answers at points (`displacement_at`, `field_at`, `energies`,
-`reaction_at`), what a file holds beside the case and the history (`kept`, `restored`), and which arrays the
-displacement is made of (`numbers`). The base gives shapes of points, files, rounding, bytes, the velocity of what
-stands still, and one sentence for each wrong question. It knows no strain, energy or load: these are each solver's own.
+The solution of a solver is a subclass. The subclass implements the answers at points (`displacement_at`, `field_at`,
+`energies`, `reaction_at`) and the content of a file beside the case and the history (`kept`, `restored`). It names the
+arrays that the displacement is made of (`numbers`). The base provides shapes of points, files, rounding, bytes, the
+zero velocity of static cases, and one sentence for each wrong question. It contains no strain, energy or load: these
+are each solver's own.
 
-The common part of solvers of shells: what is asked of a case and of settings before anything is solved.
+The common part of solvers of shells: checks of a case and of settings before anything is solved.
 
-Numbers in a shorter floating-point format, as a solution would be kept in it.
+Numbers in a shorter floating-point format, as a compact file would keep them.
 
 A format of 16 bits holds magnitudes from 6e-5 to 65504 only (IEEE 754-2008, binary16). An array is therefore scaled
 before it is rounded, so that its largest magnitude comes near the largest number of the format. The scale is a power
@@ -69,7 +70,7 @@ class Shortened:
 
 
 def shortened(array: NDArray[np.floating[Any]], format: NumberFormat) -> Shortened:
-    """Round an array to the nearest numbers of a format; one that is no longer than the format stays as it is.
+    """Round an array to the nearest numbers of a format; an array that already fits the format stays as it is.
 
     Each number x then errs by at most 2**-p |x|, with p = 24 in float32 and p = 11 in float16, where numbers below
     2**-28 of the largest one may err by 2**-39 of it.
@@ -94,7 +95,7 @@ def expanded(numbers: NDArray[np.floating[Any]], exponent: int) -> Array:
 Arrays = Mapping[str, NDArray[Any]]
 Words = Mapping[str, Any]
 
-SLACK = 1e-9  # of the largest mark, by which a mark may lie beside it
+SLACK = 1e-9  # of the largest mark: allowed difference of a mark from a state's own
 DAMAGE = (ValueError, KeyError, TypeError, EOFError, IndexError, zipfile.BadZipFile, zlib.error)
 
 
@@ -126,7 +127,7 @@ class ShellSolution:
     unsettled: str | None = None
     mode_values: Mapping[int, float] = field(default_factory=dict)
 
-    if TYPE_CHECKING:  # no attributes of the base, which would pass for the fields' default values
+    if TYPE_CHECKING:  # not attributes of the base: these would become default values of the fields
 
         @property
         def case(self) -> Case:
@@ -153,7 +154,7 @@ class ShellSolution:
         Raises
         ------
         InputError
-            If a material is asked for: the field is of the case's own.
+            If a material is given: the field is that of the case's own material.
         """
         if material is not None:
             raise InputError(f"{self.case.name}: this field is of the case's own material, and takes no other one")
@@ -197,7 +198,7 @@ class ShellSolution:
         raise NotImplementedError
 
     def velocity_at(self, xi: Array, at: float | None) -> Array:
-        """Return the velocity (N, 3) at points (N, 2): zero, where nothing moves."""
+        """Return the velocity (N, 3) at points (N, 2): zero in a static case."""
         return np.zeros((len(xi), 3))
 
     def field_at(self, name: str, xi: Array, at: float | None) -> Array:
@@ -241,7 +242,7 @@ class ShellSolution:
 
     @classmethod
     def restored(cls, case: Case, words: Words, arrays: Arrays) -> Self:
-        """Make a solution of what `kept` gave; ValueError or KeyError if it does not fit together."""
+        """Make a solution from the data of `kept`; ValueError or KeyError if they are inconsistent."""
         raise NotImplementedError
 
     def facts(self) -> dict[str, Any]:
@@ -268,7 +269,7 @@ class ShellSolution:
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Read what `save` wrote; InputError in one sentence if the file is missing, damaged, or of something else."""
+        """Read a file of `save`; InputError in one sentence if it is missing, damaged, or another file."""
         return read_solution(path, cls.formats, lambda case: cls)
 
 
@@ -307,12 +308,12 @@ def read_solution(path: Path, formats: Sequence[str | int], kind: Callable[[Case
 
 
 def state_number(case: Case, marks: ArrayLike, at: float | None) -> int:
-    """Return the number of the state that was solved at a mark, of the last one if None.
+    """Return the number of the state at a mark; of the last state if None.
 
     Raises
     ------
     InputError
-        If the case was not solved at it.
+        If the case has no state at the mark.
     """
     known = np.asarray(marks, dtype=float)
     if at is None:
@@ -324,7 +325,7 @@ def state_number(case: Case, marks: ArrayLike, at: float | None) -> int:
 
 
 def time_reached(case: Case, last: float, at: float | None) -> float:
-    """Return a time, s, from 0 to the last one that a motion reached, which is meant by None.
+    """Return a time, s, from 0 to the last one that a motion reached; None stands for the last one.
 
     Raises
     ------
@@ -375,12 +376,12 @@ class ShellSolver(CheckedSolver):
         raise NotImplementedError
 
     def load(self, path: Path) -> Solution:
-        """Read a solution that `Solution.save` wrote; InputError in one sentence if it is none."""
+        """Read a file of `Solution.save`; InputError in one sentence if it is no such file."""
         raise NotImplementedError
 
 
 def checked_start(start: Solution, case: Case, solver: str, *kinds: type[S]) -> S:
-    """Return an earlier solution from which a solver goes on; InputError if it is none of its kinds, or no edit."""
+    """Return an earlier solution to continue from; InputError if it is of another class or no edit."""
     if case.dynamics is not None:
         raise InputError(f"{solver} can't go on from an earlier solution in {case.name}: a motion begins at rest")
     if not isinstance(start, kinds):

@@ -48,7 +48,7 @@ class BodyMotion:
 
 
 def body_motion(seed: int, clips: int, frames: int) -> BodyMotion:
-    """Return the motion of clips, which begin at rest; a clip is the same however many there are."""
+    """Return the motion of clips, which begin at rest; a clip does not depend on the number of clips."""
     time = np.arange(frames) / RATE
     ramp = np.clip(time / RAMP, 0.0, 1.0)
     ramp = ramp**2 * (3 - 2 * ramp)

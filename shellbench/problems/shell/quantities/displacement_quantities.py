@@ -1,4 +1,4 @@
-"""Quantities of the displacement field: at points, over the whole shell, and how far it is from a known field."""
+"""Quantities of the displacement field: at points, over the whole shell, and its distance from a known field."""
 
 from __future__ import annotations
 
@@ -182,7 +182,7 @@ class FieldError(ShellQuantity):
             )
 
     def _division(self, shell: Any) -> Division:
-        """Return cells that tell the prescribed displacement, none larger than panels of the rule of the case."""
+        """Return cells that resolve the prescribed displacement, none larger than panels of the rule of the case."""
         first, second = (tuple(ends) for ends in panel_ends(shell))
         domain = shell.surface.domain
         (low, bottom), (high, top) = domain.lower, domain.upper
@@ -202,7 +202,7 @@ class FieldError(ShellQuantity):
 
 
 def largest_displacement(solution: DisplacementField, at: float | None = None) -> float:
-    """Return the largest magnitude of the displacement, metres; the points of the case are looked at, too."""
+    """Return the largest magnitude of the displacement, metres; the search includes the points of the case."""
     named = [place.xi for place in solution.case.places.values() if isinstance(place, Point)]
 
     def magnitudes(points: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Quantities of what supports and obstacles exert on the shell."""
+"""Quantities of the forces of supports and obstacles on the shell."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class SupportQuantity(ShellQuantity):
 class ReactionQuantity(SupportQuantity):
     """The force that a support exerts on the shell, along a direction, N.
 
-    Where supports meet that hold the same direction, each has the force along its own edges, and an equal share of one
+    If supports that hold the same direction meet, each has the force along its own edges, and an equal share of a force
     that is concentrated there, such as at a plate's corner.
 
     Attributes
@@ -53,7 +53,7 @@ class ReactionQuantity(SupportQuantity):
         """Return the force, N."""
         force, _ = solution.reaction(self.support, at=self.at)
         direction = unit(self.direction)
-        asked = direction != 0  # a solver may not know the others, and has NaN there
+        asked = direction != 0  # a solver may not know the other components, which are then NaN
         return float(force[asked] @ direction[asked])
 
 

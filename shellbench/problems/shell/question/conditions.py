@@ -1,4 +1,4 @@
-"""Supports and loads: what a case file can say about them, as data. Solvers give them their meaning.
+"""Supports and material as data of a case file. Solvers give them their meaning.
 
 Linear isotropic shell material (Kairanda et al., eqs. (17)-(19)).
 """
@@ -80,7 +80,7 @@ class Translation(Model):
 class Rotation(Model):
     """A rotation of the support about an axis: u = R(angle) (x - centre) - (x - centre).
 
-    In linear theory the rotation is linearised, u = angle axis x (x - centre), as every displacement is.
+    In linear theory the rotation is linearised, like every displacement: u = angle axis x (x - centre).
 
     Attributes
     ----------
@@ -174,17 +174,17 @@ class Support(Model):
 
 
 class Spring(Model):
-    """An elastic support spread over the shell: it draws each point back to where it was at rest.
+    """An elastic support spread over the shell: it pulls each point back to its place at rest.
 
     Attributes
     ----------
     name
-        What error messages call it.
+        Name in error messages.
     stiffness
         k, N/m^3: a number or formula in xi1 and xi2. The energy per reference area is k |u|^2 / 2, of the components
         that it holds.
     components
-        Components of the displacement that it draws back.
+        Components of the displacement that it acts on.
     """
 
     name: Name
@@ -202,15 +202,15 @@ class Material(Model):
     """Young's modulus, Poisson's ratio, thickness and density of a shell.
 
     The strain energy per reference area is W = 1/2 (D H eps eps + B H kappa kappa). A homogeneous shell has one H, of
-    its Poisson's ratio; with a `bending_poissons_ratio`, bending has an H of its own. Where the shell is not the same
-    everywhere, modulus and thickness are `youngs_modulus` and `thickness` times their factors. The factors vary the
-    stiffness D and B alone: an areal density is what it is.
+    its Poisson's ratio; with a `bending_poissons_ratio`, bending has an H of its own. In a shell that varies, modulus
+    and thickness are `youngs_modulus` and `thickness` times their factors. The factors vary the stiffnesses D and B
+    alone, not the areal density.
 
     Attributes
     ----------
     modulus_factor, thickness_factor
-        Number or formula in xi1 and xi2 by which it is multiplied; positive on the shell. They may have kinks along
-        coordinate lines, but can't jump.
+        Factor: a number or formula in xi1 and xi2; positive on the shell. It may have kinks along coordinate lines, but
+        can't jump.
     """
 
     limits: ClassVar[str] = LIMITS
@@ -241,7 +241,7 @@ class Material(Model):
     def factors(
         self, points: ArrayLike, constants: Mapping[str, float]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the factors (...) of modulus and thickness at points (..., 2); the surface's constants are known."""
+        """Return the factors (...) of modulus and thickness at points (..., 2), with the surface's constants."""
         xi = np.asarray(points, dtype=float)
         formulas = (
             Expression(f, ("xi1", "xi2"), constants, piecewise=True)

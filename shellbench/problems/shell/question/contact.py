@@ -1,8 +1,8 @@
-"""Contact of shells with obstacles: what the gap is, what presses, and what is measured of both.
+"""Contact of shells with obstacles: the gap, the contact forces, and their measurement.
 
-At rest contact is without friction. Obstacles are asked where the deformed midsurface is, x + u, in the linear theory
-too. With `thickness` it is a face that touches: the midsurface keeps half a thickness from the obstacle, along the
-obstacle's normal.
+Static contact is without friction. The gap is that of the deformed midsurface, x + u, in the linear theory too. With
+`thickness` a face of the shell touches: the midsurface keeps half a thickness from the obstacle, along the obstacle's
+normal.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from shellbench.protocol.schema import Flag, Model
 Array = NDArray[np.float64]
 
 STARTS_INSIDE = 1e-9  # of the shell's size: a depth at rest that is more than rounding
-REST_SAMPLES = 41  # points a side at which a shell at rest is looked at
+REST_SAMPLES = 41  # points a side at which the gap of a shell at rest is checked
 LINE = 512  # panels of a coordinate line, whose length is measured by two Gauss points each
 
 
@@ -54,7 +54,7 @@ class Touch:
 
 
 def touch_at_vertices(case: Any, points: Array, steps: Array, forces: Array) -> Touch:
-    """Return forces (v, 3), N, at the vertices (v, 2) of an even grid with steps (2,), with what they act on."""
+    """Return forces (v, 3), N, at the vertices (v, 2) of an even grid with steps (2,), as contact."""
     x = case.surface.derivatives(points, order=1)
     speeds = np.stack([np.linalg.norm(x[order], axis=-1) for order in ((1, 0), (0, 1))], axis=-1)
     domain = case.surface.domain
@@ -122,7 +122,7 @@ def check_contact(case: Any) -> None:
     Raises
     ------
     ValueError
-        In one clause that says what is wrong.
+        In one clause that states the fault.
     """
     if not case.obstacles:
         if case.contact != type(case.contact)():  # a record has the defaults, too
@@ -154,7 +154,7 @@ def check_contact(case: Any) -> None:
 
 def deepest(solution: Any, at: float | None) -> float:
     """Return the largest depth of the displaced shell in obstacles, m; 0 if it is in none."""
-    # Where forces act the search looks, too.
+    # The search includes the points where forces act.
     case, t = solution.case, at
     if t is None:
         t = 1.0 if case.dynamics is None else case.dynamics.until
@@ -172,12 +172,13 @@ def edge_of_contact(case: Any, touch: Touch, start: tuple[float, float], axis: i
     The edge lies within a cell: a line force at the edge and a pressure behind it have the resultant and the moment of
     the forces that the solver found.
     """
-    # 1. The row of points nearest to the line, and their distances from the start.
-    # 2. From the first force on, over the reach: the resultant T, and the moment M about the reach's end X.
-    # 3. The pressure p from the reach after that one.
+    # 1. Find the row of points nearest to the line, and their distances from the start.
+    # 2. From the first force on, over the reach, sum the resultant T, and the moment M about the reach's end X.
+    # 3. Take the pressure p from the next reach.
     # 4. A line force P at the edge and p from there on have T = P + p s and M = P s + p s^2 / 2, with s from the edge
-    #    to X: T s - p s^2 / 2 = M, so that s = 2 M / (T + sqrt(T^2 - 2 p M)).
-    # The last active point, or the place where the gap opens, is known to a cell only.
+    #    to X. This gives T s - p s^2 / 2 = M, so that s = 2 M / (T + sqrt(T^2 - 2 p M)).
+    # Departure from the usual choices: the last active point, or the place where the gap opens, is accurate to a cell
+    # only.
     domain, other = case.surface.domain, 1 - axis
     rows = touch.points[:, other]
     nearest = rows[np.argmin(np.abs(rows - start[other]))]

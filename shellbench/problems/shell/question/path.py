@@ -1,6 +1,6 @@
-"""Paths: how a static case is loaded from rest, and which of its states are kept.
+"""Paths: the load of a static case from rest, and the states that are kept.
 
-Dynamics: that a case is one of motion, and until when.
+Dynamics: the motion of a case, and its final time.
 """
 
 from __future__ import annotations
@@ -50,20 +50,20 @@ class Path(Model):
         return self
 
 
-SHORTEST, LONGEST = 1e-9, 1e9  # seconds: what is beyond is a slip of the pen
+SHORTEST, LONGEST = 1e-9, 1e9  # seconds: a time outside is taken as a mistake in the file
 
 
 class Dynamics(Model):
     """A motion by Newton's law, from rest at t = 0.
 
-    The areal density times the acceleration is the load less the derivative of the strain energy, and nothing damps it.
+    The areal density times the acceleration is the load less the derivative of the strain energy. There is no damping.
 
     Attributes
     ----------
     until
         Final time, s.
     states
-        Times that are kept beside those that quantities ask for, s.
+        Further times to keep, beside those of the quantities, s.
     """
 
     until: Annotated[Finite, Field(ge=SHORTEST, le=LONGEST)]

@@ -25,12 +25,12 @@ from shellbench.problems.shell.solution import S, ShellSolution
 
 @dataclass
 class Log:
-    """The history of a solve so far, and what is told of it while it runs.
+    """The history of a solve so far, and its progress reports.
 
     Attributes
     ----------
     case, progress
-        What is solved, and who is told.
+        The case, and the callback of progress.
     began
         Time of `time.perf_counter` when the solve began.
     steps
@@ -45,7 +45,7 @@ class Log:
     def add_state(
         self, at: float, energy: float, unknowns: int, iterations: int, quantities: Callable[[], Mapping[str, float]]
     ) -> None:
-        """Add a state of equilibrium at a load factor; one of a path with the quantities that are asked for there."""
+        """Add a state of equilibrium at a load factor; a state of a path with the quantities asked there."""
         step = Step(len(self.steps), time.perf_counter() - self.began, energy, unknowns, at, iterations=iterations)
         if not self.case.linear:
             step = replace(step, phase="path", quantities=quantities())
@@ -60,20 +60,20 @@ class Log:
 
 
 def displacements(solution: ShellSolution, at: float) -> Mapping[str, float]:
-    """Return the displacement quantities of the case at a state of a path, whatever state they are asked for."""
+    """Return the displacement quantities of the case at a state of a path, whatever their own states."""
     asked = [q for q in solution.case.quantities if isinstance(q, DisplacementQuantity)]
     return {q.name: measure(solution, q.model_copy(update={"at": at})) for q in asked}
 
 
 def with_answer_first(solution: S, began: float) -> S:
-    """Return a solution whose history begins with the whole answer; the states of a path follow, those of statics go.
+    """Return a solution whose history begins with the whole answer; states of a path follow, static ones are dropped.
 
     `began` is the time of `time.perf_counter` when the solve began.
 
     Raises
     ------
     SolveFailure
-        If the path lacks a point that a quantity is asked at.
+        If the path lacks the state of a quantity.
     """
     try:
         quantities = measure_all(solution)
@@ -87,7 +87,7 @@ def with_answer_first(solution: S, began: float) -> S:
 
 @contextmanager
 def failing_with(partial: Callable[[], Solution | None], too_large: str) -> Iterator[None]:
-    """Give a failure what was reached before it; `too_large` is what does not fit into memory, such as "the mesh"."""
+    """Attach the partial solution to a failure; `too_large` names the object that exceeds memory: "the mesh"."""
     try:
         yield
     except SolveFailure as failure:

@@ -1,4 +1,4 @@
-"""A path that ends before all that was asked of it: what it reached is kept, and the rest is named."""
+"""A path that ends early: the states that it reached are kept, and the missing quantities are named."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ Solved = TypeVar("Solved", bound=ShellSolution)
 
 
 def cut_short(solution: Solved, why: str) -> Solved:
-    """Return a path that ended early as what it is: not settled, if it lacks anything that was asked of it.
+    """Return a path that ended early, marked as not settled if it lacks an asked quantity.
 
     Parameters
     ----------
     solution
         The path as far as it came.
     why
-        Why it ended there, as a clause.
+        Reason for its end, as a clause.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Portraits of shells: what a report can draw of one, and which of its quantities belong together."""
+"""Portraits of shells: the data that a report draws, and the grouping of quantities."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class ShellPortrait(Portrait):
 
     @property
     def ends(self) -> float | None:
-        """Time, s, at which a motion ends; None of what does not move."""
+        """Time, s, at which a motion ends; None without a motion."""
         return None if self.case.dynamics is None else self.case.dynamics.until
 
     @property
@@ -88,7 +88,7 @@ class ShellPortrait(Portrait):
 
     @property
     def controlled_by(self) -> str | None:
-        """Displacement quantity that grows along the path; None where the load does."""
+        """Displacement quantity that controls the path; None under load control."""
         return self.case.path.quantity
 
     @property
@@ -116,9 +116,9 @@ class ShellPortrait(Portrait):
         )
 
     def ways_to_obstacles(self, position: Array) -> tuple[Array, ...]:
-        """Return the ways (n1, n2, 3) from points (n1, n2, 3) at rest to where they would touch each obstacle.
+        """Return the vectors (n1, n2, 3) from points (n1, n2, 3) at rest to their contact with each obstacle.
 
-        One that moves is where it ends.
+        A moving obstacle is taken at its final place.
         """
         case, ways = self.case, []
         t = 1.0 if case.dynamics is None else case.dynamics.until
@@ -206,7 +206,7 @@ class ShellPortrait(Portrait):
 
     @property
     def gravity(self) -> Array | None:
-        """Acceleration (3,), m/s2, of a case in which nothing else acts and nothing holds; None in any other."""
+        """Acceleration (3,), m/s2, of a case with gravity alone and without supports; None for any other case."""
         case = self.case
         if case.dynamics is None or case.supports or case.springs or len(case.loads) != 1:
             return None
@@ -216,7 +216,7 @@ class ShellPortrait(Portrait):
         return np.array(load.acceleration, dtype=float)
 
     def direction_of(self, series: str) -> Array | None:
-        """Return the one direction (3,) of the displacement that a series is; None of anything else."""
+        """Return the one direction (3,) of a series of displacements; None for any other series."""
         quantity = next((one.quantity for one in asked_series(self.case) if one.name == series), None)
         if not isinstance(quantity, DisplacementQuantity) or len(quantity.directions) != 1:
             return None
