@@ -1,10 +1,10 @@
-"""Intervals that hold all values of a formula on a box: what samples of it can't tell.
+"""Intervals that enclose all values of a formula on a box, also those between samples.
 
-An `Interval` stands where `Taylor` series have arrays of numbers, so that one evaluation of a formula encloses its
+An `Interval` takes the place of arrays of numbers in `Taylor` series, so that one evaluation of a formula encloses its
 values, or any of its derivatives, over many boxes at once (Moore, Kearfott & Cloud, Introduction to Interval Analysis,
 2009, chapters 5 and 6). NumPy's functions of an interval are those of `_FUNCTIONS`; others are refused.
 
-Where an argument leaves the domain of a function, nothing is known of its value: the interval is then unbounded.
+If an argument leaves the domain of a function, its value is unknown: the interval is then unbounded.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Undecided:
     fails: NDArray[np.bool_]
 
     def chosen(self, first: Any, second: Any, known: bool) -> Interval:
-        """Return the one or the other; where both may be it, what holds both if that is `known`, or else no bounds."""
+        """Return one or the other; if both are possible, an enclosure of both if that is `known`, else no bounds."""
         one, other = interval_of(first), interval_of(second)
         low = np.minimum(one.low, other.low) if known else -np.inf
         high = np.maximum(one.high, other.high) if known else np.inf
@@ -80,14 +80,14 @@ def interval_of(value: Any) -> Interval:
 
 
 def is_interval(*values: Any) -> bool:
-    """Tell whether any of the values is an interval."""
+    """Return True if any of the values is an interval."""
     return any(isinstance(value, Interval) for value in values)
 
 
 def products(first: Sequence[Any], second: Sequence[Any]) -> list[Interval]:
-    """Return the first coefficients of the product of two power series, whose own ones are intervals or numbers.
+    """Return the first coefficients of the product of two power series with intervals or numbers as coefficients.
 
-    Of middles and radii, (a +- r) (b +- s) is in a b +- (|a| s + r (|b| + s)): coefficients go through it together.
+    With middles and radii, (a +- r) (b +- s) lies in a b +- (|a| s + r (|b| + s)), for all coefficients at once.
     """
     (a, r), (b, s) = _middles(first), _middles(second)
     size, most = np.abs(a), np.abs(b) + s
@@ -194,7 +194,7 @@ _exp = _rising(np.exp)
 
 def _log(x: Interval) -> Interval:
     found = _within(x, 0.0, math.inf, np.log)
-    # near 1 the logarithm is as small as what its argument has lost
+    # near 1 the logarithm is as small as the rounding of its argument
     return Interval(found.low - APPROXIMATED, found.high + APPROXIMATED)
 
 
@@ -205,7 +205,7 @@ def _cosine(x: Interval) -> Interval:
     wide = ~(x.high - x.low < turn) | ~(x.size < 1e15)
 
     def holds(at: float) -> NDArray[np.bool_]:
-        """Tell whether some at + n turns is inside."""
+        """Return True if at + n turns is inside for some n."""
         return wide | (np.floor((x.high + slack - at) / turn) >= np.ceil((x.low - slack - at) / turn))
 
     low = np.where(holds(math.pi), -1.0, np.minimum(*ends) - APPROXIMATED)

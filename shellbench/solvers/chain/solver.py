@@ -57,7 +57,7 @@ class ChainSolution:
         return RopeState(nodes, np.zeros_like(nodes), self.tensions)
 
     def stacked(self) -> dict[str, Array]:
-        """Return what is kept, by name."""
+        """Return the arrays that a file keeps, by name."""
         return {"nodes": self.nodes, "tensions": self.tensions}
 
     @property
@@ -140,7 +140,7 @@ class ChainSolver(RopeSolver):
     settings_type: ClassVar[type[Settings]] = ChainSettings
 
     def declines(self, case: Any) -> str | None:
-        """Return why it can't take a problem: it is no chain, or one that moves."""
+        """Return the reason that it declines a problem, or None: it takes chains at rest between two ends only."""
         return None if isinstance(case, RopeCase) and case.chain else "it solves chains between two ends only"
 
     def answer(self, case: RopeCase, settings: Any, progress: ProgressCallback) -> ChainSolution:

@@ -59,7 +59,7 @@ class Pressing:
         return sum(float(np.sum(self.stiffness * depth**2) / 2) for depth, _ in self._depths(displacement))
 
     def forces(self, displacement: Array) -> Array:
-        """Return what obstacles exert on the vertices (v, 3), N."""
+        """Return the contact forces (v, 3) of obstacles on the vertices, N."""
         total = np.zeros_like(displacement)
         for depth, normal in self._depths(displacement):
             total += (self.stiffness * depth)[:, None] * normal

@@ -154,7 +154,7 @@ EDGE_POINTS = 3  # Gauss points on each side of a triangle under an edge load; e
 
 @dataclass(frozen=True)
 class Loading:
-    """What acts on the vertices beside the elastic forces.
+    """Loads, springs and masses that act on the vertices beside the elastic forces.
 
     Attributes
     ----------

@@ -32,12 +32,12 @@ CONTRADICTION = 1e-9  # of the surface's size: how far two supports may move one
 
 @dataclass(frozen=True)
 class Supports:
-    """Which displacements are prescribed.
+    """Displacements that supports prescribe at the vertices.
 
     Attributes
     ----------
     holds
-        (supports, v, 3) whether a support prescribes a displacement.
+        (supports, v, 3) True if a support prescribes a displacement.
     """
 
     case: Case
@@ -76,7 +76,7 @@ class Supports:
 
     @cached_property
     def moving(self) -> bool:
-        """Whether any support moves."""
+        """True if any support moves."""
         return any(support.motion is not None for support in self.case.supports)
 
     def prescribe(self, displacement: Array, t: float) -> Array:

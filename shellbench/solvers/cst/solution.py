@@ -140,7 +140,7 @@ class CstSolution(ShellSolution):
         return forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)
 
     def touch(self, at: float | None = None) -> Touch:
-        """Return what obstacles exert on the vertices."""
+        """Return the contact forces of obstacles on the vertices."""
         return touch_at_vertices(self.case, self.mesh.points, self.mesh.steps, self._between(at, self._pressed))
 
     def _pressed(self, k: int) -> Array:
@@ -158,7 +158,7 @@ class CstSolution(ShellSolution):
         return np.asarray(forces + self.problem.loading.mass[:, None] * gained)
 
     def kept(self) -> tuple[Words, Arrays]:
-        """Return what a file holds beside the case and the history."""
+        """Return the data that a file holds beside the case and the history."""
         words = {"cells": list(self.mesh.cells), "diagonal": self.mesh.diagonal}
         return words, {"marks": self.marks, "frames": self.frames}
 

@@ -31,7 +31,7 @@ class CstSolver(ShellSolver):
     settings_type: ClassVar[type[Settings]] = CstSettings
 
     def declines(self, case: Case) -> str | None:
-        """Return why the solver can't take this case, as one clause, or None if it can."""
+        """Return the reason that the solver declines this case, as one clause, or None if it takes it."""
         return reason(case)
 
     def answer(
@@ -59,12 +59,12 @@ class CstSolver(ShellSolver):
 
 
 def _is_wall(support: Support) -> bool:
-    """Whether a support holds an edge and its slope at rest."""
+    """Return True if a support holds an edge and its slope at rest."""
     return support.clamped and set(support.components) == {"x", "y", "z"} and support.motion is None
 
 
 def _why_no_modes(case: Case) -> str | None:
-    """Return why the mesh can't tell the modes that a case asks for, as one clause, or None if it can."""
+    """Return the reason that the mesh can't give the modes that a case asks for, as one clause, or None if it can."""
     if case.quantities[0].kind != "frequency":
         if case.surface.kind != "plane":
             return "it finds buckling loads of plates only, which do not bend before"
@@ -77,7 +77,7 @@ def _why_no_modes(case: Case) -> str | None:
 
 
 def reason(case: Case) -> str | None:
-    """Return why a case can't be taken, as one clause; None if it can."""
+    """Return the reason that the solver declines a case, as one clause; None if it takes it."""
     if refusal := why_not_plain(case, frozenset({"modes", "contact"})):
         return refusal
     if case.obstacles and case.dynamics is None:

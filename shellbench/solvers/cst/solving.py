@@ -56,7 +56,7 @@ def usual_cells(case: Case) -> tuple[int, int]:
 
 @dataclass
 class _Course:
-    """What is known of a solve so far."""
+    """State of a solve so far: marks, frames, diagnostics and log."""
 
     problem: TriangleProblem
     settings: CstSettings
@@ -71,7 +71,7 @@ class _Course:
         return len(self.problem.pattern.free)
 
     def solution(self) -> CstSolution:
-        """Return what was reached."""
+        """Return the solution up to the last state."""
         mesh = self.problem.mesh
         figures = {"cells": list(mesh.cells), "diagonal": mesh.diagonal, **self.figures}
         frames = np.stack(self.frames, axis=-1)
@@ -86,7 +86,7 @@ class _Course:
         )
 
     def partial(self) -> CstSolution | None:
-        """Return what was reached, or None before the first state."""
+        """Return the solution up to the last state, or None before the first one."""
         return self.solution() if self.log.steps else None
 
     def add_state(self, state: TriangleState) -> None:

@@ -25,7 +25,7 @@ class FemRepeatedSolver(ConditionedSolver):
     settings_type: ClassVar[type[Settings]] = RepeatedSettings
 
     def refuses(self, case: ConditionedCase) -> str | None:
-        """Return why `fem` can't take the shell."""
+        """Return the reason that `fem` declines the shell, or None if it takes it."""
         return FemSolver().refusal(case.shell_of(case.middle))
 
     def answer(self, case: ConditionedCase, settings: RepeatedSettings, progress: ProgressCallback) -> RepeatedSolution:

@@ -224,7 +224,7 @@ def _path_end(failure: SolveFailure) -> float:
 
 
 def _alike(end: float, other: float) -> bool:
-    """Return whether two paths end at the same load factor; what is not known counts as the same."""
+    """Return True if two paths end at the same load factor; an unknown factor counts as the same."""
     return not abs(end - other) > MOVED * abs(end)
 
 

@@ -65,7 +65,7 @@ class FemSettings(Settings):
 
 
 def takes_bubbles(case: Case) -> bool:
-    """Return whether a case can be solved in degree 4 and 5."""
+    """Return True if a case can be solved in degree 4 and 5."""
     if case.dynamics is not None:
         return False
     if case.prescribed:  # interpolated; what follows the deformed shell is known in cubics alone

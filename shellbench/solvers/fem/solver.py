@@ -29,7 +29,7 @@ class FemSolver(ShellSolver):
     takes: ClassVar[frozenset[Beyond]] = frozenset(get_args(Beyond))  # all there is
 
     def declines(self, case: Case) -> str | None:
-        """Return why the solver can't take this case, or None."""
+        """Return the reason that the solver declines this case, or None if it takes it."""
         if refusal := super().declines(case):
             return refusal
         if any(support.holds_slope for support in case.supports):
@@ -48,7 +48,7 @@ class FemSolver(ShellSolver):
         return large_displacement.declined(case)
 
     def declines_quantity(self, case: Case, quantity: Quantity) -> str | None:
-        """Return why a quantity of a case that it takes has no value, or None."""
+        """Return the reason that a quantity of a case that it takes has no value, or None."""
         if not (case.linear and isinstance(quantity, ResultantQuantity)):
             return None
         from shellbench.solvers.fem.mechanics.resultants import why_infinite
@@ -56,7 +56,7 @@ class FemSolver(ShellSolver):
         return why_infinite(case, quantity)
 
     def declines_with(self, case: Case, settings: FemSettings) -> str | None:
-        """Return why the solver can't take this case with these settings, or None."""
+        """Return the reason that the solver declines this case with these settings, or None if it takes it."""
         if settings.degree in (4, 5) and not takes_bubbles(case):
             what = (
                 "shells at rest: in the linear theory with supports of whole edges along fixed directions, or with the"

@@ -186,9 +186,9 @@ def _mesh(
 def _solves(
     case: Case, settings: FemSettings, toward: Gradings, start: FemSolution | None, progress: ProgressCallback
 ) -> tuple[OnMesh, tuple[OnMesh, ...]]:
-    """Return how a case is solved on a mesh, and how trials are made that share out the cells.
+    """Return the function that solves a case on a mesh, and those of the trials that share out the cells.
 
-    Where a coarse mesh can't follow the path to its end, a trial in linear theory decides.
+    If a coarse mesh can't follow the path to its end, a trial in linear theory decides.
     """
     degree = case_degree(case, settings)
 
@@ -348,7 +348,7 @@ class _Meshes:
 
     @property
     def told(self) -> dict[str, int]:
-        """What diagnostics say of them, for solutions that start from this one."""
+        """Diagnostics of the meshes, for solutions that start from this one."""
         return {} if self.cells else {LEVEL: self.first + self.made - 1, SHARE: self.share, MADE: self.made}
 
 

@@ -80,7 +80,7 @@ def gauss(cells: int, count: int) -> tuple[Array, Array]:
 
 
 def held(case: FieldCase, cells: int, degree: int) -> tuple[NDArray[np.bool_], Array]:
-    """Return which coefficients (m, 3) are given, and their values (m, 3): those of pinned edges."""
+    """Return a mask of the coefficients (m, 3) that pinned edges prescribe, and their values (m, 3)."""
     side = cells + degree
     given, values = np.zeros((side, side, 3), dtype=bool), np.zeros((side, side, 3))
     for component in case.cloth.confined if case.cloth else ():
@@ -99,10 +99,10 @@ def held(case: FieldCase, cells: int, degree: int) -> tuple[NDArray[np.bool_], A
 def freed(
     case: FieldCase, cells: int, degree: int, given: NDArray[np.bool_], coefficients: Array, span: Sparse
 ) -> Sparse:
-    """Return what free unknowns add to coefficients, component by component of those that are free: sparse.
+    """Return the sparse map from free unknowns to coefficients, by free component in turn.
 
-    `span` is what unknowns would add without pins. A pinned point binds the unknowns whose splines are not zero there:
-    the largest of them follows from the others. Coefficients (m, 3) are changed so that they meet all pins.
+    `span` is the same map without pins. A pinned point binds the unknowns whose splines are not zero there: the unknown
+    of the largest spline follows from the others. Coefficients (m, 3) are changed so that they meet all pins.
     """
     axes = free_axes(case)
     taken = np.asarray(abs(span[given[:, axes].T.ravel()]).sum(axis=0)).ravel() > 0
@@ -216,10 +216,10 @@ def extended(sampled: Sampled, start: Array, span: Sparse, cells: int, degree: i
 
 @dataclass(frozen=True)
 class Play:
-    """How samples of a minimisation are weighed: evenly, or by a density that follows the losses.
+    """Weights of the samples of a minimisation: even ones, or a density that follows the losses.
 
-    With `share` above 0 that part of samples follows the density of `cells` along a side. Unless `weighted`, losses
-    count as often as they are sampled, as the paper has it; that is the mean over all draws.
+    With `share` above 0, that share of the samples follows the density of `cells` along a side. Unless `weighted`,
+    losses count as often as they are sampled, as in the paper; that is the mean over all draws.
     """
 
     share: float

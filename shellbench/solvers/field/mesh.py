@@ -199,7 +199,7 @@ class Mesh:
         return met[:, None], (weight * depth[:, None] * normal)[:, None], weight[:, :, None] * outer
 
     def span(self) -> tuple[Sparse, Array]:
-        """Return what free unknowns add to places (3 n, k), and the displacement (n, 3) that pins give."""
+        """Return the sparse map (3 n, k) from free unknowns to places, and the displacement (n, 3) of the pins."""
         points = self.lattice.points
         given, values = np.zeros((len(points), 3), dtype=bool), np.zeros((len(points), 3))
         given[:, ["xyz".index(axis) for axis in self.cloth.confined]] = True

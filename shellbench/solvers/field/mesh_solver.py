@@ -63,13 +63,13 @@ class VertexMeshSolver(FieldSolver):
     settings_type: ClassVar[type[MeshSettings]] = MeshSettings
 
     def refuses(self, case: FieldCase) -> str | None:
-        """Return why it can't take a case: a network is asked for."""
+        """Return the reason that it declines a case, or None: it takes no case that asks for a network."""
         if case.network is not None:
             return f"the case asks for the network '{case.network}'"
         return None
 
     def declines_quantity(self, case: FieldCase, quantity: Any) -> str | None:
-        """Return why it can't give a quantity: derivatives are asked for."""
+        """Return the reason that it can't give a quantity, or None: it has no derivatives."""
         if quantity.kind == "value" and sum(quantity.orders):
             return "a mesh of flat triangles has no derivatives at points"
         return None

@@ -122,7 +122,7 @@ class GridSolver(OfFields):
     settings_type: ClassVar[type[GridSettings]] = GridSettings
 
     def refuses(self, case: FieldCase) -> str | None:
-        """Return why it can't take a case: a network with layers is asked for."""
+        """Return the reason that it declines a case, or None: it takes no case that asks for a network with layers."""
         if case.network in (None, "vertices"):
             return None
         return f"its field has no layers, and the case asks for the network '{case.network}'"
@@ -178,7 +178,7 @@ class AdaptiveGridSolver(GridSolver):
 
 
 def by_itself(case: FieldCase, found: FieldSolution) -> dict[str, float]:
-    """Return what a field knows of its figures without another level: its parameters, and its error elsewhere."""
+    """Return uncertainties that need no second level: 0 of parameters; of an RMS error, its value on another grid."""
     known = {q.name: 0.0 for q in case.quantities if q.kind == "parameters"}
     for quantity in case.quantities:
         if quantity.kind == "rms_error":
@@ -196,7 +196,7 @@ class PrintedGridSolver(OfFields):
     settings_type: ClassVar[type[PrintedSettings]] = PrintedSettings
 
     def refuses(self, case: FieldCase) -> str | None:
-        """Return why it can't take a case."""
+        """Return the reason that it declines a case, or None if it takes it."""
         if case.network not in (None, "grid"):
             return f"the case asks for the network '{case.network}'"
         return why_not_trained(case)
@@ -223,7 +223,7 @@ class MlpSolver(OfFields):
     settings_type: ClassVar[type[MlpSettings]] = MlpSettings
 
     def refuses(self, case: FieldCase) -> str | None:
-        """Return why it can't take a case."""
+        """Return the reason that it declines a case, or None if it takes it."""
         if case.network in ("grid", "vertices"):
             return f"the case asks for the network '{case.network}'"
         return why_not_trained(case)
@@ -236,7 +236,7 @@ class MlpSolver(OfFields):
 
 
 def why_not_trained(case: FieldCase) -> str | None:
-    """Return why a case can't be trained: pins that move."""
+    """Return the reason that a case can't be trained, or None: its pins must not move."""
     moved = [value for pin in case.pins for value in pin.displacement if value not in (0.0, "0")]
     return "what is trained can be pinned where it is only, and here pins move" if moved else None
 

@@ -54,7 +54,7 @@ def folded(points: Array, weights: Array, found: list[tuple[bool, Array]]) -> tu
 
 
 def span_of(side: int, axes: list[int], found: list[tuple[bool, Array]]) -> Sparse:
-    """Return what symmetric unknowns make of coefficients (side^2) of the components, component by component."""
+    """Return the sparse map from symmetric unknowns to coefficients (side^2), component by component."""
     count = side**2
     rows, columns = np.divmod(np.arange(count), side)
     numbers, signs = list[NDArray[np.int64]](), list[Array]()

@@ -34,7 +34,7 @@ START = 1e-4  # features of a grid start within this much of zero
 
 @dataclass(frozen=True)
 class Sampler:
-    """How points of an epoch are chosen; see `shellbench.solvers.field.solver.TrainedSettings` for the fields."""
+    """Choice of the points of an epoch; see `shellbench.solvers.field.solver.TrainedSettings` for the fields."""
 
     kind: str
     weighted: bool
@@ -46,7 +46,7 @@ class Sampler:
 
 @dataclass(frozen=True)
 class Choice:
-    """How a field is trained."""
+    """Settings of the training of a field."""
 
     form: Mapping[str, Any]
     features: int
@@ -220,9 +220,9 @@ def bends(places: Tensor) -> Tensor:
 
 
 class Losses:
-    """What is asked of a field at points (n, 2), structures turned by angles (n,): the places it needs, and the losses.
+    """Losses of a field at points (n, 2), with structures turned by angles (n,), and the places that they need.
 
-    All places go through the field at once.
+    One call evaluates the field at all places.
     """
 
     def __init__(self, case: FieldCase, weights: Weights, points: Array, angles: Array) -> None:

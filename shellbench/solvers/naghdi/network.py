@@ -115,7 +115,7 @@ ACTIVATIONS: dict[str, Activation] = {
 
 @dataclass(frozen=True)
 class Shape:
-    """What a network is, beside its weights."""
+    """Shape of a network: everything but its weights."""
 
     layers: int
     width: int

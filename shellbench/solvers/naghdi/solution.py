@@ -57,7 +57,7 @@ class Energies(NamedTuple):
 
 @dataclass(frozen=True)
 class Rule:
-    """What energies need at points: z = (q, q,1, q,2) is all that depends on the network.
+    """Quadrature of the energies at points; of their arguments only the jet z = (q, q,1, q,2) depends on the network.
 
     Attributes
     ----------
@@ -156,7 +156,7 @@ class NaghdiSolution(ShellSolution):
         return found.membrane, found.bending + found.shear
 
     def kept(self) -> tuple[Words, Arrays]:
-        """Return what a file holds beside the case and the history."""
+        """Return the data that a file holds beside the case and the history."""
         shape = {"layers": self.shape.layers, "width": self.shape.width, "activation": self.shape.activation}
         return {"shape": shape}, {"weights": self.weights, "mean": self.mean}
 

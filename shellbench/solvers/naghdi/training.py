@@ -139,7 +139,7 @@ def solve(case: Case, settings: NaghdiSettings, progress: ProgressCallback) -> N
 
 
 def _settled(history: Sequence[Step], settle: float) -> bool:
-    """Whether the certified energy has gained less than a share of itself over the last looks at it."""
+    """Return True if the certified energy gained less than a share of itself over the last evaluations."""
     if len(history) <= LOOKS:
         return False
     before, after = (min(step.energy for step in part) for part in (history[:-LOOKS], history))

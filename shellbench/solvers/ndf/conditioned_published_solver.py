@@ -24,7 +24,7 @@ class ConditionedPublishedSolver(ConditionedSolver):
     settings_type: ClassVar[type[ConditionedPublishedSettings]] = ConditionedPublishedSettings
 
     def refuses(self, case: ConditionedCase) -> str | None:
-        """Return why the published boundary functions can't hold the shell."""
+        """Return the reason that the published boundary functions can't hold the shell, or None if they can."""
         from shellbench.solvers.ndf.published import published
 
         return published.why_not(case.shell_of(case.middle))

@@ -29,7 +29,7 @@ class ConditionedFieldSolver(ConditionedSolver):
     settings_type: ClassVar[type[ConditionedSettings]] = ConditionedSettings
 
     def refuses(self, case: ConditionedCase) -> str | None:
-        """Return why the field can't hold the shell."""
+        """Return the reason that the field can't represent the shell, or None if it can."""
         if case.moving:
             from shellbench.solvers.ndf.conditioned.plane_motion import refusal
 

@@ -36,5 +36,5 @@ class NdfRitzEditSolver(NdfEditSolver):
     shells: ClassVar[type[CheckedSolver]] = RitzSolver
 
     def goes_on(self, case: EditingCase) -> str | None:
-        """Return why it has no use for an earlier solution: in the linear theory nothing is trained."""
+        """Return the reason that an earlier solution is of no use, or None: linear shells need no training."""
         return "it trains nothing that a linear shell's edit could keep" if case.edited.linear else None

@@ -25,13 +25,13 @@ class PublishedSolver(FieldSolver):
     uses_start: ClassVar[bool] = True
 
     def declines(self, case: Case) -> str | None:
-        """Return why the published boundary functions can't hold this case, as one clause, or None if they can."""
+        """Return the reason that the published boundary functions can't hold this case, as one clause, or None."""
         from shellbench.solvers.ndf.published import published
 
         return published.why_not(case)
 
     def declines_quantity(self, case: Case, quantity: Quantity) -> str | None:
-        """Return why the field can't give a quantity of a case that it takes, as one clause, or None if it can."""
+        """Return the reason that it can't give a quantity of a case that it takes, as one clause, or None if it can."""
         if case.dynamics is not None and isinstance(quantity, SupportQuantity) and len(case.supports) > 1:
             return f"it can't tell the reaction of support '{quantity.support}' from that of others"
         return super().declines_quantity(case, quantity)

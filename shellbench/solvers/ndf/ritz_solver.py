@@ -43,7 +43,7 @@ class RitzSolver(FieldSolver):
     )
 
     def declines(self, case: Case) -> str | None:
-        """Return why the usual field can't hold this case, as one clause, or None if it can."""
+        """Return the reason that the usual field can't represent this case, as one clause, or None if it can."""
         return self.declines_with(case, RitzSettings())
 
     def load(self, path: Path) -> NdfSolution | PathSolution | MotionSolution:
@@ -53,7 +53,7 @@ class RitzSolver(FieldSolver):
         return load_solution(path, self.name)
 
     def declines_with(self, case: Case, settings: RitzSettings) -> str | None:
-        """Return why the field that settings ask for can't hold this case, as one clause, or None if it can."""
+        """Return the reason that the field of these settings can't represent this case, as one clause, or None."""
         from shellbench.solvers.ndf.linear.declines import why_declined
         from shellbench.solvers.ndf.linear.ritz_field import field_spec
         from shellbench.solvers.ndf.path.modes import why_no_modes

@@ -34,7 +34,7 @@ class NdfSolver(FieldSolver):
     )
 
     def declines(self, case: Case) -> str | None:
-        """Return why the boundary factors can't hold this case, as one clause, or None if they can."""
+        """Return the reason that the boundary factors can't hold this case, as one clause, or None if they can."""
         from shellbench.solvers.ndf.linear.declines import why_declined
         from shellbench.solvers.ndf.path.modes import why_no_modes
 

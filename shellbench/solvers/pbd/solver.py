@@ -124,13 +124,13 @@ class PbdSolver(RopeSolver):
     refinements: ClassVar[tuple[Mapping[str, Any], ...]] = tuple({"steps_per_second": n} for n in (60.0, 240.0, 960.0))
 
     def declines(self, case: Any) -> str | None:
-        """Return why it can't take a problem, as one clause, or None if it can."""
+        """Return the reason that it declines a problem, as one clause, or None if it takes it."""
         if not isinstance(case, RopeCase) or not case.moving:
             return "it solves ropes and loose masses in motion only"
         return None
 
     def declines_quantity(self, case: Any, quantity: Any) -> str | None:
-        """Return why it can't give a quantity, as one clause, or None if it can."""
+        """Return the reason that it can't give a quantity, as one clause, or None if it can."""
         return "it knows a link's pull after a step only, and the start is asked for" if quantity.at == 0 else None
 
     def answer(self, case: RopeCase, settings: Any, progress: ProgressCallback) -> RopeMotion:
@@ -200,7 +200,7 @@ def followed(case: RopeCase, settings: Any, rate: float, watch: Watch) -> list[R
 
 
 def by_node(values: Array, chains: int) -> Array:
-    """Return what stands chain after chain, (chains * n, ...), with nodes or links first: (n, chains, ...)."""
+    """Return values of chain after chain, (chains * n, ...), with nodes or links first: (n, chains, ...)."""
     return values.reshape(chains, -1, *values.shape[1:]).swapaxes(0, 1)
 
 

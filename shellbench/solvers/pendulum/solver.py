@@ -38,7 +38,7 @@ class PendulumSolver(RopeSolver):
     settings_type: ClassVar[type[Settings]] = PendulumSettings
 
     def declines(self, case: Any) -> str | None:
-        """Return why it can't take a problem, as one clause, or None if it can."""
+        """Return the reason that it declines a problem, as one clause, or None if it takes it."""
         return why_not_planar(case)
 
     def answer(self, case: RopeCase, settings: Any, progress: ProgressCallback) -> RopeMotion:

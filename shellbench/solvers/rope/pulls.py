@@ -115,7 +115,7 @@ def eliminated(rows: Rows, active: Mask) -> Array:
 
 
 def densely(rows: Rows, active: Mask) -> Array:
-    """Return what `eliminated` does, by a dense matrix for each chain."""
+    """Return the result of `eliminated`, by a dense matrix for each chain."""
     links, chains = rows.right.shape
     matrices = np.zeros((chains, links, links))
     number = np.arange(links)

@@ -107,7 +107,7 @@ def chains_of(case: RopeCase) -> tuple[Chains, Moving]:
 
 
 def kept(case: RopeCase, stepper: Stepper, moving: Moving, stretch: float, depth: float) -> RopeState:
-    """Return what is kept of an instant."""
+    """Return the state to keep of an instant."""
     tensions = np.zeros(0) if case.particles else stepper.state_tensions(moving).T.ravel()
     root, velocity, _ = stepper.chains.root(moving.time)
     return RopeState(
@@ -169,7 +169,7 @@ class ExactSolver(RopeSolver):
     refinements: ClassVar[tuple[Mapping[str, Any], ...]] = tuple({"steps_per_second": n} for n in (60.0, 120.0, 240.0))
 
     def declines(self, case: Any) -> str | None:
-        """Return why it can't take a problem: nothing in it moves."""
+        """Return the reason that it declines a problem, or None: something in it has to move."""
         return None if isinstance(case, RopeCase) and case.moving else "it solves ropes and loose masses in motion only"
 
     def answer(self, case: RopeCase, settings: Any, progress: ProgressCallback) -> RopeMotion:

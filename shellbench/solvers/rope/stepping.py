@@ -33,7 +33,7 @@ Solve = Literal["direct", "sweeps"]
 
 @dataclass(frozen=True)
 class Scheme:
-    """How a step is made.
+    """Choices of a time step.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Scheme:
 
 @dataclass(frozen=True)
 class Chains:
-    """What does not change: lengths and masses (m, C), gravity, m/s^2, drag, kg/s, wind (3,), m/s, and obstacles.
+    """Data that do not change: lengths and masses (m, C), gravity, m/s^2, drag, kg/s, wind (3,), m/s, and obstacles.
 
     `root` gives position, velocity and acceleration of the roots, (C, 3) or (3,), at a time.
     """
@@ -163,7 +163,7 @@ class Stepper:
         return velocities + 0.5 * self.step * (external + self.spread(strengths, directions))
 
     def spread(self, strengths: Array, directions: Array) -> Array:
-        """Return what pulls do to nodes over their masses, (m, C, 3): eqs. (2) and (6)."""
+        """Return the net pulls on nodes over their masses, (m, C, 3): eqs. (2) and (6)."""
         pulled = strengths[..., None] * directions
         net = -pulled
         net[:-1] += pulled[1:]
@@ -187,7 +187,7 @@ class Stepper:
         return self.tensions(moving.places, moving.velocities, self.external(moving.velocities), root)[0]
 
     def after(self, moving: Moving) -> Moving:
-        """Return what comes one step later."""
+        """Return the state one step later."""
         root, later = self.chains.root(moving.time), self.chains.root(moving.time + self.step)
         if self.scheme.compiled:
             return self.compiled(moving, root, later)
@@ -218,7 +218,7 @@ class Stepper:
         return Moving(moving.time + self.step, places, velocities)
 
     def compiled(self, moving: Moving, root: tuple[Array, Array, Array], later: tuple[Array, Array, Array]) -> Moving:
-        """Return what comes one step later, by plain loops that numba compiles."""
+        """Return the state one step later, by plain loops that numba compiles."""
         from shellbench.solvers.rope.compiled import stepped_together
 
         chains, scheme = self.chains, self.scheme

@@ -34,7 +34,7 @@ SMALL = 1e-12  # m: a truth that is nearer than that says no direction
 
 
 class Training:
-    """What trainings have in common: the modes, what is wanted, the course, and an end if it diverges."""
+    """Base of the trainings: the modes, their target coefficients, the history, and an end if the loss diverges."""
 
     def __init__(self, case: SkinningCase, solver: str, skin: Skin, count: int, progress: ProgressCallback) -> None:
         self.case, self.solver, self.skin, self.progress = case, solver, skin, progress

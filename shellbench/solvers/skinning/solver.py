@@ -29,12 +29,12 @@ class SkinningSolver(FreshSolver):
     """A solver of capes. A subclass gives `answer` and `skin`."""
 
     def declines(self, case: Any) -> str | None:
-        """Return why it can't take a problem: each takes every cape."""
+        """Return the reason that it declines a problem, or None: it takes every case of kind 'skinning'."""
         return None if isinstance(case, SkinningCase) else "it solves problems of kind 'skinning' only"
 
     @abstractmethod
     def skin(self) -> Skin:
-        """Return how meshes are made of what was fitted."""
+        """Return the function that computes meshes from the fitted arrays."""
 
     def load(self, path: Path) -> Skinned:
         """Read a solution of this solver; InputError in one sentence if it is none."""
@@ -52,7 +52,7 @@ class SkinningSolver(FreshSolver):
 
 
 class FloorSolver(SkinningSolver):
-    """What no skinning by the same modes can be better than."""
+    """Lower bound of the error of any skinning by the same modes."""
 
     name = "skin-floor"
     capabilities = Capabilities(
@@ -70,7 +70,7 @@ class FloorSolver(SkinningSolver):
         return self.fitted(case, modes_of(clips.moved[frames], settings.modes), began)
 
     def skin(self) -> Skin:
-        """Return how meshes are made of modes."""
+        """Return the function that computes meshes from modes."""
         from shellbench.solvers.skinning.linear import floor_skin
 
         return floor_skin
@@ -87,7 +87,7 @@ class BilinearSolver(SkinningSolver):
         return self.fitted(case, {}, time.perf_counter())
 
     def skin(self) -> Skin:
-        """Return how meshes are interpolated."""
+        """Return the function that interpolates meshes."""
         from shellbench.solvers.skinning.linear import bilinear_skin
 
         return bilinear_skin
@@ -112,7 +112,7 @@ class BlendSolver(SkinningSolver):
         return self.fitted(case, blend_fit(case, clips, count), began)
 
     def skin(self) -> Skin:
-        """Return how vertices follow bones."""
+        """Return the function by which vertices follow bones."""
         from shellbench.solvers.skinning.linear import blend_skin
 
         return blend_skin
@@ -140,7 +140,7 @@ class RidgeSolver(SkinningSolver):
         return self.fitted(case, basis | found, began, penalty=penalty)
 
     def skin(self) -> Skin:
-        """Return how bones are mapped."""
+        """Return the function that maps bones to meshes."""
         from shellbench.solvers.skinning.linear import ridge_skin
 
         return ridge_skin
@@ -164,7 +164,7 @@ class NetworkSolver(SkinningSolver):
         return train_dense(case, self.name, bones, settings, progress)
 
     def skin(self) -> Skin:
-        """Return how the network makes meshes."""
+        """Return the function by which the network computes meshes."""
         from shellbench.solvers.skinning.forward import bone_skin
 
         return bone_skin
@@ -185,7 +185,7 @@ class QuasistaticSolver(SkinningSolver):
         return train_dense(case, self.name, pose, settings, progress)
 
     def skin(self) -> Skin:
-        """Return how the network makes meshes."""
+        """Return the function by which the network computes meshes."""
         from shellbench.solvers.skinning.forward import pose_skin
 
         return pose_skin
@@ -205,7 +205,7 @@ class RecurrentSolver(SkinningSolver):
         return train_recurrent(case, self.name, settings, progress)
 
     def skin(self) -> Skin:
-        """Return how the unit makes meshes."""
+        """Return the function by which the recurrent unit computes meshes."""
         from shellbench.solvers.skinning.forward import recurrent_skin
 
         return recurrent_skin

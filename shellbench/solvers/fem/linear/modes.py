@@ -80,7 +80,7 @@ class _Modes:
 
     @cached_property
     def vibrates(self) -> bool:
-        """Whether frequencies are asked for, and not buckling loads."""
+        """True if the case asks for frequencies, False for buckling loads."""
         return self.case.quantities[0].kind == "frequency"
 
     @cached_property
@@ -103,7 +103,7 @@ class _Modes:
 
     @cached_property
     def held(self) -> Matrix | None:
-        """What springs, and clamps between nodes, add to it; None where there are none."""
+        """Stiffness of springs, and of clamps between nodes; None without any."""
         clamps = list(clamped_edges(self.case, self.mesh, (FULL_LOAD,)))
         if not clamps and not self.case.springs:
             return None
@@ -138,7 +138,7 @@ class _Modes:
 
     @cached_property
     def shift(self) -> float:
-        """What is added to squared angular frequencies of a shell that may move freely, 1/s^2."""
+        """Shift of the squared angular frequencies of a shell that may move freely, 1/s^2."""
         if not self.vibrates or not self.loose.size:
             return 0.0
         material, size = self.case.material, shell_size(self.case)

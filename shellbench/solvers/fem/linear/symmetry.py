@@ -65,14 +65,14 @@ class Image:
 
 @dataclass(frozen=True)
 class Fold:
-    """How a mesh is mirrored along a coordinate.
+    """Part of a mesh along a coordinate, and the mirrors at its ends.
 
     Attributes
     ----------
     start, cells
         First mesh line of the part, and its number of cells.
     mirrors
-        What mirrors the part at its first and at its last line; None where nothing does.
+        Mirrors of the part at its first and at its last line; None without a mirror.
     """
 
     start: int
@@ -81,7 +81,7 @@ class Fold:
 
     @property
     def folded(self) -> bool:
-        """Whether there are mirror images."""
+        """True if there are mirror images."""
         return self.mirrors != (None, None)
 
     def lines(self, line: Array, domain: Domain, axis: int) -> Array:
@@ -223,7 +223,7 @@ class _Observed:
         self.along = edges[0], edges[1]
 
     def fold(self, axis: int) -> Fold:
-        """Return how the mesh is mirrored along a coordinate; along the other one it need not look twice, then."""
+        """Return the fold of the mesh along a coordinate, and restrict the points of later checks to its part."""
         mesh, domain = self.mesh, self.domain
         cells, slack = mesh.cells[axis], SYMMETRIC * domain.size[axis]
         for fold in self._closed_folds(axis) if domain.periodic[axis] else self._open_folds(axis):
@@ -266,7 +266,7 @@ class _Observed:
             yield Fold((start + number * size) % cells, size, ends)
 
     def _even(self, axis: int, line: int) -> bool:
-        """Whether the mesh's own lines are their mirror images about one of them."""
+        """Return True if the mesh's own lines are their mirror images about one of them."""
         steps = np.diff(self.mesh.lines[axis])
         opposite = (2 * line - 1 - np.arange(len(steps))) % len(steps)
         return bool(np.abs(steps - steps[opposite]).max() <= SYMMETRIC * self.domain.size[axis])
@@ -295,7 +295,7 @@ def _gauss_points(line: Array, count: int) -> Array:
 
 @dataclass(frozen=True)
 class Folding:
-    """How a case is folded.
+    """Folding of a case onto a part of it by its symmetries.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What supports ask of the bubbles along an edge."""
+"""Conditions of supports on the bubbles along an edge."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a clamp asks between the nodes: the rotation about a curved edge, held weakly by Nitsche's method.
+"""Conditions of a clamp between the nodes: Nitsche's method holds the rotation about a curved edge weakly.
 
 Ties hold the rotation about a clamped edge and its derivative at every node. Where the normal keeps its direction
 along the edge that holds it everywhere. Where the normal turns, the rotation is a cubic times a varying normal and can
@@ -190,10 +190,10 @@ def clamped_edges(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iter
 
 
 def _tables(mesh: TensorMesh, rule: EdgeRule) -> tuple[Array, Array, Array]:
-    """Return what takes cells' degrees of freedom to the derivatives of u at points of an edge.
+    """Return the tables that map cells' degrees of freedom to the derivatives of u at points of an edge.
 
-    The derivatives (g, 5, 4, 4) of the unit cell's basis, the powers (c, 5) of the cells' sizes that they are over, and
-    the factors (c, 4, 4) that make the cells' degrees of freedom the nodes' scaled ones.
+    These are the derivatives (g, 5, 4, 4) of the unit cell's basis, the powers (c, 5) of the cells' sizes that divide
+    them, and the factors (c, 4, 4) from the nodes' scaled degrees of freedom to those of the cells.
     """
     # The nodes' are the same for neighbouring cells of other sizes.
     table = np.stack([tabulate(rule.unit, d, mesh.degree) for d in DERIVATIVES], axis=1)

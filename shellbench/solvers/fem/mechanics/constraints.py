@@ -159,9 +159,10 @@ def _held_locally(
 
 
 def why_no_mirror(case: Case) -> str | None:
-    """Return why what mirrors a shell at an edge is no condition on these coordinates, as a clause, or None.
+    """Return the reason that a mirror at an edge is no condition on these coordinates, as a clause, or None.
 
-    Across the plane of symmetry goes a base vector, or else its conditions would mix derivatives.
+    A base vector has to point across the plane of symmetry; otherwise the conditions of the mirror would mix
+    derivatives.
     """
     for support, place in case.supported_places():
         if support.symmetry is None or not isinstance(place, Edge):
@@ -199,7 +200,7 @@ def _mirror(edge: Edge, x: Mapping[Derivative, Array], support: Support, carried
 
 
 def why_no_slope(case: Case) -> str | None:
-    """Return why a slope that is held at an edge can't be stated at nodes, as a clause, or None."""
+    """Return the reason that a slope held at an edge can't be a condition at nodes, as a clause, or None."""
     for support, place in case.supported_places():
         if not isinstance(place, Edge) or support.symmetry or not support.holds_slope:
             continue

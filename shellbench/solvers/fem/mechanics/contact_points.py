@@ -136,7 +136,7 @@ class ContactPoints:
         return np.asarray(nearest)
 
     def pressed(self, touch: Touch) -> Flags:
-        """Return which points (c m,) are nearest to pressed points of another mesh."""
+        """Return a mask (c m,) of the points that are nearest to pressed points of another mesh."""
         return np.asarray(np.any(touch.forces[self.nearest(touch)] != 0, axis=-1))
 
     def touch(self, forces: Array) -> Touch:

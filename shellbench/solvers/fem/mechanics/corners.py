@@ -1,4 +1,4 @@
-"""How singular a shell is at its corners: the exponents that its angle and supports leave there (Williams 1952).
+"""Singularities of a shell at its corners: their exponents from angle and supports (Williams 1952).
 
 Close to a corner a shell is a plate. Across it w = r^(s+1) F(theta) solves the biharmonic equation with
 
@@ -60,7 +60,7 @@ NEARBY = 1e-7
 
 @dataclass(frozen=True)
 class Rim:
-    """What holds an edge at a corner.
+    """Conditions of supports on an edge at a corner.
 
     Attributes
     ----------
@@ -209,7 +209,7 @@ def _breaks(case: Case) -> Iterator[tuple[tuple[int, Side, float], float]]:
 
 
 def _supports_beside(case: Case, edge: Edge, running: float) -> list[Support]:
-    """Return what holds an edge at a value of its running coordinate."""
+    """Return the supports that hold an edge at a value of its running coordinate."""
     domain = case.surface.domain
     return [
         support
@@ -274,7 +274,7 @@ def _edge(case: Case, axis: int, side: Side) -> Edge:
 
 
 def _rim(supports: list[Support], tangent: Array, normal: Array) -> Rim:
-    """Return what supports make of an edge with this tangent, away from the corner, and this normal of the surface."""
+    """Return the conditions of supports on an edge with this tangent, away from the corner, and this surface normal."""
     if not supports:
         return Rim()
     axes = dict(zip((*COMPONENTS, *LOCAL), (*np.eye(3), tangent, np.cross(normal, tangent), normal), strict=True))
@@ -343,7 +343,7 @@ def _grading(exponent: float) -> float:
 
 
 def excited(case: Case) -> tuple[bool, bool]:
-    """Return whether a case may bend, and whether it may stretch: a plate does not do both under any load."""
+    """Return two flags: True if the case may bend, True if it may stretch. On a plate, not every load does both."""
     domain = case.surface.domain
     normals = Midsurface.at(case.surface.derivatives(domain.grid(5, 5).reshape(-1, 2), order=2)).normal
     if np.ptp(normals, axis=0).max() > ROUNDING or any(s.motion is not None for s in case.supports):

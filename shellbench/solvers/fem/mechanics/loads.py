@@ -115,7 +115,10 @@ class EdgeMoment:
         return np.asarray(self.case.formula(self.load.value).derivatives(self.points, 0, t)[0, 0] * self.lengths)
 
     def deformation(self, q: Array) -> Deformation:
-        """Return how a displacement (nodes, 12) deforms the edge; second derivatives do not count and are left out."""
+        """Return the deformation of the edge by a displacement (nodes, 12), without second derivatives.
+
+        A moment does no work on second derivatives, so that they are left out.
+        """
         local = q[self.nodes].reshape(len(self.nodes), len(CORNERS), COMPONENTS, -1)
         local = np.swapaxes(local, 2, 3).reshape(len(self.nodes), 1, -1, COMPONENTS)
         gradients = np.zeros((len(self.points), len(DERIVATIVES), COMPONENTS))

@@ -40,7 +40,7 @@ from shellbench.solvers.fem.mesh.mesh import SAME, Derivative, TensorMesh, gauss
 if TYPE_CHECKING:
 
     class FemSolution(Protocol):
-        """What resultants ask of an answer."""
+        """Protocol of an answer whose resultants are evaluated."""
 
         @property
         def case(self) -> Case: ...  # noqa: D102
@@ -58,7 +58,7 @@ HALF = np.array([1.0, 1.0, 0.5])  # H counts the component 12 twice, for itself 
 
 
 def why_infinite(case: Case, quantity: ResultantQuantity) -> str | None:
-    """Return why a resultant that a case asks for has no value, as one clause, or None if it has one."""
+    """Return the reason that a resultant of a case has no finite value, as one clause, or None if it has one."""
     corner = quantity.corner_of(case)
     if corner is None:
         return None

@@ -84,7 +84,7 @@ class Revolution:
 
     @classmethod
     def from_case(cls, case: Case, mesh: TensorMesh) -> Revolution | None:
-        """Return what is symmetric about a case; None if its waves could not travel."""
+        """Return the shell of revolution of a case; None if waves can't travel around it."""
         steps = np.diff(mesh.lines[0])
         axis = axis_of_revolution(case) if case.surface.domain.periodic[0] else None
         if axis is None or np.ptp(steps) > SAME * steps.max():

@@ -1,8 +1,8 @@
-"""How nodal forces are divided among the supports that hold a node.
+"""Division of nodal forces among the supports that hold a node.
 
-A support bears the force along its own edges. Where supports meet that hold the same direction, the node's force is the
-sum of what their edges bear over half a cell, and of a force concentrated at the point: twice the twisting moment at a
-plate's corner. Both supports hold that one, and each has an equal share of it, by convention.
+A support bears the force along its own edges. If several supports hold the same direction at a node, the node's force
+has two parts: the forces of their edges over half a cell, and a force concentrated at the point, such as twice the
+twisting moment at a plate's corner. By convention, each of the supports bears an equal share of the concentrated force.
 """
 
 from __future__ import annotations
@@ -81,19 +81,19 @@ def ends(support: int, nodes: Integers, line: Array) -> Iterator[End]:
 
 @dataclass(frozen=True)
 class Sharing:
-    """Which of s supports bear what of the forces at k nodes with d degrees of freedom.
+    """Division of the forces at k nodes with d degrees of freedom among s supports.
 
     Attributes
     ----------
     holders
-        (k, s, d) whether a support acts on a degree of freedom.
+        (k, s, d) True if a support acts on a degree of freedom.
     values
         (3,) the degrees of freedom that are components of the displacement.
     ends
-        Where edges of supports end, their nodes numbered as here.
+        Ends of the supports' edges, their nodes numbered as here.
     meeting, division
-        (m,) nodes where several supports act on one degree of freedom, and (m, s, d, d) what each bears of the forces
-        there.
+        (m,) nodes where several supports act on one degree of freedom, and (m, s, d, d) maps from the forces there to
+        the part of each support.
     """
 
     holders: Flags
@@ -123,7 +123,7 @@ class Sharing:
         return cls(holders, values, tuple(end for end in found if end.node in meeting), meeting, division)
 
     def shares(self, forces: Array) -> Array:
-        """Return what each support bears (s, k, d, n) of nodal forces (k, d, n)."""
+        """Return the part (s, k, d, n) of each support in nodal forces (k, d, n)."""
         # 1. What edges bear along their last cells, from the nodes beside.
         # 2. Of the rest, what conditions tell apart; 3. equal shares of what is left, as of a clamp's terms.
         result = np.zeros((self.holders.shape[1], *forces.shape))

@@ -134,7 +134,7 @@ class FemSolution(ShellSolution):
 
     @cached_property
     def _by_cell(self) -> Callable[[int], Array]:
-        """What functions are multiplied by at a state, (3, p + 1, p + 1, cells); see `cell_functions`."""
+        """Factors of the cells' functions at a state, (3, p + 1, p + 1, cells), as a function; see `cell_functions`."""
         return lru_cache(maxsize=1)(self._collected)
 
     def _collected(self, state: int) -> Array:
@@ -273,11 +273,11 @@ class FemSolution(ShellSolution):
         return forces[:, :, 0].sum(axis=0), moment
 
     def touch(self, at: float | None = None) -> Touch:
-        """Return what obstacles exert on the shell at a state."""
+        """Return the contact forces of obstacles on the shell at a state."""
         return self.touching[self.state(at)] if self.touching else super().touch(at)
 
     def kept(self) -> tuple[Words, Arrays]:
-        """Return what a file holds beside the case and the history."""
+        """Return the data that a file holds beside the case and the history."""
         words = {"quadrature_order": self.quadrature_order, "images": self.images, "degree": self.mesh.degree}
         return words, {
             **kept_touch(self.touching),

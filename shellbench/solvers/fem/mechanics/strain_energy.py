@@ -57,7 +57,7 @@ class Portion:
     scales: Array
 
     def stresses(self, strains: Array) -> Array:
-        """Return what is conjugate to strains (n, 6), in J."""
+        """Return the stresses conjugate to strains (n, 6), in J."""
         stresses = empty(len(strains), 6)
         for part, rows in enumerate((slice(0, 3), slice(3, 6))):
             stresses[:, rows] = dot(self.moduli[:, part], strains[:, None, rows])

@@ -120,7 +120,10 @@ class Ties:
         return result
 
     def reduce_cells(self, matrix: CellMatrices) -> CellMatrices:
-        """Return what `reduce` does of a sum of cell matrices; a diagonal is the number of cells that have it."""
+        """Return the result of `reduce` for a sum of cell matrices.
+
+        The diagonal entry of a degree of freedom that is not free is the number of cells that have it, not 1.
+        """
         # Conditions tie what belongs to one vertex or one side of a cell. A cell has all of that or nothing of it.
         dofs = matrix.dofs
         carried = self.free.shape[1]

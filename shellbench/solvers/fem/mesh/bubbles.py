@@ -1,8 +1,8 @@
-"""What a function looks like in the basis of degree p: its values and slopes at the nodes, and bubbles in between.
+"""Interpolation of a function in the basis of degree p: values and slopes at the nodes, and bubbles in between.
 
-Along one coordinate the coefficients of the bubbles follow from what the function leaves of its cubic Hermite
-interpolant, e: they are moments of e, chosen so that the second derivative of the error is orthogonal to those of the
-bubbles. Polynomials of degree p are met exactly, and in two dimensions the two interpolations are done in turn.
+Along one coordinate, the coefficients of the bubbles follow from the error e of the function's cubic Hermite
+interpolant. They are moments of e, chosen so that the second derivative of the error is orthogonal to those of the
+bubbles. Polynomials of degree p are reproduced exactly. In two dimensions, the two interpolations are done in turn.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ RECENT = 2  # changes that bound the error; one more where they differ in sign
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a sequence of values on ever finer meshes says of its limit.
+    """Estimate of the limit of a sequence of values on ever finer meshes.
 
     Attributes
     ----------

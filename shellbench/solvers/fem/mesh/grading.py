@@ -151,7 +151,7 @@ def _resolving(case: Case, axis: int, cells: int, lines: Array) -> Array:
 
 
 def unresolved(case: Case, mesh: TensorMesh) -> str | None:
-    """Return which formula varies within less than a cell of the mesh, and where, as one clause; None if none does."""
+    """Return a formula that varies within less than a cell of the mesh, and its place, as one clause, or None."""
     for feature in case.features if not case.modal else ():
         division = feature.division
         for axis in (0, 1) if feature.role == "stiffness" else ():

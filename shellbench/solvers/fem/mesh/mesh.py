@@ -55,7 +55,7 @@ _BUBBLES = 16 * np.array([[0, 0, 1, -2, 1, 0], [0, 0, -1, 4, -5, 2]], dtype=floa
 
 
 def kinds_of(degree: Degree) -> tuple[tuple[int, int], ...]:
-    """Return what a node carries, by coordinate: 0 for a value, 1 for a slope, from 2 on bubbles; `KINDS` first."""
+    """Return a node's degrees of freedom by coordinate, `KINDS` first: 0 is a value, 1 a slope, 2 and more bubbles."""
     numbers = range(degree - 1)
     return KINDS + tuple((a, b) for a in numbers for b in numbers if max(a, b) > 1)
 
@@ -131,7 +131,7 @@ Integers = NDArray[np.int64]
 
 
 def present_functions(degree: Degree) -> NDArray[np.int64]:
-    """Return which of a cell's functions (corner, kind) are not zero everywhere, (p + 1)^2 of them."""
+    """Return the numbers of a cell's functions (corner, kind) that are not zero everywhere, (p + 1)^2 of them."""
     kinds = kinds_of(degree)
     there = [(i == 0 or k < 2) and (j == 0 or m < 2) for i, j in CORNERS for k, m in kinds]
     return np.flatnonzero(there)
@@ -202,7 +202,7 @@ class TensorMesh:
 
     @cached_property
     def kinds(self) -> tuple[tuple[int, int], ...]:
-        """What a node carries of each component; see `kinds_of`."""
+        """Degrees of freedom of a node, for each component; see `kinds_of`."""
         return kinds_of(self.degree)
 
     @cached_property

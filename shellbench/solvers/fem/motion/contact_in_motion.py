@@ -139,7 +139,7 @@ class TouchingPoints:
 
 @dataclass
 class Compliance:
-    """How far unit forces at some points move these, by a kept tangent: B K^-1 B^T.
+    """Displacements of some points by unit forces at them, from a kept tangent: B K^-1 B^T.
 
     Attributes
     ----------
@@ -183,9 +183,10 @@ class Compliance:
 
 @dataclass(frozen=True)
 class Pushed:
-    """What obstacles exert in an iteration: forces (n, 3), N, and what counts in the equation of the step's unknown.
+    """Contact in an iteration: forces (n, 3), N, and their part in the equation of the step's unknown.
 
-    That is `nodal` and, of friction alone, `rubbing` (nodes, 12); `weight`, N, is that of depths in the merit.
+    That part is `nodal` (nodes, 12), and `rubbing` (nodes, 12) of friction alone. `weight`, N, multiplies the depths in
+    the merit function.
     """
 
     forces: Array
@@ -221,7 +222,7 @@ class StepContact:
         return self.points.nearest(u, self.end)
 
     def depths(self, u: Array) -> Array:
-        """Return how deep points (n,) are in obstacles at the step's end, m."""
+        """Return the depths (n,) of points in obstacles at the step's end, m."""
         return np.maximum(-self.gap(u)[0], 0.0)
 
     def pushed(self, u: Array, step: Array, compliance: Compliance, share: float, whole: float) -> tuple[Array, Array]:

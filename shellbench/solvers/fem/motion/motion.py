@@ -67,7 +67,7 @@ FRAMES = 240  # instants that are kept of a run, evenly; between them the motion
 
 
 def declined(case: Case) -> str | None:
-    """Return what in a case in motion fem can't do, as a clause, or None."""
+    """Return the property of a case in motion that fem can't take, as a clause, or None."""
     if any(isinstance(load, MomentLoad) for load in case.loads):
         return "it can't follow moments on edges in time"
     if case.following:
@@ -194,7 +194,7 @@ def solve(
 
 
 def _as_asked(meshes: list[float]) -> list[float]:
-    """Return how fine meshes are, without what three or more miss of an even growth as cells are whole numbers."""
+    """Return the refinement of meshes; three or more that grow nearly evenly count as even, without rounding."""
     # A rate that is observed on three meshes is sensitive to that: 12, 18, 24 cells are meant to grow alike. Two show
     # no rate, and growth far from even is not forgiven.
     growths = np.diff(np.log2(meshes))
@@ -209,9 +209,10 @@ def _cells(mesh: TensorMesh) -> str:
 
 
 def _scale(solution: MotionSolution, quantity: QuantityModel, quantities: Mapping[str, float]) -> float:
-    """Return what the uncertainty of a quantity is compared with: the size, the sum of energies, or the weight.
+    """Return the scale of a quantity's uncertainty: the size of the shell, the sum of energies, or the weight.
 
-    Of a shell that hardly moves it is how far it does, and its own energies: to its size all of that is nothing.
+    If the shell hardly moves, the scale is its largest displacement, or its own energies: these are nothing beside its
+    size.
     """
     case = solution.case
     value, size = abs(quantities[quantity.name]), shell_size(case)

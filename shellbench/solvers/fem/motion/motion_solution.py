@@ -152,7 +152,7 @@ class MotionSolution(ShellSolution):
         return self.frame(float(self.times[0])).energy_rule
 
     def touch(self, at: float | None = None) -> Touch:
-        """Return what obstacles exert, linear in time between the times that are kept, and constant after the last."""
+        """Return the contact forces, linear in time between the times that are kept, and constant after the last."""
         times, last = self.touch_times, time_reached(self.case, float(self.times[-1]), at)
         place = float(np.interp(last, times, np.arange(len(times))))
         first, second = self.touching[int(place)], self.touching[math.ceil(place)]
@@ -176,7 +176,7 @@ class MotionSolution(ShellSolution):
         return replace(self, coefficients=values.numbers, rates=rates.numbers, exponents=exponents), bytes_taken
 
     def kept(self) -> tuple[Words, Arrays]:
-        """Return what a file holds beside the case and the history."""
+        """Return the data that a file holds beside the case and the history."""
         return {"quadrature_order": self.quadrature_order}, {
             "lines1": self.mesh.lines[0],
             "lines2": self.mesh.lines[1],

@@ -227,7 +227,7 @@ class _Minimum:
 
     @property
     def share(self) -> float:
-        """What a force that moves the step's end by h^2 M^-1 R counts in the equation of x, in R."""
+        """Factor, in the equation of x, of a force R that moves the step's end by h^2 M^-1 R."""
         return (1 - self.shell.scheme.alpha_m) / self.shell.scheme.beta
 
     def find(self, x: Array, h: float) -> tuple[Array, Array, Array, int]:
@@ -286,7 +286,7 @@ class _Minimum:
         raise NotConvergedError
 
     def _pushed(self, contact: StepContact, x: Array, step: Array, kept: _Kept) -> tuple[Pushed, Array]:
-        """Return what obstacles exert where a step would enter them, and the step with that."""
+        """Return the contact forces if a step would enter obstacles, and the step with these forces."""
         factor, ties = kept.factor, self.ties
         assert factor is not None
         if kept.compliance is None:
@@ -301,7 +301,7 @@ class _Minimum:
         return Pushed(forces, self.share * contact.points.nodal(forces), rubbing, weight), step
 
     def _entered(self, x: Array, touch: Pushed) -> float:
-        """Return what the merit has beside the potential, J: depths, and the work against friction as a dead force."""
+        """Return the merit without the potential, J: depths in obstacles, and work against friction as a dead force."""
         if self.contact is None:
             return 0.0
         u = self.contact.points.displacement(self.end(x))

@@ -30,7 +30,7 @@ DIFFERENCE = 1e-6
 
 @dataclass(frozen=True)
 class Pressed:
-    """What obstacles exert on a displaced shell.
+    """Contact of obstacles with a displaced shell.
 
     Attributes
     ----------
@@ -41,9 +41,9 @@ class Pressed:
     normal
         (n, 3) of the obstacles there.
     pressure
-        (n,) Pa; less than zero where a point is held that would part.
+        (n,) Pa; negative at a held point that would separate.
     active
-        (n,) which points are in contact.
+        (n,) True at points in contact.
     forces, nodal
         (n, 3) at the points, N, and (nodes, 12) of the mesh.
     """
@@ -58,7 +58,7 @@ class Pressed:
 
     @property
     def closed(self) -> bool:
-        """Whether no point is inside an obstacle, and none that is pressed is apart from it."""
+        """True if no point is inside an obstacle, and no pressed point is off it."""
         gap = np.where(self.pressure > 0, np.abs(self.gap), -self.gap)
         return bool(np.all(gap <= CLOSED * np.abs(self.displacement).max()))
 
@@ -100,7 +100,7 @@ class Pressing:
         return cls(points, t, pressure, pressure > 0)
 
     def at(self, q: Array) -> Pressed:
-        """Return what obstacles exert on the shell displaced by q (nodes, 12)."""
+        """Return the contact with the shell displaced by q (nodes, 12)."""
         points = self.points
         u = points.displacement(q[..., None])
         gap, normal = gaps(points.case, points.points, u, self.t)

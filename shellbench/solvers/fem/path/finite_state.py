@@ -149,9 +149,10 @@ class FiniteState:
 
     @property
     def stable(self) -> bool:
-        """Whether the state is a minimum of the potential energy.
+        """True if the state is a minimum of the potential energy.
 
-        Under a pressure that follows there is none: then, whether all steps from the state do positive work.
+        A pressure that follows the shell has no potential. Then it is True if all steps from the state do positive
+        work.
         """
         return self.factor is not None and self.factor.negative == self.forgiven
 
@@ -205,6 +206,6 @@ class Hold:
 
 
 def on_free(ties: Ties, factor: TangentFactor, right: Array) -> Array:
-    """Return what the shell answers to forces (nodes, 12) where the supports leave it free."""
+    """Return the displacement of the shell under forces (nodes, 12) where the supports leave it free."""
     free = ties.to_free(right[..., None])
     return np.asarray(ties.to_nodal(factor.solve(free) * ties.free[..., None])[..., 0])

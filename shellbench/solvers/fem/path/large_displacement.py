@@ -57,7 +57,7 @@ class PathEndedError(SolveFailure):
 
 
 def declined(case: Case) -> str | None:
-    """Return what in a case of the non-linear theory fem can't do, as a clause, or None."""
+    """Return the property of a case of the non-linear theory that fem can't take, as a clause, or None."""
     for support in case.supports:
         if support.clamped and isinstance(support.motion, Value):
             return f"it can't move the clamped support '{support.name}' by a formula at finite strain"

@@ -82,7 +82,7 @@ def equilibrium(
 
 
 def _stays(problem: FiniteProblem, start: FiniteState, step: Array) -> bool:
-    """Whether a step (nodes, 12) is no more than rounding; where points may touch, any is more."""
+    """Return True if a step (nodes, 12) is no more than rounding; with possible contact, only if it is zero."""
     return bool(np.abs(step).max() <= (ROUNDING * np.abs(start.q).max() if problem.points is None else 0.0))
 
 

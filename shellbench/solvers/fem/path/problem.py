@@ -87,7 +87,7 @@ class FiniteProblem:
         return ContactPoints.on_mesh(self.case, self.mesh)
 
     def pressing(self, start: FiniteState, t: float) -> Pressing | None:
-        """Return what obstacles there are at a load factor, with the pressures of a state."""
+        """Return the obstacles at a load factor, with the pressures of a state; None without obstacles."""
         return None if self.points is None else Pressing.from_pressure(self.points, t, start.pressure)
 
     @cached_property
@@ -230,7 +230,7 @@ class FiniteProblem:
 
     @cached_property
     def revolution(self) -> Revolution | None:
-        """What is symmetric about the case, where waves could travel around it."""
+        """The shell of revolution, if waves can travel around the case; else None."""
         return Revolution.from_case(self.case, self.mesh)
 
     def travelling(self, q: Array) -> Array | None:

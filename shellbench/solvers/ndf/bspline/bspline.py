@@ -52,7 +52,7 @@ UNTOLD = 1.0  # of the last change that an answer may still miss, where fewer do
 
 
 def why_not_held(case: Case) -> str | None:
-    """Return why a grid can't hold a case of the linear theory, as one clause, or None if it can."""
+    """Return the reason that a grid can't represent a case of the linear theory, as one clause, or None if it can."""
     if case.dynamics is not None:
         return "it moves, and this solver takes shells at rest"
     if case.prescribed:
@@ -227,7 +227,7 @@ class SolvedGrid:
     values: dict[str, float]
 
     def missed(self, finer: SolvedGrid) -> Miss:
-        """Return what it has missed at least, as a finer answer tells."""
+        """Return lower bounds of its errors, from its difference to a finer answer."""
         changes = {name: abs(value - self.values[name]) for name, value in finer.values.items()}
         return Miss(changes, abs(self.potential - finer.potential) / finer.stored)
 
@@ -309,10 +309,10 @@ def _step(answer: SolvedGrid, number: int, seconds: float) -> Step:
 
 
 def still_missed(last: float, former: float, fastest: float) -> float:
-    """Return what an answer misses still, in units of its last change.
+    """Return the estimated error of an answer, in units of its last change.
 
-    The rest of a geometric series, from the shares of energy that this change and the one before have gained; its
-    ratio is `fastest` at least.
+    It is the rest of a geometric series. Its ratio is that of the shares of energy gained by this change and by the one
+    before, but not below `fastest`.
     """
     if not last < former:
         return math.inf if last > former else UNTOLD

@@ -159,7 +159,7 @@ class SplineSolution(ShellSolution):
         return self._answered.pushed(number, centre, focal_points(self.case))
 
     def kept(self) -> tuple[Words, Arrays]:
-        """Return what `restored` needs of a file."""
+        """Return the data that `restored` needs of a file."""
         words = {name: getattr(self, name) for name in ("symmetry", "degree", "membrane", "bending", "point_forces")}
         return {**words, "rule": asdict(self.rule)}, {name: getattr(self, name) for name in self.numbers}
 

@@ -343,7 +343,7 @@ def uncertainties(case: ConditionedCase, first: Reduced, second: Reduced) -> tup
 
 
 def _changed(one: Reduced, other: Reduced, material: Material, quantity: Any) -> float:
-    """Return how two answers differ in a quantity at some material: relative for a displacement."""
+    """Return the difference of two answers in a quantity at some material, relative if it is a displacement."""
     first, second = (quantity_of(each, material, quantity) for each in (one, other))
     return abs(first - second) / (abs(first) if isinstance(quantity, Value) else 1.0)
 

@@ -97,7 +97,7 @@ class Polynomials:
         return coefficients
 
     def told(self, asked: Array, at: float, material: Material, by: Parameter | None) -> float:
-        """Return what is asked, of coefficients (times, n, m), or the derivative of its logarithm by a parameter.
+        """Return the asked value of coefficients (times, n, m), or the derivative of its logarithm by a parameter.
 
         Raises
         ------
@@ -225,12 +225,12 @@ class ConditionedMotion(ConditionedAnswer):
 
 
 def is_motion(path: Path) -> bool:
-    """Whether a file says that it holds such a field; InputError if it can't be read."""
+    """Return True if the header of a file states that it holds such a field; InputError if it can't be read."""
     return FORMAT in read_tensors(path)[0].get(HEADER, "")
 
 
 def asked_of(case: ConditionedCase, features: Combined, weights: Array) -> Array:
-    """Return what is asked (...), m, of output weights (..., 2, r)."""
+    """Return the asked displacement (...), m, of output weights (..., 2, r)."""
     shell = case.shell_of(case.middle)
     points = np.array([shell.points[name] for name in case.asked.points])
     directions = np.broadcast_to(np.array(case.asked.direction, dtype=float), (len(points), 3))[:, :PLANE]
@@ -264,7 +264,7 @@ def solve(case: ConditionedCase, settings: ConditionedSettings, progress: Progre
     steps: list[Step] = []
 
     def built(degree: int) -> tuple[Array, ConditionedMotion, float]:
-        """Return what is asked as coefficients, the field of a degree, and its quadrature gap."""
+        """Return the coefficients of the asked displacement, the field of a degree, and its quadrature gap."""
         motion, features = features_of(shell, degree, settings)
         law = plane_motion(motion, features)
         fine = plane_motion(Motion(shell, motion.spec, features, finer(motion.rule_spec)), features)
@@ -316,7 +316,7 @@ def solve(case: ConditionedCase, settings: ConditionedSettings, progress: Progre
 
 
 def why_unsettled(shares: Mapping[Parameter | None, float]) -> str | None:
-    """Return why uncertainties, None for that of values, are too large, as one clause, or None if they are not."""
+    """Return the uncertainty that is too large, as one clause, or None if none is; the key None is that of values."""
     for by, share in shares.items():
         if not share <= (SETTLED if by is None else SETTLED_DERIVATIVE):
             asked = "displacements" if by is None else f"derivatives by {by}"

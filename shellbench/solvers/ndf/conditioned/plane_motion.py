@@ -33,7 +33,7 @@ PLANE = 2  # components of the motion
 
 
 def refusal(case: ConditionedCase) -> str | None:
-    """Return why a shell's motions can't be followed here, as one clause, or None if they can."""
+    """Return the reason that the motions of a shell can't be followed here, as one clause, or None if they can."""
     shell = case.shell_of(case.middle)
     if not shell.material.uniform:
         return "its modulus or thickness varies"

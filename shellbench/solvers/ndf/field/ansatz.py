@@ -25,7 +25,7 @@ DEPENDENT = 1e-12  # combinations less stiff than this share of the stiffest are
 
 
 class Factors(Protocol):
-    """What multiplies the network so that supports are held."""
+    """Boundary factors: they multiply the network so that supports are held."""
 
     def matrix(self, points: Array, placement: Placement) -> Tensor:
         """Return the jet (6, N, 3, 3) of M at points (N, 2)."""
@@ -33,11 +33,11 @@ class Factors(Protocol):
 
 
 class Lifting(Protocol):
-    """What moves the supports as prescribed."""
+    """Lift: it moves the supports as prescribed."""
 
     @property
     def moves(self) -> bool:
-        """Whether any support is moved at all."""
+        """True if any support is moved."""
         ...
 
     def jet(self, points: Array, placement: Placement) -> Tensor:

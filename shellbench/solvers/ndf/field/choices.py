@@ -35,7 +35,7 @@ Crease = tuple[int, float, int]
 
 
 def _from_bool(value: Any) -> Any:
-    """Return what a boolean said in files of earlier versions."""
+    """Return the choice that a boolean stood for in files of earlier versions; any other value as it is."""
     return {True: "both", False: "none"}[value] if isinstance(value, bool) else value
 
 

@@ -214,7 +214,7 @@ class Lift:
 
     @property
     def moves(self) -> bool:
-        """Whether any edge is moved at all."""
+        """True if any edge is moved."""
         return self._whole is not None or any(support.motion for edges in self._edges for _, support in edges)
 
     def jet(self, points: Array, placement: Placement) -> Tensor:
@@ -272,7 +272,7 @@ def turns(case: Case) -> bool:
 
 
 def why_not_turned(case: Case) -> str | None:
-    """Return why the clamped edges of a case can't be turned by finite angles, as one clause, or None if they can."""
+    """Return the reason that clamped edges of a case can't be turned by finite angles, as one clause, or None."""
     if not turns(case):
         return None
     name = next(s.name for s in case.supports if s.clamped and isinstance(s.motion, Rotation))
@@ -303,7 +303,7 @@ class Turning:
 
     @property
     def moves(self) -> bool:
-        """Whether any edge is moved at all."""
+        """True if any edge is moved."""
         return True
 
     @cached_property

@@ -215,7 +215,7 @@ class Features:
         return np.concatenate([*parts, *([self.beside.allowed()] if self.beside else [])], axis=1)
 
     def pairs(self, part: Integers) -> Array:
-        """Return which of the (component, feature) pairs (3 M,) are solved for, of features with these numbers."""
+        """Return the numbers of the (component, feature) pairs (3 M,) to solve for, of features with these numbers."""
         allowed = self.allowed()
         return np.concatenate([part[allowed[c, part]] + c * self.count for c in range(3)])
 

@@ -1,18 +1,20 @@
-"""What the network sees of a point: input coordinates as jets, derived from the case alone.
+"""Inputs of the network at a point: coordinates as jets, derived from the case alone.
 
-A plain coordinate is scaled to [-1, 1]; a periodic one becomes (cos, sin), or in two ablations its cosine alone (the
-field is then even about the seam: it closes, but can't tell the two sides apart) or a plain coordinate (the field then
-answers for a slit shell); at an edge that holds the slope of free components it is bent so that its derivative vanishes
-there. Distances from points that carry a force, and from the edges of curved shells, enter once more, stretched as
-asinh(d / l) / asinh(reach / l): there the solution varies within the length l of a bending layer. So do distances from
-lines along which loads or stiffnesses have kinks.
+A plain coordinate is scaled to [-1, 1]. A periodic coordinate becomes (cos, sin). Two ablations replace this: by the
+cosine alone (the field is then even about the seam: it closes, but can't distinguish the two sides), or by a plain
+coordinate (the field is then that of a slit shell). At an edge that holds the slope of free components, the coordinate
+is bent so that its derivative vanishes there.
 
-These lengths come first. A shell bends within layers of the length sqrt(h R), R the smallest radius of curvature, far
-below its size, around points that carry a force and along edges.
+Distances from points that carry a force, and from the edges of curved shells, are additional inputs, stretched as
+asinh(d / l) / asinh(reach / l): there the solution varies within the length l of a bending layer. Distances from lines
+along which loads or stiffnesses have kinks are inputs too.
 
-About planes of symmetry that are built into a field (see `mirrors`) every input is even: one that is odd, and goes from
--1 to 1, enters as 2 z^2 - 1, and one that is neither, such as the distance from one of two edges, as the mean of its
-images.
+The module first derives these lengths. A shell bends within layers of the length sqrt(h R), R the smallest radius of
+curvature, far below its size, around points that carry a force and along edges.
+
+Every input is even about the planes of symmetry that are built into a field (see `mirrors`). An odd input, which goes
+from -1 to 1, becomes 2 z^2 - 1. An input that is neither, such as the distance from one of two edges, becomes the mean
+of its images.
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ class Rule:
 
 @dataclass(frozen=True)
 class RuleSpec:
-    """How fine a rule is.
+    """Resolution of a quadrature rule.
 
     Attributes
     ----------
@@ -61,17 +61,17 @@ class RuleSpec:
     grading
         Panels narrow toward focal points like s -> s**grading; 1 leaves them uniform.
     cuts
-        How often the panels at a focal point are cut once more, at `PANEL_CUT` of their length, for its logarithm.
+        Number of further cuts of the panels at a focal point, at `PANEL_CUT` of their length, for its logarithm.
     layers
         Lengths in the coordinates of layers at both ends of a side that has no focal point inside: half of its panels
         are spread evenly over asinh(distance / length), the other half over the distance. Zero for a side without.
     corner_cuts
-        How often the cells at corners are cut into four, at `PANEL_CUT` of their sides, for powers of the distance.
+        Number of cuts of the cells at corners into four, at `PANEL_CUT` of their sides, for powers of the distance.
         In the cells that remain at corners, points narrow toward these, too.
     point_cuts
-        How often the four cells at a focal point are cut like those at corners. `cuts` then holds along edges alone.
+        Number of cuts of the four cells at a focal point, as at corners. `cuts` then holds along edges alone.
     joints
-        Values of xi1, and of xi2, at which panels end besides, because something integrated has a kink there.
+        Further values of xi1, and of xi2, at which panels end, because the integrand has a kink there.
     """
 
     panels: tuple[int, int]

@@ -1,7 +1,7 @@
-"""What the supports and loads of a case ask of a field.
+"""Conditions of the supports and loads of a case on a field.
 
-Supports are told edge by edge and point by point, dead loads as forces at points: a density at area points, and forces
-at points of edges and at single points.
+Supports are listed by edge and by point. Dead loads become forces at points: a density at area points, and forces at
+points of edges and at single points.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def edge_supports(case: Case) -> tuple[EdgeSupport, ...]:
 
 
 def point_supports(case: Case, t: float = 1.0) -> tuple[PointSupport, ...]:
-    """Return what is held at points and corners."""
+    """Return the displacement components that supports hold at points and corners."""
     return tuple(
         PointSupport(support, place, component, float(motion[component]))
         for support, place in case.supported_places()

@@ -101,7 +101,7 @@ def described(path: Path, form: str, what: str) -> Iterator[tuple[dict[str, Any]
 
 
 def are_finite(tensors: Iterable[Tensor]) -> bool:
-    """Whether all tensors are of finite floating-point numbers."""
+    """Return True if all tensors hold finite floating-point numbers."""
     return all(t.is_floating_point() and bool(torch.isfinite(t).all()) for t in tensors)
 
 
@@ -117,7 +117,7 @@ HEADER = "shellbench"
 
 
 class StateHeader(Model):
-    """What a file says of one state of a path; see `shellbench.solvers.ndf.linear.solution.PathSolution`."""
+    """File header of one state of a path; see `shellbench.solvers.ndf.linear.solution.PathSolution`."""
 
     mark: Finite
     t: Finite
@@ -127,7 +127,7 @@ class StateHeader(Model):
 
 
 class CaseHeader(Model):
-    """What every file says: the recipe, the case, the history and what came of it."""
+    """Header of every file: the recipe, the case, the history and the results of the solve."""
 
     solver: str
     case_name: str

@@ -63,7 +63,7 @@ class Candidate:
         return self.potential - other > EXPLOITED * self.stored
 
     def missed(self, finer: Candidate) -> Miss:
-        """Return what it has missed at least, as a finer answer tells."""
+        """Return lower bounds of its errors, from its difference to a finer answer."""
         # Relative to what is stored: where only loads act, strain energies and displacements that the loads work on
         # change by this share.
         changed = changes(self.solution.case, self.values, finer.values, (self.probed, finer.probed))
@@ -107,7 +107,7 @@ class SolvedLevel:
         return self.first if self.challenged.exploits(self.first.potential) else self.challenged
 
     def missed(self) -> Miss:
-        """Return what the answers miss at least: what challengers change, and what less regularisation would change."""
+        """Return lower bounds of the errors: changes by challengers, and changes by less regularisation."""
         # Combinations of features that are softer than rounding stay out of reach. No challenger tells of them, as it
         # is regularised, too. But energies tell how much each step of the level gains, down to that of rounding. Where
         # the last step loses energy no further one would gain any: what one step changes is missed.

@@ -1,8 +1,8 @@
-"""What a trained field has missed at least, as challengers tell, and how sure it is therefore.
+"""Lower bounds of the error of a trained field, from challengers, and its uncertainty.
 
 The last hidden layer of the trained network and challengers of `ndf-ritz` (see `refinement`) share one linear solve.
-What that changes of each quantity and of the energy, the trained field had missed. So it had what its last step
-gained. The answer stays the trained field: the challengers only tell how sure it is.
+The changes of each quantity and of the energy by this solve are lower bounds of the trained field's error. The gain of
+its last training step is another one. The answer remains the trained field: challengers only estimate its uncertainty.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def _rounding(solution: NdfSolution) -> float:
 
 
 def last_gain(steps: Sequence[Step], values: dict[str, float]) -> Miss:
-    """Return what training misses still by its last two gains: the tail of a geometric series."""
+    """Return the error that training leaves, from its last two gains: the tail of a geometric series."""
     changed = dict.fromkeys(values, 0.0)
     if len(steps) < 2:
         return Miss(changed, 0.0)

@@ -36,7 +36,7 @@ def point_rows(ansatz: Ansatz, features: FeatureSet) -> Tensor:
 
 
 def point_targets(ansatz: Ansatz, placement: Placement) -> Tensor:
-    """Return what the point supports prescribe (k,), metres, less the lift."""
+    """Return the displacements that point supports prescribe (k,), metres, less the lift."""
     supports = point_supports(ansatz.case, ansatz.t)
     targets = placement.tensor(np.array([s.value for s in supports]))
     if not supports or not ansatz.lift.moves:

@@ -133,7 +133,7 @@ def smoothest(
 
 
 def on_creases(case: Case, touch: Touch, creases: tuple[Crease, ...]) -> Flags:
-    """Return which points (n,) are on an edge of contact."""
+    """Return a mask (n,) of the points that are on an edge of contact."""
     line = np.zeros(len(touch.points), dtype=bool)
     for axis, at, _ in creases:
         line |= np.abs(touch.points[:, axis] - at) <= ROUNDING * case.surface.domain.size[axis]

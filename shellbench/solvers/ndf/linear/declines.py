@@ -39,9 +39,9 @@ PROBE_WIDTH = 4  # features of the random field that probes the factors
 
 
 def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
-    """Return why a field with exact boundary factors can't answer a case, as one clause, or None if it can.
+    """Return the reason that a field with exact boundary factors can't solve a case, as one clause, or None if it can.
 
-    `spec` are the choices of the field: covariant components, for one, can't be even at a plane of symmetry.
+    `spec` are the choices of the field: for example, covariant components can't be even at a plane of symmetry.
     """
     if reason := why_not_moved(case) if case.dynamics else None if case.linear else why_not_followed(case):
         return reason
@@ -63,7 +63,7 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
 
 
 def why_not_given(case: Case, quantity: Quantity) -> str | None:
-    """Return why a field can't give a quantity of a case that it takes, as one clause, or None if it can."""
+    """Return the reason that a field can't give a quantity of a case that it takes, as a clause, or None if it can."""
     if isinstance(quantity, ReactionQuantity | TorqueQuantity):
         support = next(s for s in case.supports if s.name == quantity.support)
         return Virtual.from_support(case, support).why_not_told(quantity)
@@ -73,7 +73,7 @@ def why_not_given(case: Case, quantity: Quantity) -> str | None:
 
 
 def why_not_moved(case: Case) -> str | None:
-    """Return why a field can't follow a motion, as one clause, or None if it can."""
+    """Return the reason that a field can't follow a motion, as one clause, or None if it can."""
     if case.obstacles:
         return "it touches obstacles at rest alone"
     if turns(case):
@@ -116,7 +116,7 @@ def violations(field: Field, support: EdgeSupport) -> tuple[float, float]:
 
 
 def _slides(case: Case, support: EdgeSupport) -> bool:
-    """Whether free components have a part across an edge that holds the slope: then it is no plane of symmetry."""
+    """Return True if free components have a part across an edge that holds the slope: it is no plane of symmetry."""
     x = from_derivatives(case.surface.derivatives(edge_samples(case, support.edge), 2), Placement())
     _, conormal = _across(x, support.edge.axis)
     free = [c for c in range(3) if c not in support.held]
@@ -156,7 +156,7 @@ def _probe(case: Case, spec: FieldSpec) -> Field:
 
 
 def why_not_followed(case: Case) -> str | None:
-    """Return why a field can't follow a non-linear case, as one clause, or None if it can."""
+    """Return the reason that a field can't follow a non-linear case, as one clause, or None if it can."""
     if case.obstacles and (reason := _why_not_touched(case)) is not None:
         return reason
     for support in case.supports:

@@ -111,10 +111,10 @@ def _bases(patch: Patch, degree: int, points: Array, placement: Placement) -> tu
 
 @dataclass(frozen=True)
 class Balance:
-    """How Q and P follow from any field on a patch.
+    """Maps from any field on a patch to Q and P.
 
-    `fit` (F, N) takes the field's values at Gauss points (N, 2) to the weights of Q, and those of P are `loaded` (U,)
-    less `response` (U, 3 F) times these.
+    `fit` (F, N) maps the field's values at Gauss points (N, 2) to the weights of Q. The weights of P are `loaded` (U,)
+    less `response` (U, 3 F) times those of Q.
     """
 
     points: Array

@@ -1,9 +1,9 @@
-"""How `ndf-ritz` refines a linear shell at rest, and what it says of its uncertainty.
+"""Refinement of a linear shell at rest by `ndf-ritz`, and the uncertainty that it states.
 
-Each level solves twice on one basis. The first answer has features of one kind. Challengers then join: features drawn
-anew, finer ones, ones that vary faster toward edges and points, and powers about corners. What they change is what the
-first answer had missed at least. A level whose answer they hardly change has settled; otherwise the next level is
-wider, and of the kind of challenger that has gained most energy.
+Each level solves twice on one basis. The first answer has features of one kind. Challengers then join: newly drawn
+features, finer ones, ones that vary faster toward edges and points, and powers about corners. The change by the
+challengers is a lower bound of the first answer's error. A level has settled if they hardly change its answer.
+Otherwise the next level is wider, and of the kind of challenger that gained most energy.
 """
 
 from __future__ import annotations
@@ -217,7 +217,7 @@ def finer_rule(spec: RuleSpec, growth: float) -> RuleSpec:
 
 @dataclass(frozen=True)
 class Miss:
-    """What one answer has missed at least, as a finer one tells.
+    """Lower bounds of the errors of an answer, from a finer one.
 
     Attributes
     ----------
@@ -281,9 +281,9 @@ def probed(solution: ShellSolution, at: float | None = None) -> Array:
 
 
 def tail(energies: tuple[float, float, float], steps: float) -> float:
-    """Return what so many further steps gain, in units of the last gain, from three energies that fall step by step.
+    """Return the gain of so many further steps, in units of the last gain, from three energies that fall step by step.
 
-    Gains shrink by the ratio of the two known ones, or not at all where these do not tell of it.
+    Gains shrink by the ratio of the two known ones; if these give no ratio below 1, the gains are taken as constant.
     """
     former, last = energies[0] - energies[1], energies[1] - energies[2]
     ratio = last / former if 0 < last < former else 1.0
@@ -291,10 +291,10 @@ def tail(energies: tuple[float, float, float], steps: float) -> float:
 
 
 def still_missed(last: float, former: float) -> float:
-    """Return what an answer misses still, in units of its change since the level before.
+    """Return the estimated error of an answer, in units of its change since the level before.
 
-    The tail of a geometric series, from the shares of energy that this change and the one before have gained; but
-    `LEAST_TAIL` at least.
+    It is the tail of a geometric series, from the shares of energy gained by this change and by the one before, but at
+    least `LEAST_TAIL`.
     """
     ratio = min(last / former, SLOWEST) if former > 0 else 0.0
     return max(LEAST_TAIL, ratio / (1 - ratio))
@@ -307,10 +307,11 @@ def uncertainties(
     scales: Mapping[str, float],
     rounding: float = ROUNDING,
 ) -> dict[str, float]:
-    """Return how sure an answer is of each quantity, from what it misses.
+    """Return the uncertainty of an answer in each quantity, from the lower bounds of its errors.
 
-    The largest of the change, and as shares of the quantity's scale the energy, `rounding` and `gap`, of the two
-    quadratures and of what regularisation leaves unbalanced; times `SAFETY`.
+    It is the larger of two numbers, times `SAFETY`: the change of the quantity; and its scale times the sum of the
+    energy gained, `rounding` and `gap`. `gap` is the difference of the two quadratures and the imbalance left by
+    regularisation.
     """
     # A value may change little by chance, the energy can't: it only falls. Displacements that the load works on err as
     # the energy does, others by more: so its share is no bound, and the change of the value itself is asked for, too.

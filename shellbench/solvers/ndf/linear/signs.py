@@ -1,9 +1,9 @@
-"""What makes a solved field no answer, told from the field itself.
+"""Signs that a solved field is no answer, computed from the field itself.
 
-First of all whether it turns where its energy does not look. Bending energy is integrated from second derivatives at
-points. A field with kinks turns at lines that no point lies on, and those turns would cost infinite energy, not none.
-Between the ends of a panel the slope changes by the integral of the second derivative: where it changes by more, the
-energy has missed it.
+The first sign is a turning that the energy does not see. Bending energy is integrated from second derivatives at
+points. A field with kinks turns at lines on which no point lies; these turns should cost infinite energy, but cost
+none. Between the ends of a panel the slope changes by the integral of the second derivative: if it changes by more, the
+energy has missed the turning.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def taken_up(equations: NormalEquations) -> float:
 
 
 def jitter_share(equations: NormalEquations, weights: Tensor, unbalanced: float, rounding: float) -> float:
-    """Return what a jitter on the diagonal has left unbalanced, J, as a share of the energy of output weights (3 M,).
+    """Return the imbalance, J, by a jitter on the diagonal, as a share of the energy of output weights (3 M,).
 
     `rounding` is an energy, J, below which there is nothing to take a share of.
     """
@@ -71,7 +71,7 @@ def rounding_energy(stiffness: float, area: float) -> float:
 
 
 def refusal(signs: Signs, spec: FieldSpec, largest_gap: float) -> str | None:
-    """Return why a field is no answer, in one sentence, or None if nothing speaks against it."""
+    """Return the reason that a field is no answer, in one sentence, or None if no sign speaks against it."""
     # In the order of causes: the sentence names what to mend first. Each comparison is written so that a figure which
     # is not a number refuses.
     if not signs.taken_up >= CANCELLED:

@@ -48,7 +48,7 @@ JETS = 512  # points at which jets are, which are six times as large
 
 @dataclass(frozen=True)
 class FieldSolution(ShellSolution):
-    """What the solutions of all recipes have in common: tensors, and values at points that are found in portions."""
+    """Base of the solutions of all recipes: tensors, and values at points, computed in portions."""
 
     @property
     def storage_bytes(self) -> int:
@@ -75,7 +75,7 @@ def strained(case: Case, xi: Array, placement: Placement, jet: Tensor, measure: 
 
 
 def one_of_fields(name: str, strains: Tensor, densities: Tensor) -> Tensor:
-    """Return what `evaluate` gives: covariant strains (N, 3), or an energy density (N,)."""
+    """Return the result of `evaluate`: covariant strains (N, 3), or an energy density (N,)."""
     part = slice(0, 3) if name.startswith("membrane") else slice(3, 6)
     if name.endswith("strain"):
         return strains[:, part] * strains.new_tensor([1.0, 1.0, 0.5])
@@ -120,7 +120,7 @@ class NdfSolution(FieldSolution):
     balances: Balances = kept(default_factory=dict, compare=False, repr=False)
 
     def touch(self, at: float | None = None) -> Touch:
-        """Return what obstacles exert on the shell."""
+        """Return the contact forces of obstacles on the shell."""
         return super().touch(at) if self.touching is None else self.touching
 
     def displacement_at(self, xi: Array, at: float | None) -> Array:
@@ -364,7 +364,7 @@ class PathSolution(FieldSolution):
         return self.state(at).reaction_at(number, centre, None)
 
     def touch(self, at: float | None = None) -> Touch:
-        """Return what obstacles exert on the shell."""
+        """Return the contact forces of obstacles on the shell."""
         return self.state(at).touch()
 
     def tensors(self) -> dict[str, Tensor]:

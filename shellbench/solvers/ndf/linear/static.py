@@ -188,7 +188,7 @@ def _stated(
 
 
 def _unrecovered(solution: NdfSolution) -> Miss:
-    """Return what the recovery of stress resultants misses at least: what its coarser degree changes."""
+    """Return lower bounds of the errors of recovered stress resultants: their difference to a coarser degree."""
     changed = {q.name: 0.0 for q in solution.case.quantities}
     for q in solution.case.quantities:
         if isinstance(q, ResultantQuantity):

@@ -28,7 +28,7 @@ class StuckError(ArithmeticError):
 
 @dataclass(frozen=True)
 class Stepping:
-    """How time is stepped: tolerances of the local error, and how many steps are too many."""
+    """Settings of the steps in time: tolerances of the local error, and the largest number of steps."""
 
     rtol: float = RTOL
     atol: float = ATOL
@@ -37,7 +37,7 @@ class Stepping:
 
 @dataclass
 class Track:
-    """What integration has done so far: at each accepted step time, y, y', y'', work since rest, and whose."""
+    """Record of the integration so far: at each accepted step time, y, y', y'', work since rest, and the motion."""
 
     times: list[float] = field(default_factory=list)
     states: list[tuple[tuple[Array, Array, Array], float]] = field(default_factory=list)

@@ -199,10 +199,10 @@ def grown(case: Case, spec: FieldSpec, level: MotionLevel, points: float, degree
 
 
 def asks_for_more(motion: Motion, w: Tensor, tail: float) -> bool:
-    """Whether the displacement in the highest degrees of products exceeds a share `tail` of the longest side.
+    """Return True if the displacement in the highest degrees of products exceeds `tail` times the longest side.
 
     As products are orthonormal in the area, the root mean square of that part of the displacement is the norm of its
-    weights: no quadrature is asked, and none can be exploited.
+    weights. This needs no quadrature, so that none can be exploited.
     """
     features = motion.features
     assert isinstance(features, Products)

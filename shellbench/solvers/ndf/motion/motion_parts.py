@@ -27,7 +27,7 @@ class Energies:
 
     @property
     def strain(self) -> float:
-        """What a displacement alone stores."""
+        """Energy stored by the displacement alone, J."""
         return self.membrane + self.bending + self.springs
 
 

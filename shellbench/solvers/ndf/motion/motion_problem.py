@@ -78,7 +78,7 @@ class Motion:
 
     @cached_property
     def _alike(self) -> bool:
-        """Whether the boundary matrix is a multiple of the identity, as where all components are held or none."""
+        """Return True if the boundary matrix is a multiple of the identity, as with all components held or none."""
         through = self.sampled.through.view(-1, 5, COMPONENTS, COMPONENTS, 6)
         first = through[:, :, :1, :1] * torch.eye(COMPONENTS).to(through)[:, :, None]
         return bool(torch.equal(through, first.expand_as(through)))
@@ -159,12 +159,12 @@ class Motion:
         return self.sampled.forces(force)
 
     def targets(self, t: float) -> Tensor:
-        """Return what the point supports prescribe (k,) at a time, metres, less the lift."""
+        """Return the displacements that point supports prescribe (k,) at a time, metres, less the lift."""
         return point_targets(self.ansatz(t), self.features.placement)
 
     @cached_property
     def _driven(self) -> bool:
-        """Whether any point or edge is moved."""
+        """Return True if any point or edge is moved."""
         points = any(s.support.motion is not None for s in point_supports(self.case))
         return points or self._lifts
 

@@ -51,7 +51,7 @@ LOOKED_AT = 5  # points a side at which a case is looked at
 
 
 def why_no_products(case: Case, spec: FieldSpec, inputs: Inputs) -> str | None:
-    """Return why a case's field is no sum of products of such functions, as one clause, or None if it is."""
+    """Return the reason that a field is no sum of products of such functions, as one clause, or None if it is one."""
     if inputs.axes != (0, 1) or any(any(side) for side in inputs.even):
         return "its inputs are not the two coordinates alone"
     points = case.surface.domain.grid(LOOKED_AT, LOOKED_AT).reshape(-1, 2)

@@ -77,7 +77,7 @@ class ContactRows:
         return np.asarray((self.values @ weights + lift).cpu().numpy())
 
     def curvature(self, forces: Array, u: Array, t: float) -> Tensor:
-        """Return what forces (n,), N, add to the reduced tangent (r, r) as the obstacles' normals turn."""
+        """Return the part of the reduced tangent (r, r) from forces (n,), N, as the obstacles' normals turn."""
         # -x dn/dx. A point that slides on a ball turns the force on it; without this, Newton's method is slow there.
         on = np.flatnonzero(forces)
         case, points, rows = self.problem.ansatz.case, self.touch.points[on], self.reduced[on]

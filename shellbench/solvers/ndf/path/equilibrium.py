@@ -179,7 +179,7 @@ class PathProblem:
         return torch.cat([point_rows(self.ansatz_at(0.0), self.features), *slopes])
 
     def targets(self, t: float) -> Tensor:
-        """Return what the constraints prescribe (k,), metres, less the lift."""
+        """Return the displacements that the constraints prescribe (k,), metres, less the lift."""
         ansatz, placement = self.ansatz_at(t), self.features.placement
         slopes = [target for _, target in slope_constraints(ansatz, self.features)]
         return torch.cat([point_targets(ansatz, placement), *slopes])

@@ -257,7 +257,7 @@ class _Run:
         return sum(state.iterations for state in self.states)
 
     def _certified(self, fine: PathProblem, state: PathState) -> Deformed:
-        """Return what a state does on the finer rule."""
+        """Return the deformation of a state on the finer rule."""
         return fine.deform(state.weights, state.t, self._angles(fine, state))
 
     def _angles(self, problem: PathProblem, state: PathState) -> tuple[Tensor, ...]:

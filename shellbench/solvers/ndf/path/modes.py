@@ -63,7 +63,7 @@ FINER_KIND = "finer"  # kind of features of the next level: what a mode lacks ar
 
 
 def why_no_modes(case: Case, spec: FieldSpec | None = None) -> str | None:
-    """Return why a field can't tell the modes that a case asks for, as one clause, or None if it can."""
+    """Return the reason that a field can't give the modes of a case, as one clause, or None if it can."""
     if case.springs:
         return "it finds modes of shells without springs only"
     if any(support.motion is not None for support in case.supports):
@@ -152,11 +152,11 @@ def solve(
 
 
 def still_missed(gained: Array, told: Array, changed: Array) -> Array:
-    """Return what modes (m,) may miss still.
+    """Return the estimated errors of modes (m,).
 
-    Challengers have changed them by `gained` at this level and by `told` at the level before; `changed` is what they
-    have changed by since. So what challengers change is to be multiplied by changed / told, 1 at least, and what later
-    levels would change is the tail of a geometric series with the ratio gained / told.
+    Challengers changed the modes by `gained` at this level and by `told` at the level before; `changed` is their change
+    since that level. Therefore the change by challengers is multiplied by changed / told, at least 1. Later levels add
+    the tail of a geometric series with the ratio gained / told.
     """
     least = np.finfo(float).tiny
     ratio = np.minimum(gained / np.maximum(told, least), SLOWEST)

@@ -56,7 +56,7 @@ class Deformed:
 
     @property
     def magnitude(self) -> float:
-        """What the potential energy is made of, J: its parts, each without its sign."""
+        """Magnitude of the potential energy, J: the sum of its parts, each without its sign."""
         return self.membrane + self.bending + abs(self.work)
 
 
@@ -116,7 +116,7 @@ class Equations(Protocol):
         """Energy that is rounding, J."""
 
     def targets(self, t: float) -> Tensor:
-        """Return what the constraints prescribe (k,) at a load factor."""
+        """Return the displacements that the constraints prescribe (k,) at a load factor."""
 
     def deform(self, weights: Tensor, t: float, near: tuple[Tensor, ...] | None = None) -> Deformed:
         """Deform the shell by output weights (3 M,); angles are followed from `near`."""
@@ -166,9 +166,10 @@ class PathState:
 
     @property
     def stable(self) -> bool:
-        """Whether the state is a minimum of the potential energy.
+        """True if the state is a minimum of the potential energy.
 
-        Under a pressure that follows there is none: then, whether all steps from the state do positive work.
+        A pressure that follows the shell has no potential. Then it is True if all steps from the state do positive
+        work.
         """
         return self.tangent is None or self.tangent.definite
 

@@ -1,9 +1,9 @@
-"""How sure a path of a field is, as challengers tell that join each state that quantities are asked at.
+"""Uncertainty of a path of a field, from challengers at each state of the quantities.
 
 The mechanism is that of linear shells (see `challenge`), on the tangent of a state: its features and challengers of
-`ndf-ritz` share one Newton step from the state. What that changes of each quantity and of the energy, the state had
-missed. The path itself stays as it is. At a limit point the states next to it are challenged, and the curve is drawn
-again through them.
+`ndf-ritz` share one Newton step from the state. The changes of each quantity and of the energy by this step are lower
+bounds of the state's error. The path itself stays as it is. At a limit point the states next to it are challenged, and
+the curve is drawn again through them.
 """
 
 from __future__ import annotations

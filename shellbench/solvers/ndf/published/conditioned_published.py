@@ -92,7 +92,7 @@ def with_material(jets: Tensor, share: Array) -> Tensor:
 
 @dataclass(frozen=True)
 class Sample:
-    """What the loss of one iteration needs: inputs, rows of the four parts with their factors, and forces."""
+    """Data of the loss of one iteration: inputs, rows of the four parts with their factors, and forces."""
 
     inputs: Tensor
     rows: tuple[Tensor, ...]

@@ -84,7 +84,7 @@ class Training(Protocol):
 
     @property
     def key(self) -> str:
-        """What it is: only checkpoints of the same key go on in it."""
+        """Key of the training: it continues only from checkpoints of the same key."""
         ...
 
     @property
@@ -94,7 +94,7 @@ class Training(Protocol):
 
     @property
     def sampler(self) -> Sampling:
-        """What it is trained on."""
+        """Source of its samples."""
         ...
 
     def watch(self, siren: Siren) -> dict[str, float]:
@@ -114,12 +114,12 @@ class Training(Protocol):
         ...
 
     def why_no_answer(self, solution: Solution) -> str | None:
-        """Return why a trained field is no answer, in one sentence; None if nothing speaks against it."""
+        """Return the reason that a trained field is no answer, in one sentence; None if nothing speaks against it."""
         ...
 
 
 def why_not(case: Case) -> str | None:
-    """Return why the published boundary functions can't hold a case, as one clause, or None if they can."""
+    """Return the reason that the published boundary functions can't hold a case, as one clause, or None if they can."""
     if refusal := why_not_plain(case, frozenset({"contact", "local loads"}) if case.dynamics else frozenset()):
         return refusal
     if case.dynamics is not None:

@@ -216,7 +216,7 @@ class MotionSampler:
 
 
 def why_not_sampled(case: Case) -> str | None:
-    """Return what of a case the functional leaves out, as one clause; None if it has all."""
+    """Return the part of a case that the functional leaves out, as one clause; None if it has all."""
     if any(obstacle.friction for obstacle in case.obstacles):
         return "its obstacles have friction, and its loss of collisions has none"
     for load in case.loads:
@@ -232,7 +232,7 @@ BATCH_TIMES = 4  # of them that are evaluated at once
 
 
 def why_no_motion(case: Case) -> str | None:
-    """Return why the published functions can't hold or load a case in motion, as one clause; None if they can."""
+    """Return the reason that the published functions can't hold or load a case in motion, as one clause, or None."""
     return Ansatz.from_case(case, "both").supports.why_not_held() or why_not_sampled(case)
 
 

@@ -102,7 +102,7 @@ class SoftSupports:
         return total
 
     def why_not_held(self) -> str | None:
-        """Return what these factors can't hold, as one clause; None if they hold all."""
+        """Return the supports that these factors can't hold, as one clause; None if they hold all."""
         for support, place in self.places:
             if support.holds_slope and set(support.held) != set("xyz"):
                 return f"its soft factors hold the slope of support '{support.name}' only where they hold all else"
@@ -149,12 +149,12 @@ class SoftSupports:
 
 @dataclass(frozen=True)
 class Ansatz:
-    """What turns a network into the motion of a case, beside its weights.
+    """Ansatz that turns a network into the motion of a case, without the network's weights.
 
     Attributes
     ----------
     inputs
-        What the network sees of a point.
+        Inputs of the network at a point.
     supports
         Soft factors and prescribed motions.
     """
@@ -274,6 +274,6 @@ def collision(case: Case, points: Array, times: Array, displacement: Tensor) -> 
 
 
 def pressing(case: Case, points: Array, areas: Array, t: float, displacement: Array) -> Array:
-    """Return what the loss presses with (N, 3), N, at points (N, 2) that stand for areas (N,), m^2, at a time t, s."""
+    """Return the contact forces (N, 3) of the loss, N, at points (N, 2) of areas (N,), m^2, at a time t, s."""
     gap, normal = gaps(case, points, displacement, t)
     return np.asarray(WEIGHT * (areas * (gap < MARGIN))[:, None] * normal)

@@ -92,7 +92,7 @@ def read_motion(path: Path, solver: str) -> tuple[MotionHeader, Case, Siren]:
 
 
 def _fits(siren: Siren) -> bool:
-    """Whether layers follow each other, to three outputs."""
+    """Return True if the layers fit each other and end in three outputs."""
     width: int | None = None
     for weight, bias in zip(siren.weights, siren.biases, strict=True):
         if weight.ndim != 2 or bias.shape != weight.shape[:1] or weight.shape[1] != (width or weight.shape[1]):
@@ -167,7 +167,7 @@ class TrainedMotion(FieldSolution):
         return membrane, bending
 
     def touch(self, at: float | None = None) -> Touch:
-        """Return what the loss of collisions presses with, at points that stand for patches as long as wide."""
+        """Return the contact forces of the loss of collisions, at points that stand for square patches."""
         t, (points, weights) = self._time(at), self._rule()
         forces = pressing(self.case, points, weights, t, self.displacement(points, t))
         lengths = np.repeat(np.sqrt(weights)[:, None], 2, axis=1)

@@ -47,7 +47,7 @@ def stratified_samples(case: Case, cells: tuple[int, int], seed: int, iteration:
 
 @dataclass(frozen=True)
 class Sample:
-    """What the loss of one iteration needs beside the network.
+    """Data of the loss of one iteration beside the network.
 
     Attributes
     ----------

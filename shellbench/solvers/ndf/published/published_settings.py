@@ -79,7 +79,7 @@ class PublishedSettings(SeededSettings):
 
 
 def training_key(case: Case, settings: PublishedSettings) -> str:
-    """Return what a training is, as a digest: of the case and of all settings that its course depends on."""
+    """Return a digest of a training: of the case and of all settings that its course depends on."""
     free = NOT_OF_THE_TRAINING if settings.schedule == OF_FIXED_LENGTH else {*NOT_OF_THE_TRAINING, "iterations"}
     facts = {"case": case.digest(), **settings.model_dump(mode="json", exclude=free)}
     return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()

@@ -25,7 +25,7 @@ KEPT_GAIN = 0.5  # of its best gain that a training must end with
 
 
 class Sampled(Protocol):
-    """What is drawn for one iteration."""
+    """Samples drawn for one iteration."""
 
     def loss(self, siren: Siren) -> Tensor:
         """Return the loss of a network."""
@@ -66,7 +66,7 @@ class LossNotFinite(Exception):
 
 @dataclass(frozen=True)
 class Plan:
-    """How to train.
+    """Plan of a training.
 
     Attributes
     ----------
@@ -77,9 +77,9 @@ class Plan:
     checkpoint
         File to keep the training in, at least every `checkpoint_every` iterations; None for none.
     cosine
-        Whether the learning rate falls to nothing, as a cosine does from 0 to pi (Loshchilov & Hutter 2017).
+        Whether the learning rate falls to zero, as a cosine does from 0 to pi (Loshchilov & Hutter 2017).
     averaging
-        What an iteration keeps of the running average of weights, which then are the answer; 0 for none.
+        Share that an iteration keeps of the running average of weights, which then are the answer; 0 for no average.
     certify_every
         Iterations between two certified energies; 0 for none.
     keep_best
@@ -102,11 +102,11 @@ class Plan:
         )
 
     def kept_of_average(self, iteration: int) -> float:
-        """Return what an iteration keeps of the running average: less at first, so that the start is forgotten."""
+        """Return the share of the running average that an iteration keeps; it is less at first, to forget the start."""
         return min(self.averaging, iteration / (iteration + 9))
 
     def certifies(self, before: int, iteration: int) -> bool:
-        """Whether an energy is due at an iteration that is recorded, the one before being `before`."""
+        """Return True if an energy is due at a recorded iteration; `before` is the recorded one before it."""
         if not self.certify_every:
             return False
         due = iteration // self.certify_every > before // self.certify_every
@@ -198,11 +198,11 @@ def train(
 
 
 def why_collapsed(certified: float, course: Sequence[tuple[int, float]], rest: float, loaded: bool) -> str | None:
-    """Return why a trained field is no answer, in one sentence; None if its energy does not speak against it.
+    """Return the reason that a trained field is no answer, in one sentence; None if its energy gives no reason.
 
-    Rest is the field without the network: the undeformed shell, or what the motion of supports alone makes of it. A
-    field gains what its energy lies below that of rest. The gain that a training had at its best is the largest over
-    all stretches of its course, each the mean less `CERTAIN` standard errors.
+    Rest is the field without the network: the undeformed shell, or the shell moved by its supports alone. The gain of a
+    field is its energy below that of rest. The best gain of a training is the largest over all stretches of its course;
+    that of a stretch is its mean less `CERTAIN` standard errors.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ from shellbench.solvers.ndf.field.supports import concentrated_forces, force_den
 
 @dataclass(frozen=True)
 class Table:
-    """What the energy needs at N points, quadrature weights included.
+    """Data of the energy at N points, quadrature weights included.
 
     Attributes
     ----------

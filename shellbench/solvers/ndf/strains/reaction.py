@@ -213,7 +213,7 @@ class Virtual:
         return cls((edges[0], edges[1], edges[2]), (told[0], told[1], told[2]), turning and all(told))
 
     def why_not_told(self, quantity: ReactionQuantity | TorqueQuantity) -> str | None:
-        """Return why a quantity can't be told, as one clause, or None if it can."""
+        """Return the reason that a reaction can't be separated from that of another support, as one clause, or None."""
         if isinstance(quantity, ReactionQuantity):
             known = all(told or not part for told, part in zip(self.told, quantity.direction, strict=True))
         else:

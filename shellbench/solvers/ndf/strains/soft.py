@@ -30,7 +30,7 @@ from shellbench.solvers.ndf.strains.energy import Certified, NormalEquations, Po
 
 
 def why_not_soft(case: Case) -> str | None:
-    """Return why springs can't hold the supports of a case, as one clause, or None if they can."""
+    """Return the reason that springs can't hold the supports of a case, as one clause, or None if they can."""
     if not case.linear or case.dynamics:
         return 'supports = "soft" is for shells at rest in linear theory'
     if case.springs:
@@ -98,7 +98,7 @@ class Springs:
 
     @property
     def moved(self) -> bool:
-        """Whether they draw anything away from its place."""
+        """True if they pull any point away from its place."""
         return bool(np.any(self.targets))
 
     def rows(self, ansatz: Ansatz, features: Features) -> Tensor:

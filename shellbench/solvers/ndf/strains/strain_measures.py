@@ -76,7 +76,7 @@ def gradients_through(geometry: Geometry, matrix: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class Reference:
-    """What strain measures need of the undeformed surface: base vectors (N, 2, 3), a3, abar^ab, and bbar (N, 3)."""
+    """Undeformed surface in strain measures: base vectors (N, 2, 3), a3, abar^ab, and bbar (N, 3)."""
 
     base: Tensor
     normal: Tensor
@@ -98,7 +98,7 @@ class Strained(Protocol):
         ...
 
     def conjugate(self, stresses: Tensor) -> Tensor:
-        """Return what is conjugate to the gradients (N, 15): the sum of stresses (N, 6) times first variations."""
+        """Return the forces conjugate to the gradients (N, 15): the sum of stresses (N, 6) times first variations."""
         ...
 
     def second_variation(self, stresses: Tensor) -> Tensor:
@@ -380,5 +380,5 @@ class Undeformed:
 
 
 def stresses(elasticity: Tensor, strains: Tensor) -> Tensor:
-    """Return what is conjugate to strains (N, 6), for an elasticity (N, 2, 3, 3)."""
+    """Return the stresses conjugate to strains (N, 6), for an elasticity (N, 2, 3, 3)."""
     return (elasticity @ strains.view(-1, 2, 3, 1)).view(-1, 6)

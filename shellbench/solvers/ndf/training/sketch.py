@@ -125,7 +125,7 @@ def _orthonormal(size: int, count: int, generator: torch.Generator) -> Tensor:
 
 
 class Layer(NamedTuple):
-    """What the sweep needs of a layer: input jets (6, N, n), z (6, N, m), and sigma', sigma'', sigma''' (N, m)."""
+    """Data of a layer for the sweep: input jets (6, N, n), z (6, N, m), and sigma', sigma'', sigma''' (N, m)."""
 
     inputs: Tensor
     z: Tensor

@@ -242,7 +242,7 @@ def _move(case: Case, settings: TrainerSettings, strain: StrainName, tell: Progr
 
 
 def training_plan(settings: TrainerSettings, widths: tuple[int, ...], scales: tuple[tuple[float, float], ...]) -> Plan:
-    """Return what training may do, with these widths and scales to start from."""
+    """Return the limits of a training, with these widths and scales to start from."""
     return Plan(
         inner=settings.inner,
         widths=widths,

@@ -48,7 +48,7 @@ DRAWS = 3  # of directions among which no step was certified, one after the othe
 
 @dataclass(frozen=True)
 class Plan:
-    """What training may do; see `TrainerSettings` for what each setting is for.
+    """Limits of a training; see `TrainerSettings` for the purpose of each setting.
 
     Attributes
     ----------
@@ -61,7 +61,8 @@ class Plan:
     gap
         Disagreement of training and check points beyond which more points are taken.
     directions
-        Of hidden weights in a Gauss-Newton step, at most; None for all of them, of `MANY_WEIGHTS` for the steepest.
+        Largest number of directions of hidden weights in a Gauss-Newton step. None stands for all of them, or for the
+        `STEEPEST` if there are more than `MANY_WEIGHTS`.
     """
 
     inner: tuple[int, ...]
@@ -200,20 +201,20 @@ def train(
 
 
 class Search(NamedTuple):
-    """What came of ever more damped steps.
+    """Result of a search with ever more damped steps.
 
     Attributes
     ----------
     state
         The first one that is certified, if any is.
     exploited
-        Whether the training points alone saw a gain.
+        Whether a gain exists on the training points alone.
     damping
         For the next iteration.
     evaluations
         Of the network.
     promised
-        Decrease of the energy, J, that the model tells of the last of these steps.
+        Decrease of the energy, J, that the model predicts for the last of these steps.
     """
 
     state: Trained | None

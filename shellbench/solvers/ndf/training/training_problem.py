@@ -1,4 +1,4 @@
-"""What is trained: a field for a case, and the points that its energy is taken at."""
+"""The problem of training: a field for a case, and the points at which its energy is taken."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Trained:
 
 @dataclass(frozen=True)
 class TrainingProblem:
-    """What training asks of a case; `tally` counts what it costs on any machine: "output layers" solved for."""
+    """A case as training uses it; `tally` counts a cost that is the same on any machine: "output layers" solved for."""
 
     ansatz: Ansatz
     features: Features
@@ -86,7 +86,7 @@ class TrainingProblem:
 
     @property
     def singular(self) -> bool:
-        """Whether forces act at points."""
+        """True if forces act at points."""
         return len(self.focal) > 0
 
     def with_network(self, network: Network) -> Features:
