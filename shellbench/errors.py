@@ -1,4 +1,4 @@
-"""What can go wrong, each with the exit code that the command line returns for it."""
+"""Errors of shellbench, each with the exit code of the command line."""
 
 from __future__ import annotations
 

@@ -108,7 +108,7 @@ def run(
 
 
 def table(*cases: str | Path, suites: Sequence[str] = (), store: str | Path = STORE) -> pd.DataFrame:
-    """Return what was run: a line for each figure of each run, with the columns of ``shellbench table --format json``.
+    """Return a line for each value of each run, with the columns of ``shellbench table --format json``.
 
     Raises
     ------

@@ -24,7 +24,7 @@ SIDE = "STORE|PACK|SOLVER|COMMIT"
 
 
 class ComparisonFormat(StrEnum):
-    """How to print a comparison."""
+    """Format of a comparison."""
 
     text = "text"
     markdown = "markdown"

@@ -1,4 +1,4 @@
-"""What several commands take, and how they speak: options, exit codes, lines on standard error."""
+"""Shared parts of commands: options, exit codes, and messages on standard error."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Device(StrEnum):
 
 
 class Format(StrEnum):
-    """How to print a table."""
+    """Format of a table."""
 
     text = "text"
     markdown = "markdown"

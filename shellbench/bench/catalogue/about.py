@@ -153,7 +153,7 @@ def _dumped(held: Mapping[str, Mapping[str, Tolerance]]) -> Data:
 
 
 def _declined(entry: SolverEntry) -> dict[str, str]:
-    """Return why a solver declines cases, by case."""
+    """Return the reasons for which a solver declines cases, by case."""
     solver = asked(entry)
     found = {}
     for name in catalog.case_names():

@@ -121,7 +121,7 @@ def _asked_by(case: str) -> tuple[str, ...]:
 
 
 def has_case(name: str) -> bool:
-    """Whether a name is one of the suite's own cases or a variant of one."""
+    """Return True if a name is one of the suite's own cases or a variant of one."""
     base, _, variant = name.partition(VARIANT)
     return base in case_names() and (not variant or variant in find_kind(named_case(base).kind).variants)
 
@@ -197,7 +197,7 @@ def find_case(text: str) -> Problem:
 
 
 def is_own(case: Problem) -> bool:
-    """Whether a case is a user's own: none of the suite's has its name and its physics."""
+    """Return True if a case is a user's own: no case of the suite has the same name and physics."""
     return not has_case(case.name) or named_case(case.name).digest() != case.digest()
 
 

@@ -172,11 +172,11 @@ class Tolerance(Model):
 
     @property
     def is_absolute(self) -> bool:
-        """Whether it is in the quantity's unit."""
+        """True if the tolerance is in the quantity's unit."""
         return self.absolute is not None
 
     def of_variant(self, name: str) -> Self:
-        """Return what it is for a variant; the name is empty for the case as declared."""
+        """Return the tolerance for a variant; an empty name means the case as declared."""
         found = (self.variants or {}).get(name, self.open_finding)
         return self.model_copy(update={"open_finding": found, "variants": None})
 

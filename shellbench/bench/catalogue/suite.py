@@ -41,7 +41,7 @@ class SuiteRun(Model):
     label: str = ""
 
     def is_for(self, case: str) -> bool:
-        """Whether it is for a case, or variant, of this name."""
+        """Return True if this run applies to a case or variant of the given name."""
         base, _, variant = case.partition(VARIANT)
         return (not self.cases or base in self.cases) and (self.variants or not variant)
 

@@ -63,7 +63,7 @@ class BaselineValue(Model):
 
 
 class BaselineCost(Model):
-    """What the runs of one solver on one case took: the least over the seeds."""
+    """The cost of one solver's runs on one case: the least over the seeds."""
 
     case: Name
     solver: str

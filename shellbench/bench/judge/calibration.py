@@ -56,14 +56,14 @@ class Judged:
 
 @dataclass(frozen=True)
 class Calibration:
-    """How sure a solver is of its figures, and how right.
+    """Comparison of a solver's stated uncertainties with its actual errors.
 
     Attributes
     ----------
     judged
-        Figures with a known value and a stated uncertainty, the worst first.
+        Values with a known value and a stated uncertainty, the worst first.
     silent
-        How many figures with a known value state no uncertainty.
+        Number of values that have a known value and state no uncertainty.
     """
 
     solver: str
@@ -81,7 +81,7 @@ class Calibration:
 
     @property
     def holds(self) -> bool | None:
-        """Whether it is as sure as it may be; None if it states nothing."""
+        """True if the stated uncertainties cover enough errors and none is far too small; None if none is stated."""
         share = self.share(WITHIN)
         return None if share is None else share >= ASKED_SHARE and not self.overconfident
 

@@ -1,13 +1,14 @@
-"""What differs between two sides of a comparison: figures, what they cost, and what only one side has.
+"""Differences between two sides of a comparison: values, their cost, and runs that only one side has.
 
-A loss is of accuracy, or of how a run ended:
+A loss is one of these:
 
-- the run ended worse (ok, then not settled, then failed);
-- a figure held its frozen tolerance and does not any more;
-- the error grew by more than the threshold, relative to the known value.
+- The run ended worse. The order is: ok, not settled, failed.
+- A value passed its frozen tolerance and no longer does.
+- The error grew by more than the threshold, relative to the known value.
 
-An error within three uncertainties of the known value says nothing, and is taken for so large. Where nothing is known
-a value can only change. Seconds and memory are ratios, and lose only where a largest ratio is given.
+An error within three uncertainties of the known value can't be told from zero. It is therefore replaced by three
+uncertainties. Without a known value, a value can only change. Ratios of seconds and memory count as losses only if
+the user gives a largest ratio.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ Verdict = Literal["loss", "gain", "changed", "same"]
 
 @dataclass(frozen=True)
 class Limits:
-    """What is a loss: growth of an error, and largest ratios of seconds and memory; None where no ratio is."""
+    """Limits of a comparison: growth of an error, and largest ratios of seconds and memory; None for no limit."""
 
     threshold: float = THRESHOLD
     seconds: float | None = None
@@ -43,7 +44,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class OneSide:
-    """What one side says of a figure: rows that differ in their seed alone. The worst of them counts."""
+    """The value of one side: rows that differ in their seed only. The worst row counts."""
 
     rows: tuple[Row, ...]
 
@@ -65,7 +66,7 @@ class OneSide:
 
     @property
     def passed(self) -> bool | None:
-        """Whether all hold their tolerance; None if one is not gated."""
+        """True if all rows pass their tolerance; None if one of them is not gated."""
         said = [row.passed for row in self.rows]
         return None if None in said else all(said)
 
@@ -102,7 +103,7 @@ class Change:
 
 @dataclass(frozen=True)
 class CostChange:
-    """What runs took on both sides: mean seconds, largest memory. `why` says why it is a loss, if it is."""
+    """Cost of runs on both sides: mean seconds and largest memory. `why` is the reason if it is a loss."""
 
     row: Row
     seconds: tuple[float, float]
@@ -123,12 +124,12 @@ class CostChange:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What differs between two sides.
+    """Differences between two sides.
 
     Attributes
     ----------
     gone, appeared
-        Runs that only the first side has, and only the second: a row of each.
+        One row for each run that only the first side has, and that only the second side has.
     """
 
     before: Side
@@ -142,7 +143,7 @@ class Comparison:
 
     @property
     def solvers(self) -> bool:
-        """Whether two solvers are compared, and not two states of the same ones."""
+        """True if two solvers are compared, and not two states of the same solvers."""
         return self.after.what == "solver"
 
     def of(self, verdict: Verdict) -> list[Change]:
@@ -151,11 +152,11 @@ class Comparison:
 
     @property
     def cost_losses(self) -> list[CostChange]:
-        """What took too much more."""
+        """Runs whose cost grew beyond its limit."""
         return [cost for cost in self.costs if cost.why]
 
     def good(self, gone_counts: bool = False) -> bool:
-        """Whether nothing was lost; with `gone_counts` runs that only the first side has are lost too."""
+        """Return True if nothing was lost; with `gone_counts`, runs that only the first side has count as losses."""
         return not (self.of("loss") or self.cost_losses or (gone_counts and self.gone))
 
 
@@ -201,7 +202,7 @@ def compare_sides(before: Side, after: Side, limits: Limits) -> Comparison:
 
 
 def same_figure(row: Row, solvers: bool = False) -> tuple[object, ...]:
-    """Return what rows of one figure have in common on both sides; of solvers only the question."""
+    """Return the key that rows of one value share on both sides; between solvers only the case and quantity count."""
     who = () if solvers else (row.solver, json.dumps(row.overrides, sort_keys=True))
     return (row.case, row.own_case, row.quantity, row.at, *who)
 
@@ -273,7 +274,7 @@ def _change(before: OneSide, after: OneSide, threshold: float, solvers: bool) ->
 
 
 def _cost(old: Sequence[Row], new: Sequence[Row], before: Side, after: Side, limits: Limits) -> CostChange | None:
-    """Return what runs that ended well took; None if some did not."""
+    """Return the cost of runs on both sides; None unless all of them ended well."""
     if any(row.status != "ok" or row.seconds is None for row in (*old, *new)):
         return None
     was, now = (fmean(row.seconds or 0.0 for row in rows) for rows in (old, new))

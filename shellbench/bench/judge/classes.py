@@ -26,22 +26,22 @@ MOST_NAMED = 8  # cases that are declined, in a sentence
 
 @dataclass(frozen=True)
 class Grade:
-    """What a stranger is good for.
+    """The accuracy class of a third-party solver.
 
     Attributes
     ----------
     solver
         Its name.
     within
-        The tightest class that all its figures hold; None if they do not even hold the loosest.
+        The tightest class that all its values reach; None if they miss even the loosest.
     figures, cases
-        How many figures of how many cases, variants among them, were judged.
+        Numbers of judged values and cases, variants included.
     worst
-        The row that is farthest from its known value, by classes; None if every figure is missing.
+        The row that is farthest from its known value, by classes; None if every value is missing.
     declined
-        Cases that it does not take.
+        Cases that the solver declines.
     unchecked
-        Why it is not checked, as a clause; empty if it is. Without checks it holds no class, whatever its figures are.
+        Reason why the solver is not checked, as a clause; empty if it is checked. An unchecked solver gets no class.
     """
 
     solver: str

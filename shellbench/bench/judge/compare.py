@@ -353,7 +353,7 @@ def held_against_each_other(found: Iterable[Row]) -> list[Row]:
 
 
 def _asked(row: Row) -> tuple[object, ...]:
-    """Return what a row answers: rows that are alike in it can be held against each other."""
+    """Return the key of a row's case and quantity: rows with equal keys can be compared."""
     return row.case, row.own_case, row.quantity, row.at
 
 

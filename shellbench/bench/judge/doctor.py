@@ -1,4 +1,4 @@
-"""What a machine has for shellbench: versions, threads, memory, disk, a GPU, and whether a solve comes out right."""
+"""Checks of a machine: versions, threads, memory, disk, a GPU, and the result of one small solve."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ SEES_GPU = "import torch; print(torch.cuda.is_available())"
 
 @dataclass(frozen=True)
 class Line:
-    """What was found of one thing."""
+    """Result of one check."""
 
     about: str
     state: State

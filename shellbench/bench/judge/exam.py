@@ -24,16 +24,16 @@ from shellbench.problem import Problem
 
 @dataclass(frozen=True)
 class Sitting:
-    """What came of an exam.
+    """Result of an exam.
 
     Attributes
     ----------
     grade
-        The class that the solver holds, its checks taken for passed.
+        The class that the solver reaches, assuming that it passes its checks.
     missed
-        Rows that do not even hold the loosest class, each with its reason.
+        Rows that miss even the loosest class, each with its reason.
     records
-        How many runs were made.
+        Number of runs that were made.
     answers
         The runs that were graded.
     """
@@ -57,13 +57,13 @@ def questions(suites: Sequence[str]) -> list[Problem]:
 
 
 def is_judged(case: Problem) -> bool:
-    """Whether a known value judges anything of a case; of a user's own none does."""
+    """Return True if a known value judges a quantity of a case; always False for a user's own case."""
     known = () if catalog.is_own(case) else catalog.known_values(case.name).values
     return any(value.role == "judge" and value.theory == case.theory for value in known)
 
 
 def plan_of(solver: str, cases: Sequence[Problem], store: Store, executor: Executor, threads: int) -> Plan:
-    """Return what has to be run before a solver can be graded; what has a record that counts is kept.
+    """Return the plan of the runs that a grade needs; runs with a valid record are kept.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""What a gate has to find: every run that the suites declare, and what named strangers owe.
+"""Results that a gate expects: every run that the suites declare, and the answers of named third-party solvers.
 
-A solver is imported only where its record is missing, to hear whether it declines the case.
+A solver is imported only if its record is missing, to find out if it declines the case.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ NOTHING_LACKS: Lack = ("missing", "")
 
 @dataclass(frozen=True)
 class Scope:
-    """What a gate looks at: what was run, or with suites all that they declare; the others narrow it."""
+    """Scope of a gate: all runs that were made, or all that the named suites declare; the other fields narrow it."""
 
     suites: tuple[str, ...] = ()
     solvers: tuple[str, ...] = ()
@@ -36,7 +36,7 @@ class Scope:
 
     @property
     def narrowed(self) -> str:
-        """What is left out, in words; empty if nothing is."""
+        """Description of the restrictions; empty if there are none."""
         parts = [
             f"{what} {', '.join(map(str, names))} only"
             for what, names in (
@@ -124,7 +124,7 @@ def expected_of_strangers(scope: Scope, solvers: set[str], current: CurrentRuns)
 
 
 def expected_of_stranger(suite: str, case: Problem, solver: str, seed: int, current: CurrentRuns) -> Expected:
-    """Return what a solver that is judged by class should have of a case: an answer, or why it declines."""
+    """Return the expected result of a third-party solver on a case: an answer, or its reason to decline."""
     found = current.find(case.name, solver, {}, seed)
     lack = NOTHING_LACKS if found else _lack(current, case, solver, seed)
     return Expected(suite, case, solver, seed, found, lack, by_class=True)

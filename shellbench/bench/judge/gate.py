@@ -34,30 +34,30 @@ from shellbench.problem import VARIANT
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the gates found.
+    """Result of the gates.
 
     Attributes
     ----------
     accuracy, regression, cost
         One finding for each gated row, cost one for each case and solver; the latter two only with a baseline.
     scope
-        What was looked at.
+        Scope of the gates.
     baseline
-        Whether there was one.
+        True if there was a baseline.
     lock
-        Whether the exam is the one that is locked.
+        Comparison of the exam with the locked one.
     warnings
-        What else to know, one sentence each.
+        Warnings, one sentence each.
     claims
-        Whether plug-ins hold the tolerances that they claim of themselves; this is no verdict.
+        Findings for tolerances that plug-ins claim for themselves; they do not affect the verdict.
     beyond
-        What there is beside what was run, in one sentence; empty if suites were named.
+        One sentence about declared runs that were not made; empty if suites were named.
     grades
-        The classes that solvers without frozen tolerances hold.
+        Classes of solvers without frozen tolerances.
     calibration
-        A finding for each figure of a solver with frozen tolerances that is wrong with confidence.
+        One finding for each value of a solver with frozen tolerances whose error far exceeds its stated uncertainty.
     calibrations
-        How sure each solver is of its figures, and how right.
+        Comparison of stated uncertainties and actual errors, by solver.
     """
 
     accuracy: tuple[Finding, ...]
@@ -74,7 +74,7 @@ class Verdict:
     calibrations: tuple[Calibration, ...] = ()
 
     def good(self, cost: bool = False, regression: bool = False) -> bool:
-        """Whether nothing is red; in the gates of regression and cost only if they are asked for."""
+        """Return True if no finding is red; regression and cost count only if they are asked for."""
         # A broken lock is red whatever the rows say: green answers to an easier exam prove nothing.
         judged = (
             *self.accuracy,

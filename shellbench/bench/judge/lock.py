@@ -101,20 +101,20 @@ class Lock(Model):
 
 @dataclass(frozen=True)
 class LockCheck:
-    """How today's exam differs from the locked one.
+    """Differences of today's exam from the locked one.
 
     Attributes
     ----------
     cases, figures
-        How many are judged today.
+        Numbers of cases and values that are judged today.
     version
-        Of the exam that is locked; None if there is no lock.
+        Version of the locked exam; None if there is no lock.
     broken
-        What makes the exam easier or another one, one sentence each; the gate is then red.
+        Changes that make the exam easier or different, one sentence each; they make the gate red.
     unlocked
-        What makes it harder and is not locked yet, one clause each.
+        Changes that make the exam harder and are not locked yet, one clause each.
     part
-        Whether only what some suites ask was compared.
+        True if only the cases of some suites were compared.
     """
 
     cases: int

@@ -1,4 +1,4 @@
-"""What a passport tells of a solver: properties of the material, and the case and quantities that answer to each."""
+"""The properties of a solver's passport, each with the case and the quantities that measure it."""
 
 from __future__ import annotations
 

@@ -155,7 +155,7 @@ class Row(Model):
 
     @property
     def gated(self) -> bool:
-        """Whether a gate judges it."""
+        """True if a gate judges the row."""
         return self.passed is not None or self.open_finding is not None
 
     @property
@@ -188,7 +188,7 @@ class Row(Model):
         return row.model_copy(update=found)
 
     def why_short(self, tolerance: float | None) -> str | None:
-        """Return why the row falls short of a tolerance, as a clause; None if it holds it."""
+        """Return the reason why the row fails a tolerance, as a clause; None if it passes."""
         error = self.judged_error
         if self.status == NOT_SETTLED:
             return f"it has not settled: {self.reason}"
@@ -207,7 +207,7 @@ class Row(Model):
         return None
 
     def why_unsure(self) -> str | None:
-        """Return why the uncertainty that is stated exceeds the tolerance, as a clause; None if it doesn't."""
+        """Return the reason why the stated uncertainty exceeds the tolerance, as a clause; None if it does not."""
         if self.uncertainty is None or self.tolerance is None or self.reference is None:
             return None
         stated = self.uncertainty if self.tolerance_is_absolute else self.uncertainty / abs(self.reference)
@@ -228,7 +228,7 @@ class Row(Model):
 
 @dataclass(frozen=True)
 class Finding:
-    """What a gate says of one row, in one clause."""
+    """A gate's verdict on one row, in one clause."""
 
     row: Row
     colour: Colour

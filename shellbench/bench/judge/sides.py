@@ -33,7 +33,7 @@ SHOWN = 8  # letters of a commit
 
 @dataclass(frozen=True)
 class Scope:
-    """What of both sides is compared: names of cases (or paths), suites and solvers; all where none is named."""
+    """Scope of a comparison: names of cases (or paths), suites and solvers; an empty field includes all."""
 
     cases: tuple[str, ...] = ()
     suites: tuple[str, ...] = ()
@@ -93,7 +93,7 @@ def read_side(name: str, store: Store, scope: Scope) -> Side:
 
 
 def _kind(name: str, store: Store) -> What:
-    """Return what a name names; InputError if it is nothing that has runs."""
+    """Return the kind of thing that a name refers to; InputError if the name has no runs."""
     bare = os.sep not in name and not name.startswith(".")
     contents = store.read() if bare else Contents(())
     solvers = sorted({record.identity.solver for record in contents.records})

@@ -305,7 +305,7 @@ class _Sweep:
 
 
 def _answer(future: Any) -> Any:
-    """Return what a worker has answered, or the error in its place; fetched in Dask's own thread."""
+    """Return a worker's answer, or its error instead; Dask's own thread calls this."""
     try:
         return future.result()
     except BaseException as error:
@@ -366,9 +366,10 @@ async def _examine(address: str) -> None:
 
 
 def difference(theirs: Mapping[str, Any], ours: Mapping[str, Any]) -> str | None:
-    """Return how versions differ that must agree for two ends to understand each other; None if they do not.
+    """Return the differences of versions that must agree at both ends; None if there are none.
 
-    Both as `distributed.versions.get_versions` reports them. Dask's own check compares many packages, in a table.
+    Both arguments have the form of `distributed.versions.get_versions`. Dask's own check compares many packages, in a
+    table.
     """
     there, here = ({name: str(end["packages"].get(name)) for name in MUST_AGREE} for end in (theirs, ours))
     for end in (there, here):

@@ -111,7 +111,7 @@ def display(console: Console, total: int, verbose: bool = False) -> Iterator[Obs
 
 
 def run_name(run: Task | Record) -> str:
-    """Return what to call a run: case, solver, seed."""
+    """Return the name of a run: case, solver, seed."""
     seed = run.identity.seed
     return f"{run.case_name} {run.identity.solver}" + ("" if seed is None else f" seed {seed}")
 

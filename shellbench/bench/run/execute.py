@@ -92,16 +92,16 @@ class Executor(Protocol):
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a task ended.
+    """The result of a task.
 
     Attributes
     ----------
     record
-        What was kept; None if the input was refused.
+        The record that was stored; None if the input was refused.
     refused
-        Why the solver refused its input, in one sentence.
+        Reason why the solver refused its input, in one sentence.
     taken
-        Whether another command has made the run meanwhile.
+        True if another command has made the run meanwhile.
     """
 
     task: Task

@@ -267,7 +267,7 @@ class _Runs:
 
 
 def _what_it_broke(run: _Running) -> str | None:
-    """Return what a run did to what it was lent, in a clause; its folder is there again, with nothing in it."""
+    """Return the damage that a run did to its surroundings, in a clause; its folder is recreated empty."""
     folder = run.folder
     if folder.is_dir() and not folder.is_symlink():
         with contextlib.suppress(OSError):
@@ -288,7 +288,7 @@ def _remove(path: Path) -> None:
 
 
 def _written(path: Path) -> bytes | None:
-    """Return what a run wrote into a file; None if it is no regular file of a size that can be."""
+    """Return the content of a file that a run wrote; None if it is no regular file of an allowed size."""
     try:
         found = path.lstat()
         return path.read_bytes() if stat.S_ISREG(found.st_mode) and found.st_size <= LARGEST_RECORD else None

@@ -1,11 +1,11 @@
-"""What to run: from what was asked for on the command line to tasks.
+"""Plans: from the requests of the command line to tasks.
 
-- Suites run what they declare, on all their cases or on those that are named.
-- A solver that is named narrows a suite to its runs of that solver, or joins with its default settings if the
-  suite has none.
-- A case without a suite is run as the first of its suites declares, or as `DEFAULT_SUITE` does with one seed
-  if it belongs to none, as a user's own case.
-- Settings and seeds that are given replace those that are declared.
+- Suites run their declared runs, on all their cases or on the named ones.
+- A named solver narrows a suite to its runs of that solver. If the suite has none, the solver joins with its default
+  settings.
+- A case without a suite runs as the first of its suites declares. If it belongs to no suite, as a user's own case, it
+  runs as in `DEFAULT_SUITE` with one seed.
+- Given settings and seeds replace the declared ones.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ FIRST_SEED = 0
 
 @dataclass(frozen=True)
 class Request:
-    """What was asked for: names as they were typed; empty for what was left open.
+    """A request: names as they were typed; empty fields were left open.
 
-    `start` is an earlier run from which all go on. `threads` are those of each run; None for as many as usual
-    (`shellbench.bench.store.environment.threads`). `quick` names solvers of which one seed is wanted, where no solver
-    is named; of those that are, one seed is wanted too.
+    - `start`: an earlier run that all runs continue.
+    - `threads`: threads of each run; None for the default (`shellbench.bench.store.environment.threads`).
+    - `quick`: solvers that run with one seed if the request names no solver; named solvers then run with one seed too.
     """
 
     cases: tuple[str, ...] = ()
@@ -67,20 +67,20 @@ class Declined:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be done.
+    """A plan of runs.
 
     Attributes
     ----------
     tasks
         Runs to make.
     kept
-        Names of the runs whose records answer already.
+        Names of the runs that have a valid record.
     unsettled
-        Records of those whose answers have not settled.
+        Records of those kept runs whose answers have not settled.
     declined
-        What does not apply.
+        Combinations that do not apply.
     notes
-        What else the user should know, one sentence each.
+        Notes for the user, one sentence each.
     seen
         Number of the newest record that was looked at.
     """

@@ -103,7 +103,7 @@ def run_task(text: str, topic: str, threads_each: int | None, timeout: float | N
 
 
 def unfit(task: Task) -> str | None:
-    """Return why this machine can't make the run that was planned, or None if it can."""
+    """Return the reason why this machine can't make the planned run, or None if it can."""
     name = task.identity.solver
     try:
         with PARSING:
@@ -154,7 +154,7 @@ def standing_by(worker: Any, task: Task) -> Iterator[list[ServerProcess]]:
 
 
 def packed(ended: Ended) -> dict[str, Any]:
-    """Return what a run has left as data."""
+    """Return the results of a run as data."""
     record = ended.record
     if record is None:
         return {"refused": ended.refused}

@@ -88,7 +88,7 @@ def note_conformance(
 
 
 def read_conformance(store: Store) -> Noted:
-    """Return what a store knows of conformance."""
+    """Return all results of conformance checks in a store, and one sentence for each damaged file."""
     found: list[Conformance] = []
     damaged: list[str] = []
     for path in sorted((store.folder / FOLDER).glob("*.json")):
@@ -102,7 +102,7 @@ def read_conformance(store: Store) -> Noted:
 
 
 def _read(data: Any) -> Conformance:
-    """Return what sealed data say; ValueError if they are damaged."""
+    """Return the content of sealed data; ValueError if they are damaged."""
     content = {key: value for key, value in dict(data).items() if key != SEAL}
     if sealed(content) != data:
         raise ValueError("its content is not that of which its checksum was taken")
@@ -110,7 +110,7 @@ def _read(data: Any) -> Conformance:
 
 
 def why_unchecked(solver: str, runs: Iterable[Record], noted: Iterable[Conformance]) -> str:
-    """Return why the source of a solver's runs is not checked, as a clause; empty if it is."""
+    """Return the reason why the source of a solver's runs is not checked, as a clause; empty if it is checked."""
     known = {(one.kind, one.source): one for one in noted if one.solver == solver}
     for kind, source in sorted({(kind_name(run.case), run.identity.source) for run in runs}):
         one = known.get((kind, source))

@@ -1,11 +1,13 @@
-"""Whether a record counts: whether today's case, solver and settings would make it again, and it is the newest.
+"""Validity of records: a record counts if today's case, solver and settings would make it again and it is the newest.
 
-Three keys tell runs apart. Runs of one `run_key` answer for each other, and the newest of them counts. A `question` is
-a case, solver, settings and seed, whatever the code was then: an answer to it ends a plan. A line of a suite declares
-the runs that `is_answer` takes.
+Three keys distinguish runs:
 
-Of a solver that is not installed nobody can tell whether it has changed. Its records are shown as they are, so that
-tables and figures can be made anew on any machine; no gate takes them. The same holds for a solver on an engine
+- `run_key`: runs with equal keys replace each other, and the newest of them counts.
+- `question`: a case, solver, settings and seed, independent of the code. An answer to it completes a plan.
+- `is_answer`: decides which runs satisfy a line of a suite.
+
+If a solver is not installed, changes of its source can't be detected. Its records are shown unchanged, so that tables
+and figures can be made on any machine, but no gate accepts them. The same holds for a solver on an engine
 (`shellbench.protocol.engine`) that is not installed.
 """
 
@@ -89,7 +91,7 @@ class CurrentRun:
 
     @property
     def absent(self) -> str:
-        """What is not installed, if something is: the solver, or its engine."""
+        """The solver or engine that is not installed, in words."""
         identity = self.record.identity
         engine = engine_distribution(identity.settings)
         if engine is not None and engine_version(engine) is None:
@@ -147,7 +149,7 @@ class CurrentRuns:
         return None
 
     def why_not(self, case: str, solver: str, seed: int) -> str | None:
-        """Return why the newest record of a case and solver does not count, if there is one."""
+        """Return the reason why the newest record of a case and solver does not count; None if there is none."""
         reasons = [
             reason
             for record, reason in self.stale.values()
@@ -235,7 +237,7 @@ def _lacks_engine(settings: Mapping[str, Any]) -> bool:
 
 
 def _changed_engine(settings: Mapping[str, Any]) -> str | None:
-    """Return how the engine of a record differs from the one that is installed, if one is."""
+    """Return the difference between a record's engine and the installed one; None if they agree or one is unknown."""
     engine = engine_distribution(settings)
     installed = engine_version(engine) if engine is not None else None
     if engine is None or installed is None or installed == settings[ENGINE]:

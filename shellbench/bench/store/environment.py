@@ -65,7 +65,7 @@ def environment(
 
 
 def engine_distribution(settings: Mapping[str, Any]) -> str | None:
-    """Return which distribution is the engine of a run with these settings; None if it has none."""
+    """Return the distribution of the engine of a run with these settings; None if it has no engine."""
     found = NAME_AND_VERSION.fullmatch(str(settings.get(ENGINE)))
     return found[1] if found else None
 

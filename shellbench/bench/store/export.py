@@ -229,7 +229,7 @@ def write(path: Path, data: bytes) -> None:
 
 
 def writer_of(path: Path, others: Sequence[str] = ()) -> Callable[[Sample, float], bytes]:
-    """Return what writes a file of this suffix; InputError, naming the known ones and others, if nothing does."""
+    """Return the writer for files of this suffix; InputError with the known suffixes and `others` if there is none."""
     if path.suffix not in WRITERS:
         raise InputError(f"--out {path}: can't write '{path.suffix}'; formats are {', '.join([*WRITERS, *others])}")
     return WRITERS[path.suffix]

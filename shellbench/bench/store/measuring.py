@@ -1,7 +1,7 @@
-"""What of a solution goes into a record: its values, its cost, how it came about, and fields for pictures.
+"""Measurement of a solution for its record: values, cost, history, and fields for pictures.
 
-Each part is measured by itself: what can't be measured, such as a quantity at a state that a failed solve did not
-reach, costs nothing of the rest.
+Each part is measured independently. If one part can't be measured, the rest is still recorded: an example is a
+quantity at a state that a failed solve did not reach.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ def without_values(lost: Mapping[str, str]) -> str:
 
 
 def cost(solution: Solution) -> dict[str, Any]:
-    """Return what the solution takes, and what the solver says of it."""
+    """Return the size of the solution, and the solver's diagnostics."""
     return {
         "parameters": int(solution.parameters),
         "storage_bytes": int(solution.storage_bytes),
@@ -141,7 +141,7 @@ def cost(solution: Solution) -> dict[str, Any]:
 
 
 def course(solution: Solution) -> dict[str, Any]:
-    """Return how the solution came about."""
+    """Return the history of the solution."""
     return {"history": history_of(solution)}
 
 
@@ -206,7 +206,7 @@ def json_only(data: Any) -> Any:
 
 
 def said(error: Exception) -> str:
-    """Return what an error says, in one line; those that are not meant for a reader with their kind."""
+    """Return an error's message in one line; with the error's type if the message is not meant for users."""
     words = one_sentence(error) if isinstance(error, ValidationError) else " ".join(str(error).split())
     if words and isinstance(error, UNREACHED):
         return words
@@ -220,6 +220,6 @@ def pass_on_full_disk(error: Exception) -> None:
 
 
 def why_unsettled(solution: Solution) -> str | None:
-    """Return why a solution has not settled, as a clause, or None if it has, or does not say."""
+    """Return the reason why a solution has not settled, as a clause; None if it has, or if none is stated."""
     why = getattr(solution, "unsettled", None)
     return None if why is None else " ".join(str(why).split()) or "its solver does not say what moves"

@@ -46,22 +46,22 @@ class Setting(Model):
 
 
 class Manifest(Model):
-    """What a pack says of itself.
+    """The manifest of a pack.
 
     Attributes
     ----------
     solver, label
-        Its name, and one line that says what it is.
+        Name of the solver, and a description in one line.
     distribution, version
-        The package that has the solver.
+        The package that provides the solver.
     install
         A command that installs it.
     shellbench
-        Version of shellbench that packed it.
+        Version of shellbench that made the pack.
     made
-        When it was packed.
+        Time at which the pack was made.
     defaults, settings
-        The solver's default settings; how runs depart from them.
+        The solver's default settings; the settings of runs that differ from them.
     versions
         Versions of all packages that the records name.
     commits
@@ -69,9 +69,9 @@ class Manifest(Model):
     runs
         SHA-256 of each record by its name.
     conformance
-        What the checks found of the source of the runs; none if it was not checked.
+        Results of the checks for the source of the runs; none if it was not checked.
     checksum
-        SHA-256 of all this.
+        SHA-256 of all other fields.
     """
 
     format: Literal[1] = 1
@@ -101,7 +101,7 @@ class Pack:
 
     @property
     def unchecked(self) -> str:
-        """Why its solver is not checked, as a clause; empty if it is."""
+        """Reason why its solver is not checked, as a clause; empty if it is checked."""
         return why_unchecked(self.manifest.solver, self.records, self.manifest.conformance)
 
 
@@ -193,7 +193,7 @@ def _manifest(
 
 
 def _summary(records: Sequence[Record]) -> dict[str, Any]:
-    """Return what a manifest says of its records: all of it follows from them."""
+    """Return the fields of a manifest that follow from its records."""
     newest = max(records, key=lambda record: record.order)
     counted: dict[str, int] = {}
     versions: dict[str, set[str]] = {}

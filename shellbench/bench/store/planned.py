@@ -1,7 +1,7 @@
-"""What was planned: a small file in the store for each run, from before the first solve until the run has ended.
+"""Planned runs: the store has a small file for each run, from before the first solve until the run has ended.
 
-A run that was killed leaves its file, and so tables, reports and gates can say that it was planned and did not end.
-A file that is older than an answer to the same question says nothing any more.
+A killed run leaves its file. Tables, reports and gates can therefore report a planned run that did not end. A file that
+is older than an answer to the same question is ignored.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Whether an answer has settled, by what its solver states of it: one rule for all solvers.
+"""Settled answers, by their stated uncertainty: one rule for all solvers.
 
-An answer whose headline is stated to be uncertain by more than `SETTLED` has not settled, unless its case allows more.
-One that states no uncertainty is taken as it is.
+An answer has not settled if the stated uncertainty of its headline exceeds `SETTLED`, unless its case allows more.
+An answer without a stated uncertainty counts as settled.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ def with_drifts(
 
 
 def why_uncertain(case: Problem, solver: str, own_case: bool, values: Mapping[str, Measured]) -> str | None:
-    """Return why the stated uncertainty of the headline is too large, as a clause; None if it is not.
+    """Return the reason why the stated uncertainty of the headline is too large, as a clause; None if it is not.
 
     A headline near zero is compared with the largest value of its unit among the answers. A tolerance that the case
-    states for it, or that is frozen for it, counts if it is larger.
+    states, or that is frozen for the solver, counts if it is larger.
     """
     headline = case.primary
     found = values.get(headline.name)

@@ -47,14 +47,14 @@ def silent(sentence: str) -> None:
 
 @dataclass(frozen=True)
 class Contents:
-    """What a store holds.
+    """The content of a store.
 
     Attributes
     ----------
     records
-        All whole records, oldest first.
+        All intact records, oldest first.
     damaged
-        One sentence for each file that is none, or whose content does not match its checksum.
+        One sentence for each file that is not a record, or whose content does not match its checksum.
     """
 
     records: tuple[Record, ...]
@@ -115,7 +115,7 @@ class Store:
         return max(self._numbers.values(), default=0)
 
     def check(self, record: Record, name: str | None) -> str | None:
-        """Return why a file beside a record can't be trusted, in one sentence; None if it can, or there is none."""
+        """Return the reason why a file beside a record is damaged, in one sentence; None if it is intact or absent."""
         path = self.folder / name if name else None
         if path is None or name is None or not path.exists():
             return None
