@@ -25,7 +25,7 @@ def engine_version(distribution: str) -> str | None:
 
 
 def thread_limit() -> int:
-    """Return how many threads a solve may use, as OMP_NUM_THREADS says now; one if it does not."""
+    """Return the number of threads that a solve may use, from OMP_NUM_THREADS; one if it is not set."""
     told = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
     return int(told) if told.isdigit() and int(told) > 0 else 1
 

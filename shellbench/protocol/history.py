@@ -1,6 +1,6 @@
-"""What is kept of a solution beside its values: its history, and what was looked at all along and in samples.
+"""Data that records keep of a solution beside its values: its history, and measurements along the way and on samples.
 
-Problems give these accounts of their solutions, records keep them, and neither knows the other.
+Problems compute these data from their solutions, and records store them. Problems and records don't import each other.
 """
 
 from __future__ import annotations
@@ -66,16 +66,16 @@ class StateEnergies(Model):
 
 
 class Series(Model):
-    """What one thing was along the way, in SI units or the case's own.
+    """A quantity along the way, in SI units or the case's own.
 
     Attributes
     ----------
     name
-        What the quantities that measure it are called, without their mark.
+        Common name of the quantities that measure it, without their mark.
     quantities
-        Names of these quantities; none of an energy that the case does not ask for.
+        Names of these quantities; empty for an energy that the case does not ask for.
     marks, values
-        (k,) times, s, or load factors, increasing, and what it was then.
+        (k,) times, s, or load factors, increasing, and the values at them.
     """
 
     name: str
@@ -138,23 +138,24 @@ class FrameRateStep(Model):
 
 
 class SelfIntersection(Model):
-    """Whether triangles on a grid of a deformed surface pass through each other.
+    """Self-intersection of a deformed surface, by triangles on a grid.
 
     Attributes
     ----------
     points
-        Of the grid, along each coordinate.
+        Number of grid points along each coordinate.
     states
-        Kept states that were looked at, in their order: up to the first in which the surface passes through itself.
+        Number of kept states that were checked, in order, up to the first self-intersection.
     free_until
-        Mark of the last of them in which it does not; None if it does in the first.
+        Mark of the last checked state without self-intersection; None if the first state has one.
     at, places
-        Mark of the first in which it does, and two of the material points that meet there; None and none if it never
-        does.
+        Mark of the first self-intersection, and two of the material points that meet there; None and empty if there is
+        none.
     sag
-        About how far the triangles lie from the surface, at most, m.
+        Estimate of the largest distance between the triangles and the surface, m.
     words
-        All that in a clause, or from when on it is not known, and why; empty if it never does.
+        Description in a clause, or the mark from which on it is not known, and the reason; empty if there is no
+        self-intersection.
     """
 
     points: tuple[Count, Count]

@@ -13,7 +13,7 @@ SHARPER = 3.0  # a tolerance is so many uncertainties of its known value at leas
 
 
 class Known(Model):
-    """What one quantity of the case should be.
+    """The known value of one quantity of a case.
 
     Attributes
     ----------
@@ -22,14 +22,14 @@ class Known(Model):
     value
         In the quantity's unit.
     uncertainty
-        Half width that surely covers the truth, in the same unit.
+        Half width of an interval that surely contains the true value, in the same unit.
     source
-        Where it comes from: a book and its page, a formula, a measurement.
+        Source of the value: a book and its page, a formula, a measurement.
     tolerance
         The largest error that passes, relative to the value and below 1. It gates every solver that answers with
         default settings. Without it the value is shown and judges nothing.
     absolute
-        Whether the tolerance is in the quantity's unit instead.
+        True if the tolerance is in the quantity's unit instead.
     """
 
     quantity: Name

@@ -31,7 +31,7 @@ class Asked(Protocol):
 
     @property
     def description(self) -> str:
-        """What it is, in words; may be empty."""
+        """Description in words; may be empty."""
         ...
 
     @property
@@ -50,7 +50,7 @@ class Drawable(Protocol):
 
     @property
     def title(self) -> str:
-        """What tables call it."""
+        """Title in tables."""
         ...
 
     @property
@@ -70,7 +70,7 @@ class Drawable(Protocol):
 
     @property
     def quantities(self) -> Sequence[Asked]:
-        """What is asked."""
+        """The quantities that the problem asks for."""
         ...
 
 
@@ -113,7 +113,7 @@ class PathSeries:
 
 @dataclass(frozen=True)
 class LoadAxis:
-    """How loads are shown: the load factor times `scale`."""
+    """The axis of loads: the load factor times `scale`."""
 
     scale: float
     label: str
@@ -150,18 +150,19 @@ class Critical:
 
 @dataclass(frozen=True)
 class Scene:
-    """How a surface is drawn of which a run kept points on a grid (n1, n2).
+    """Drawing of a surface from the points of a run on a grid (n1, n2).
 
     Attributes
     ----------
     size
-        Of the two parameters' ranges.
+        Lengths of the two parameters' ranges.
     scale
-        Factor of the displacement; None to choose one by which the largest can be seen.
+        Factor of the displacement; None for a factor that makes the largest displacement visible.
     as_it_is
-        Whether displacements larger than the surface are drawn as they are.
+        True if displacements larger than the surface are drawn without scaling.
     direction
-        Colour by this component, or by that into what the surface encloses; by the magnitude if None.
+        The component that determines the colour; "inward" for the component into the enclosed side; None for the
+        magnitude.
     view
         Elevation and azimuth of the camera, degrees.
     held
@@ -185,14 +186,14 @@ class Scene:
 
 @dataclass(frozen=True)
 class Thinness:
-    """How thin a shell is: its thickness over its extent, and what it has in common with thinner ones.
+    """Thinness of a shell: its thickness over its extent, and the family of shells that differ only in thickness.
 
     Attributes
     ----------
     family
-        Equal for shells that differ in nothing but thickness, names, prose and loads.
+        Equal for shells that differ only in thickness, names, texts and loads.
     membrane, bending
-        Names of the quantities that are the parts of its strain energy; empty if they are not asked for.
+        Names of the quantities for the parts of its strain energy; empty if they are not asked for.
     """
 
     ratio: float
@@ -202,7 +203,7 @@ class Thinness:
 
 
 class Portrait:
-    """What a problem tells of itself; here, of one of which nothing can be drawn.
+    """The description of a problem for reports. This base class describes a problem that can't be drawn.
 
     Parameters
     ----------
@@ -220,7 +221,7 @@ class Portrait:
 
     @property
     def title(self) -> str:
-        """What tables call it."""
+        """Title in tables."""
         return self.problem.title
 
     @property
@@ -240,7 +241,7 @@ class Portrait:
 
     @property
     def quantities(self) -> Sequence[Asked]:
-        """What is asked."""
+        """The quantities that the problem asks for."""
         return self.problem.quantities
 
     def quantity(self, name: str) -> Asked:
@@ -248,7 +249,7 @@ class Portrait:
         return {quantity.name: quantity for quantity in self.quantities}[name]
 
     def mark_words(self, mark: float) -> str:
-        """Return what a mark means, such as "t = 0.25"."""
+        """Return the words for a mark, such as "t = 0.25"."""
         return f"t = {mark:.4g}"
 
     @property
@@ -278,7 +279,7 @@ class Portrait:
 
     @property
     def buckles(self) -> bool:
-        """Whether a path is followed through buckling."""
+        """True if a path is followed through buckling."""
         return False
 
     @property
@@ -292,12 +293,12 @@ class Portrait:
 
     @property
     def scene(self) -> Scene | None:
-        """How it is drawn; None if it can't be."""
+        """The drawing of its surface; None if it can't be drawn."""
         return None
 
     @property
     def steps_in_time(self) -> bool:
-        """Whether answers are refined by shorter steps in time, with as many unknowns."""
+        """True if answers are refined by shorter steps in time, with the same number of unknowns."""
         return False
 
     @property
@@ -327,12 +328,12 @@ class Portrait:
 
     @property
     def edit(self) -> str | None:
-        """What is edited, where a problem is answered from an earlier solution and from scratch; else None."""
+        """The edit, for a problem that is solved from an earlier solution and from scratch; else None."""
         return None
 
     @property
     def learns(self) -> bool:
-        """Whether answers are fields on the unit square, trained or solved for with a number of parameters."""
+        """True if answers are fields on the unit square, trained or solved for with a number of parameters."""
         return False
 
     @property
@@ -342,7 +343,7 @@ class Portrait:
 
     @property
     def along(self) -> tuple[Along, ...]:
-        """What is measured all along the way and is no energy: where it is, and what holds it."""
+        """Measurements along the way other than energies: positions and holding forces."""
         return ()
 
     @property
@@ -357,12 +358,12 @@ class Portrait:
 
     @property
     def load_axis(self) -> LoadAxis:
-        """How the loads of a path are shown."""
+        """The axis of a path's loads."""
         return LoadAxis(1.0, "load factor t")
 
     @property
     def load_words(self) -> str:
-        """What a path's load factor is, with its unit."""
+        """Description of a path's load factor, with its unit."""
         return "load factor t"
 
     @property
@@ -382,7 +383,7 @@ class Portrait:
 
     @property
     def thinness(self) -> Thinness | None:
-        """How thin it is; None of what has no thickness."""
+        """Thinness of the shell; None for a problem without thickness."""
         return None
 
     @property

@@ -63,7 +63,7 @@ class Problem(Model):
 
         @property
         def quantities(self) -> Sequence[Quantity]:
-            """What is asked."""
+            """The quantities that the problem asks for."""
             ...
 
     @classmethod
@@ -116,7 +116,7 @@ class Problem(Model):
         raise KeyError(name)
 
     def mark_words(self, mark: float) -> str:
-        """Return what a mark means, such as "t = 0.25"."""
+        """Return the words for a mark, such as "t = 0.25"."""
         return f"t = {mark:.4g}"
 
     def telling_mark(self, quantity: Quantity) -> str:
@@ -161,16 +161,16 @@ class Problem(Model):
         return ""
 
     def drifts(self, solution: Any) -> Mapping[str, float]:
-        """Return how far values that have no limit move with a solver's resolution, by quantity, before its factor.
+        """Return the drifts of values without a limit under refinement of a solver, by quantity, before its factor.
 
-        They are added to the uncertainties that a solver states. One of more than a hundredth of its value makes the
-        answer not settled.
+        They are added to the uncertainties that a solver states. An answer has not settled if a drift exceeds a
+        hundredth of its value.
         """
         return {}
 
     @property
     def undecided(self) -> str | None:
-        """Return why no solution of it counts as settled, as one clause: what in its data nobody can tell; or None."""
+        """Return the reason why no solution counts as settled, as a clause about undecidable data, or None."""
         return None
 
     def check_state(self, at: float) -> None:
@@ -185,7 +185,7 @@ class Problem(Model):
         return self.data()
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows."""
+        """Return the HTML that notebooks show."""
         return case_html(self)
 
     @model_validator(mode="after")

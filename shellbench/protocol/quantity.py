@@ -56,7 +56,7 @@ class Quantity(Model):
 
         @property
         def kind(self) -> str:
-            """What case files call it."""
+            """Name of the kind in case files."""
             ...
 
     @property

@@ -1,4 +1,4 @@
-"""What all data that is read from files has in common: frozen, strict, with errors in one sentence."""
+"""Base of all data that are read from files: frozen, strict, with errors in one sentence."""
 
 from __future__ import annotations
 
@@ -202,7 +202,7 @@ def _either(choices: str) -> str:
 
 
 def _allowed(kind: str, context: Mapping[str, Any]) -> str:
-    """Return what a field must be, in words, from the kind of the problem and its context."""
+    """Return the description of a field's valid values, from the kind of the problem and its context."""
     if words := ALLOWED.get(kind):
         return words.format(**context)
     if kind == "string_pattern_mismatch":

@@ -62,7 +62,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Progress:
-    """What a running solve tells: the step it is at, of how many if it knows, and a word on it."""
+    """A report of a running solve: the current step, the number of steps if it is known, and a message."""
 
     step: int
     total: int | None
@@ -87,7 +87,7 @@ class Solution(Protocol):
 
     @property
     def history(self) -> tuple[Step, ...]:
-        """How it came about, in order."""
+        """The history of the solution, in order."""
         ...
 
     @property

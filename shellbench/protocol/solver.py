@@ -42,16 +42,16 @@ class SeededSettings(Settings):
 
 @dataclass(frozen=True)
 class Capabilities:
-    """What a solver can do.
+    """The capabilities of a solver.
 
     Attributes
     ----------
     theories
         Theories that it solves.
     devices
-        Where it runs.
+        Devices that it runs on.
     label
-        One line for tables: what the solver is, honestly.
+        An honest description of the solver in one line, for tables.
     """
 
     theories: tuple[str, ...]
@@ -77,11 +77,11 @@ class Solver(Protocol):
     settings_type: ClassVar[type[Settings]]
 
     def declines(self, case: Any) -> str | None:
-        """Return why the solver can't take this problem, as one clause, or None if it can.
+        """Return the reason why the solver can't take this problem, as one clause, or None if it can.
 
         A solver that takes the problem but can't give one of its quantities has the optional method
-        ``declines_quantity(case, quantity) -> str | None``, which returns why not. The quantity is recorded as
-        declined, and all others are asked; see `answerable`.
+        ``declines_quantity(case, quantity) -> str | None``, which returns the reason. The quantity is then recorded as
+        declined, and all other quantities are still evaluated; see `answerable`.
         """
         ...
 
@@ -112,7 +112,7 @@ class Solver(Protocol):
 
 
 def declined_quantities(solver: object, case: Problem) -> dict[str, str]:
-    """Return why a solver can't give each quantity of a case that it declines, by name; empty if it gives all."""
+    """Return the reason for each quantity of a case that a solver declines, by name; empty if it gives all."""
     ask = getattr(solver, "declines_quantity", None)
     if ask is None:
         return {}
@@ -120,7 +120,7 @@ def declined_quantities(solver: object, case: Problem) -> dict[str, str]:
 
 
 def why_declined(solver: Solver, case: Problem) -> str | None:
-    """Return why a solver can't take a case, as one clause: the case itself, or its headline; None if it can."""
+    """Return the reason why a solver can't take a case or its headline, as one clause; None if it can."""
     return solver.declines(case) or declined_quantities(solver, case).get(case.primary.name)
 
 
