@@ -1,4 +1,4 @@
-"""What a solver that is loaded says of itself, as JSON data."""
+"""Facts about a loaded solver, as JSON data."""
 
 from __future__ import annotations
 

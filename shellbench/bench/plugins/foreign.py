@@ -114,7 +114,7 @@ class ForeignProblem(Problem):
         return tuple(self._told.states)
 
     def mark_words(self, mark: float) -> str:
-        """Return what a mark means."""
+        """Return the words for a mark."""
         return self._told.marks.get(repr(float(mark)), super().mark_words(mark))
 
     def digest(self) -> str:
@@ -157,7 +157,7 @@ def sample(solution: Any, resolution: int, at: float | None, title: str) -> Samp
 
 
 def variant(entry: SolverEntry, name: str) -> Callable[[Problem], dict[str, Any]]:
-    """Return what makes the data of a variant."""
+    """Return the function that makes the data of a variant."""
     return partial(_variant, entry, name)
 
 

@@ -91,7 +91,7 @@ class AskedSolver:
         self.solver = solver
 
     def describe(self) -> dict[str, Any]:
-        """Return what it says of itself."""
+        """Return the solver's description of itself."""
         return facts_of(self.solver)
 
     def settings(self, overrides: Mapping[str, Any], seed: int, device: str) -> dict[str, Any]:
@@ -122,7 +122,7 @@ class AskedKind:
         self.kind: Kind = kinds.find_kind(name)
 
     def describe(self) -> dict[str, Any]:
-        """Return what it says of itself."""
+        """Return the kind's description of itself."""
         kind = self.kind
         return {
             "theories": list(kind.theories),
@@ -135,11 +135,11 @@ class AskedKind:
         }
 
     def build(self, data: Mapping[str, Any], name: str, where: str) -> dict[str, Any]:
-        """Return what is known of a problem of a file; InputError if it is malformed."""
+        """Return the facts about a problem from a file; InputError if it is malformed."""
         return told(self.kind.problem.build(data, name, where))
 
     def again(self, data: Mapping[str, Any]) -> dict[str, Any]:
-        """Return what is known of a problem of a record; InputError if it is malformed."""
+        """Return the facts about a problem from a record; InputError if it is malformed."""
         try:
             return told(self.kind.problem.model_validate(data))
         except ValidationError as error:
@@ -151,7 +151,7 @@ class AskedKind:
 
 
 def told(problem: Problem) -> dict[str, Any]:
-    """Return what the process that judges has to know of a problem."""
+    """Return the facts about a problem that the judging process needs."""
     names = ("name", "unit", "description", "primary", "at", "factor", "absolute", "tolerance", "open_finding")
     return {
         "fields": {name: getattr(problem, name) for name in ("name", "kind", "title", "description", "units", "theory")}

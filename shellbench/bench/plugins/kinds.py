@@ -68,7 +68,7 @@ def kinds_of_theories(theories: Iterable[str]) -> tuple[str, ...]:
 
 
 def headline_of(name: str, unit: str) -> str:
-    """Return what the headline quantities of a kind in this unit are; in general words if it is not known here."""
+    """Return the name of a kind's headline quantities in this unit; a general one if the kind is not installed."""
     try:
         kind = find_kind(name or DEFAULT)
         return kind.headlines.get(unit, kind.headline)

@@ -39,7 +39,7 @@ class Line:
 
     @property
     def closed(self) -> bool:
-        """Whether this end has been closed."""
+        """True if this end has been closed."""
         return self.end.fileno() < 0
 
     def close(self) -> None:

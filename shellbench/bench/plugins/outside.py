@@ -216,7 +216,7 @@ def one_line(words: str) -> str:
 
 @cache
 def outsider(what: str, entry: SolverEntry) -> Outsider:
-    """Return what another package registers, with what is kept of its answers."""
+    """Return the handle of another package's entry, with its stored answers."""
     found = Outsider(what, entry)
     found.recall()
     return found
@@ -251,7 +251,7 @@ class AskedSolver:
         return outsider("solver", self.entry).ask(kind, "settings", dict(overrides), seed, device)
 
     def declines(self, case: Problem) -> str | None:
-        """Return why it can't take a problem, or None."""
+        """Return the reason why the solver can't take a problem, or None if it can."""
         data = {**case.data(), "name": case.name}
         reason = outsider("solver", self.entry).ask(Refusal, "declines", data).reason
         return None if reason is None else one_line(reason)
@@ -290,13 +290,13 @@ def settings_of(solver: Solver | AskedSolver, overrides: Mapping[str, Any], seed
 
 
 def described(entry: SolverEntry) -> dict[str, Any]:
-    """Return what a solver says of itself; raises as `asked`."""
+    """Return a solver's description of itself; raises as `asked`."""
     found = asked(entry)
     return found.facts.model_dump() if isinstance(found, AskedSolver) else facts_of(found)
 
 
 def declines(solver: Solver | AskedSolver, case: Problem) -> str | None:
-    """Return why a solver can't take a case, or None if it can."""
+    """Return the reason why a solver can't take a case, or None if it can."""
     if case.theory not in solver.capabilities.theories:
         return f"it does not solve {case.theory}"
     return solver.declines(case) if isinstance(solver, AskedSolver) else why_declined(solver, case)

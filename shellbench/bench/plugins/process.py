@@ -42,10 +42,10 @@ def worked(pid: int | None) -> float:
 
 
 def is_overdue(limit: float, waited: float, had: float) -> bool:
-    """Whether a process has had its time, in seconds: a limit, what the clock says, and its processor time.
+    """Return True if a process has used up its time, in seconds: limit, wall time and processor time.
 
-    What others do on a machine must not decide who is stopped. So a process that computes has its limit of processor
-    time, however long that takes. One that hangs computes nothing: for it the clock counts.
+    The load of a machine must not decide which process is stopped. A computing process therefore has its limit in
+    processor time. A hanging process uses no processor time, so its limit is in wall time.
     """
     if waited < limit:
         return False
@@ -169,7 +169,7 @@ class ServerProcess:
         return self.server.process
 
     def fileno(self) -> int:
-        """Return what to select on."""
+        """Return the file descriptor to select on."""
         assert self.process.stdout is not None
         return self.process.stdout.fileno()
 

@@ -52,7 +52,7 @@ class SolverEntry:
 
     @property
     def own(self) -> bool:
-        """Whether it is one of ours, and no plug-in."""
+        """True for a solver of shellbench itself, False for a plug-in."""
         return self.module.partition(".")[0] == OWN and self.distribution in ("", OWN)
 
 
@@ -103,7 +103,7 @@ def refuse_without_package(what: Literal["solver", "suite"], name: str) -> None:
 
 
 def loads_here(entry: SolverEntry) -> bool:
-    """Whether a solver is loaded by the process that judges: only what comes with shellbench is."""
+    """Return True if the judging process loads the solver: it loads only solvers of shellbench itself."""
     return entry.own
 
 

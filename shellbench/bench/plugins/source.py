@@ -71,7 +71,7 @@ class _Digest:
 
     @property
     def holds(self) -> bool:
-        """Whether no file has changed, come or gone since."""
+        """Return True if no file has been changed, added or removed since."""
         return bool(self.places) and all(look_up(Path(path)) == seen for path, seen in self.places.items())
 
     @classmethod
@@ -149,7 +149,7 @@ def locate(module: str) -> Path | None:
 
 @dataclass(frozen=True)
 class _File:
-    """What is taken from a file: its statements, and names that may be modules."""
+    """The parts of a file that count: its statements, and names that may be modules."""
 
     statements: tuple[str, ...]
     imports: tuple[str, ...] = ()
@@ -265,7 +265,7 @@ def _rows_that_do_not_compute(lines: list[str], tree: ast.Module) -> Iterator[in
 
 
 def _says_nothing(node: ast.AST) -> bool:
-    """Whether a statement is there for types only, or names what a module offers."""
+    """Return True if a statement is for types only, or assigns `__all__`."""
     if isinstance(node, ast.If):
         return _for_types(node) and not node.orelse
     return isinstance(node, ast.Assign) and any(isinstance(t, ast.Name) and t.id == "__all__" for t in node.targets)

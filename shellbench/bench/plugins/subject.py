@@ -18,7 +18,7 @@ GIGABYTE = 1e9
 
 
 class NoAnswer(Exception):
-    """What a solver did instead of answering, in one clause; a check that meets it unprepared has failed."""
+    """Raised with one clause if a solver gives no answer; an uncaught one fails the check."""
 
 
 class Refused(NoAnswer):
@@ -62,7 +62,7 @@ class Respondent(Protocol):
 
     @property
     def alive(self) -> bool:
-        """Whether it can be asked."""
+        """True if the solver still accepts questions."""
         ...
 
     def call(self, operation: str, *arguments: Any) -> Any:
@@ -120,7 +120,7 @@ class Subject:
 
     @property
     def alive(self) -> bool:
-        """Whether it can be asked."""
+        """True if the solver still accepts questions."""
         return self.process.process.poll() is None and not self.line.closed
 
     def call(self, operation: str, *arguments: Any) -> Any:
