@@ -161,8 +161,7 @@ class Scene:
     as_it_is
         True if displacements larger than the surface are drawn without scaling.
     direction
-        The component that determines the colour; "inward" for the component into the enclosed side; None for the
-        magnitude.
+        Component that determines the colour; "inward" for that into the enclosed side; None for the magnitude.
     view
         Elevation and azimuth of the camera, degrees.
     held

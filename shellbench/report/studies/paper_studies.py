@@ -225,11 +225,9 @@ def training_stops(evidence: Evidence) -> pd.DataFrame:
 def _state(run: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Return the state of a training when it was stopped.
 
-    - `seconds`: up to the last entry of the history, without later measurements;
-    - `mean_displacement`: mean magnitude of the displacement over the record's grid;
-    - `energy`: potential energy on a fine quadrature, J, if the solver reports it;
-    - `shell`: the shell, ready to be drawn;
-    - `course`: seconds and magnitudes of relative errors during the training.
+    It has the seconds up to the last entry of the history, the mean magnitude of the displacement over the record's
+    grid, the potential energy on a fine quadrature, J, if the solver reports it, the shell, ready to be drawn, and the
+    course: seconds and magnitudes of relative errors during the training.
     """
     record, reference = run["record"], run["reference"]
     steps = [step for step in record.history if step.phase == "solve"]
