@@ -1,4 +1,4 @@
-"""The list of cases, suites and solvers, with what each needs."""
+"""The list of cases, suites and solvers, with the requirements of each."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ WIDTH = 110  # characters
 def contents() -> dict[str, Any]:
     """Return cases, suites and solvers as JSON data.
 
-    A solver that can't be imported is listed with the reason; the others are not harmed.
+    A solver that can't be imported is listed with the reason.
     """
     return {
         "cases": [_case(name) for name in catalog.case_names()],
@@ -124,7 +124,7 @@ def overview(width: int | None = None) -> str:
 
 
 def all_cases(width: int | None = None) -> str:
-    """Return a line for each case as text; names and titles alone where a width is given that has no room for more."""
+    """Return a line for each case as text; only names and titles if the given width has no room for more."""
     narrow = width is not None and width < WIDTH
     console = Console(file=StringIO(), width=width if narrow else WIDTH)
     table = _table(*("case", "title", "theory", "suites")[: 2 if narrow else None])
@@ -152,7 +152,7 @@ def _table(*columns: str) -> Table:
 
 
 def _from(package: str) -> str:
-    """Return the words that say which package something comes with; none for ours."""
+    """Return the words that name the package of an entry; empty for shellbench's own."""
     return "" if package == OWN else f" (package {package})"
 
 

@@ -56,7 +56,7 @@ class OneSide:
 
     @cached_property
     def error(self) -> float | None:
-        """Largest error in magnitude, signed, relative to the known value; near zero, to the largest of its unit."""
+        """Signed error of largest magnitude, relative to the known value; near zero, to the largest of its unit."""
         return max((error for row in self.rows if (error := _error(row)) is not None), key=abs, default=None)
 
     @property
@@ -88,7 +88,7 @@ class OneSide:
 
 @dataclass(frozen=True)
 class Change:
-    """One figure on both sides."""
+    """One value on both sides."""
 
     before: OneSide
     after: OneSide
@@ -97,7 +97,7 @@ class Change:
 
     @property
     def row(self) -> Row:
-        """A row that says which figure it is, as the second side has it."""
+        """A row of the second side that identifies the value."""
         return self.after.rows[0]
 
 
@@ -113,12 +113,12 @@ class CostChange:
 
     @property
     def seconds_ratio(self) -> float | None:
-        """Second side by first; None where the first took no time."""
+        """Ratio of the second side to the first; None if the first took no time."""
         return self.seconds[1] / self.seconds[0] if self.seconds[0] > 0 else None
 
     @property
     def memory_ratio(self) -> float | None:
-        """Second side by first; None where memory was not measured."""
+        """Ratio of the second side to the first; None if memory was not measured."""
         return self.memory[1] / self.memory[0] if self.memory and self.memory[0] > 0 else None
 
 
@@ -147,7 +147,7 @@ class Comparison:
         return self.after.what == "solver"
 
     def of(self, verdict: Verdict) -> list[Change]:
-        """Return the figures of which this is said."""
+        """Return the changes with this verdict."""
         return [change for change in self.changes if change.verdict == verdict]
 
     @property
@@ -161,12 +161,12 @@ class Comparison:
 
 
 def compare_sides(before: Side, after: Side, limits: Limits) -> Comparison:
-    """Hold two sides against each other.
+    """Compare two sides.
 
     Raises
     ------
     InputError
-        If they have no figure in common.
+        If they have no value in common.
     """
     # 1. Group the rows of either side by what they answer: of solvers by the question, else by solver and settings too.
     # 2. Where both sides have seeds in common, only these are compared.
@@ -215,7 +215,7 @@ def _grouped(rows: Iterable[Row], solvers: bool) -> dict[tuple[object, ...], lis
 
 
 def _of_common_seeds(old: Sequence[Row], new: Sequence[Row]) -> tuple[tuple[Row, ...], tuple[Row, ...]]:
-    """Return the rows of seeds that both have; all, where one side has no seeds."""
+    """Return the rows of seeds that both sides have; all rows if one side has no seeds."""
     before, after = ({row.seed for row in rows} for rows in (old, new))
     if None in before | after:
         return tuple(old), tuple(new)
@@ -239,13 +239,13 @@ def _scale(row: Row) -> float:
 
 
 def _blunt(row: Row) -> float:
-    """Return the relative error that says nothing, for the known value is no surer."""
+    """Return the relative error below which the known value's uncertainty hides all differences."""
     size = abs(row.reference or 0.0) if row.relative_error is not None else _scale(row)
     return BLUNT * (row.reference_uncertainty or 0.0) / size if size else 0.0
 
 
 def _change(before: OneSide, after: OneSide, threshold: float, solvers: bool) -> Change:
-    """Say of a figure whether it was lost, gained, changed, or is the same."""
+    """Decide if a value was lost, gained, changed, or is the same."""
     was, now = _rank(before.worst), _rank(after.worst)
     if was != now:
         why = after.worst.reason if now > was else before.worst.reason
@@ -301,7 +301,7 @@ def mean_ratio(ratios: Iterable[float | None]) -> float | None:
 
 
 def as_data(found: Comparison) -> dict[str, Any]:
-    """Return a comparison as JSON data: all figures, whatever is said of them."""
+    """Return a comparison as JSON data, with the values of every verdict."""
     return {
         **{name: {"name": s.name, "what": s.what} for name, s in (("a", found.before), ("b", found.after))},
         "threshold": found.limits.threshold,
@@ -335,12 +335,12 @@ def _named(row: Row, solvers: bool) -> dict[str, Any]:
 
 
 def as_json(found: Comparison) -> str:
-    """Return a comparison as JSON; figures that are not finite as null."""
+    """Return a comparison as JSON; numbers that are not finite as null."""
     return json_text(as_data(found))
 
 
 def json_text(data: Any) -> str:
-    """Return JSON data as text; figures that are not finite as null."""
+    """Return JSON data as text; numbers that are not finite as null."""
     return json.dumps(_finite(data), indent=1, allow_nan=False)
 
 

@@ -1,7 +1,7 @@
-"""The exam of one solver: cases that known values judge are solved with default settings, and its class is found.
+"""The exam of one solver: it solves the cases with known values with default settings, and gets its class.
 
-It is the gate's own judgement, narrowed to one solver: every judged figure counts, what is declined is said, and a case
-that has no answer is not held. A solver of ours is graded in the same way as a stranger.
+The judgement is that of the gate, restricted to one solver. Every judged value counts, declined cases are listed, and a
+case without an answer fails. Built-in solvers are graded in the same way as third-party solvers.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Sitting:
 
 
 def suites_for(theories: Iterable[str], *, quick: bool) -> tuple[str, ...]:
-    """Return the suites by which a solver of these theories is graded, those of its kinds of problem."""
+    """Return the suites that grade a solver of these theories: those of its kinds of problem."""
     kinds = map(find_kind, kinds_of_theories(theories))
     return tuple(dict.fromkeys(suite for kind in kinds for suite in (kind.quick if quick else kind.exam)))
 
@@ -77,7 +77,7 @@ def plan_of(solver: str, cases: Sequence[Problem], store: Store, executor: Execu
 def sit(
     solver: str, cases: Sequence[Problem], store: Store, plan: Plan, executor: Executor, observer: Observer
 ) -> Sitting:
-    """Have a solver answer what has no record, and grade all its answers.
+    """Run a solver on all cases without a valid record, and grade all its answers.
 
     Raises
     ------
@@ -100,5 +100,5 @@ def sit(
 
 
 def missed_words(row: Row) -> str:
-    """Say in a line what a row misses."""
+    """Describe in a line the failure of a row."""
     return f"{row.case} {row.quantity}: {row.reason or f'it misses class {LOOSEST:g}'}"

@@ -52,14 +52,14 @@ class Scope:
 
 @dataclass(frozen=True)
 class Expected:
-    """A run with default settings that is asked for, and its record if there is one that counts.
+    """An expected run with default settings, and its valid record if there is one.
 
     Attributes
     ----------
     lack
-        Why there is no record.
+        Reason why there is no record.
     by_class
-        Whether its solver is a stranger: then all that known values judge is gated.
+        True for a third-party solver: every value with a known value is then gated.
     """
 
     suite: str
@@ -86,7 +86,7 @@ class Expected:
 
 
 def expected_runs(scope: Scope, current: CurrentRuns, ask: bool = True) -> Iterator[Expected]:
-    """Yield what a scope should have; with `ask`, solvers have to be there, and say what they decline."""
+    """Yield the expected runs of a scope; with `ask`, solvers are imported to find out the cases that they decline."""
     for solver in scope.solvers:
         find_solver(solver)
     # A case may be in several suites, and a deterministic solver answers for every seed: each run counts once.
@@ -109,7 +109,7 @@ def expected_runs(scope: Scope, current: CurrentRuns, ask: bool = True) -> Itera
 
 
 def expected_of_strangers(scope: Scope, solvers: set[str], current: CurrentRuns) -> Iterator[Expected]:
-    """Yield what strangers that are named should have: an answer to each case of the suites, or why they decline."""
+    """Yield the expected runs of named third-party solvers: an answer to each case, or the reason to decline."""
     # Seeds are those that were given, or that a line of the suite declares, or one.
     for solver in sorted(solvers & set(scope.solvers)):
         seen: set[tuple[str, int]] = set()
@@ -131,12 +131,12 @@ def expected_of_stranger(suite: str, case: Problem, solver: str, seed: int, curr
 
 
 def _suites_that_compare() -> list[str]:
-    """Return the suites that are judged unless some are named: a study may need what is not installed."""
+    """Return the suites that are judged by default; studies are left out, because they may need other packages."""
     return [name for name in catalog.suite_names() if catalog.find_suite(name).study is None]
 
 
 def _lack(current: CurrentRuns, case: Problem, solver: str, seed: int) -> Lack:
-    """Say why there is no record that counts; only now is the solver imported, to hear whether it declines."""
+    """Return the reason why there is no valid record; only now is the solver imported, to find out if it declines."""
     try:
         reason = declines(asked(find_solver(solver)), case)
     except (InputError, PluginError) as error:

@@ -1,4 +1,4 @@
-"""Saying what the gates found, and what moving the baseline changes."""
+"""Texts about the results of the gates, and about changes of a moved baseline."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Conformance: whether a solver has passed the checks without which it holds no class.
+"""Conformance: results of the checks that a solver must pass to get a class.
 
-Known values judge a handful of numbers. A solver that looks them up is right in all of them, and has no field. So
-`shellbench check-solver` asks for what no list of values answers: that a field is continuous, that its energies are
-those of its strains, that it follows the load and the placement. What it found is kept in the store, one sealed file
-for each solver and kind of problem. It counts for runs of the very source that was checked.
+Known values judge only a few numbers. A solver that looks them up passes without a field. `shellbench check-solver`
+therefore checks properties that a list of values can't have: that a field is continuous, that its energies are those of
+its strains, and that it follows the load and the placement. The results are kept in the store, in one sealed file for
+each solver and kind of problem. They are valid for runs of the checked source only.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ class Conformance(Model):
     Attributes
     ----------
     kind
-        Of the problems that it was asked.
+        Kind of the checked problems.
     source
         SHA-256 as in the identity of its runs.
     checks
-        By check: how it ended for each case that was asked, such as "passed".
+        By check: its result on each case, such as "passed".
     lacking
-        Why it holds no class, one clause each; empty if it has passed all checks that a class needs.
+        Reasons why it gets no class, one clause each; empty if it has passed all required checks.
     """
 
     solver: str
@@ -58,7 +58,7 @@ class Noted:
     found
         One for each solver and kind.
     damaged
-        One sentence for each file that is none, or was changed since it was written.
+        One sentence for each file that is invalid, or was changed since it was written.
     """
 
     found: tuple[Conformance, ...] = ()
@@ -68,7 +68,7 @@ class Noted:
 def note_conformance(
     store: Store, entry: SolverEntry, kind: str, checks: Mapping[str, tuple[str, ...]], lacking: tuple[str, ...]
 ) -> None:
-    """Keep what the checks found of today's source of a solver, in place of what was found before.
+    """Store the results of the checks for the present source of a solver, in place of earlier results.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Records: one immutable JSON file for one run, with its arrays beside it.
 
-A record in a store carries a sequence number and a seal, the SHA-256 of its content. Whatever was changed since is
-seen on reading. Records from before have neither: nothing tells whether they are as they were written, and none counts.
+A record in a store carries a sequence number and a seal, the SHA-256 of its content. Reading
+detects later changes. Records of old versions have neither: their changes can't be detected, and they are not valid.
 """
 
 from __future__ import annotations
@@ -118,9 +118,9 @@ class Measured(Model):
     Attributes
     ----------
     uncertainty
-        The solver's own estimate of its error, and what comes from the question's data; None if it states none.
+        The solver's own estimate of its error, plus the error from the question's data; None if it states none.
     data_error
-        Twice what the value moves by with data that say as much, such as a mesh's other fit; None of exact data.
+        Twice the change of the value with equivalent data, such as another fit of a mesh; None for exact data.
     """
 
     value: Figure
@@ -130,7 +130,7 @@ class Measured(Model):
 
 
 class Environment(Model):
-    """Where a run was made."""
+    """The environment of a run."""
 
     python: str
     versions: dict[str, str]
@@ -258,7 +258,7 @@ def read_document(text: bytes) -> Record:
     Raises
     ------
     InputError
-        If it is no whole record, or was changed since it was sealed; as a clause without the name of the file.
+        If it is no complete record, or was changed since it was sealed; as a clause without the name of the file.
     """
     if len(text) > LARGEST_RECORD:
         raise InputError(f"it has {len(text)} bytes, and a record has at most {LARGEST_RECORD}")
@@ -284,13 +284,13 @@ def sealed(data: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _seal(data: Mapping[str, Any]) -> str:
-    """Return the SHA-256 of JSON data, whatever its layout and the order of its keys."""
+    """Return the SHA-256 of JSON data, independent of layout and order of keys."""
     plain = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(plain.encode()).hexdigest()
 
 
 def readable(record: Record) -> Record:
-    """Return the record; if it could not be read back, what is known of the run without its results."""
+    """Return the record; if it could not be read back, the record without its results."""
     try:
         read_document(document(record))
     except (InputError, ValueError, RecursionError) as error:
@@ -302,7 +302,7 @@ def readable(record: Record) -> Record:
 
 
 def shortened(reason: str) -> str:
-    """Return a reason as a record can keep it: so long at most, and without halves of characters."""
+    """Return a reason for a record: of limited length, and without halves of characters."""
     whole = reason.encode(errors="replace").decode()
     return whole if len(whole) <= LONGEST_REASON else whole[: LONGEST_REASON - 3] + "..."
 

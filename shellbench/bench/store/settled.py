@@ -19,12 +19,12 @@ SETTLED = 0.01  # largest stated uncertainty of a value that has settled, relati
 def with_drifts(
     case: Problem, solution: Solution, values: Mapping[str, Measured]
 ) -> tuple[dict[str, Measured], str | None]:
-    """Add the drift of values that have no limit to their uncertainties.
+    """Add the drifts of values without a limit to their uncertainties.
 
     Returns
     -------
     tuple
-        The values, and a clause on those that drift too far to be given; None if there are none.
+        The values, and a clause on those whose drift is too large; None if there are none.
     """
     result, far = dict(values), []
     for name, drift in case.drifts(solution).items():
@@ -64,7 +64,7 @@ def why_uncertain(case: Problem, solver: str, own_case: bool, values: Mapping[st
 
 
 def _tolerances(case: Problem, solver: str, own_case: bool) -> Iterator[tuple[float, bool]]:
-    """Yield the errors that a user's own case or a frozen tolerance allows the headline, and whether in its unit."""
+    """Yield the tolerances of the headline from a user's own case or frozen ones, with True for those in its unit."""
     headline = case.primary
     frozen = allowed_by_file(case, headline) if own_case else catalog.tolerance(case.name, headline.name, solver)
     if frozen:
