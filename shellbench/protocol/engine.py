@@ -1,8 +1,8 @@
-"""Engines: programs of others that a solver stands on, which come with a plug-in or an extra.
+"""Engines: third-party programs that a solver uses, which come with a plug-in or an extra.
 
-The engine decides the answer as much as the solver's own source does, so its version must be part of a run's
-identity. A solver on an engine has a setting `engine`, whose default is `engine_version` of the distribution, and
-refuses any other value; records that an engine of another version has made do not answer any more.
+The answer depends on the engine as much as on the solver's own source. The engine's version must therefore be part of a
+run's identity. A solver on an engine has a setting `engine`, whose default is `engine_version` of the distribution, and
+refuses any other value. Records from another version of the engine are not valid any more.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ def thread_limit() -> int:
 
 
 def need(extra: str, distributions: Iterable[str], package: str = "shellbench") -> None:
-    """Make sure that what an extra of a package installs is there, or the package itself if the extra is empty.
+    """Check that the packages of an extra are installed, or the package itself if the extra is empty.
 
     Raises
     ------
     InputError
-        If not; it says what to install.
+        If not, with the package to install.
     """
     missing = [name for name in distributions if engine_version(name) is None]
     if missing:

@@ -19,12 +19,12 @@ LONGEST_RUN = 1e10  # seconds: three centuries
 
 
 def finite(value: Any) -> float | None:
-    """Return a figure; None if there is none, or it is not finite or larger than any that a record keeps.
+    """Return a number; None if there is none, or if it is not finite or too large for a record.
 
     Raises
     ------
     ValueError
-        If it is complex: its real part alone would look like an answer.
+        If it is complex, because its real part alone would look like an answer.
     """
     if np.iscomplexobj(value):
         raise ValueError(f"found {value}, which is no real number")
@@ -57,7 +57,7 @@ class StateEnergies(Model):
     Attributes
     ----------
     at
-        The state's mark (a time, a load factor, or what else the problem tells its states by).
+        The state's mark: a time, a load factor, or another mark of the problem.
     """
 
     at: Figure
@@ -93,7 +93,7 @@ class Series(Model):
 
 
 class ResolutionStep(Model):
-    """The same solution seen through a grid of `points` x `points` samples.
+    """The same solution sampled on a grid of `points` x `points` samples.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ class ResolutionStep(Model):
         Largest difference at fixed material points between a query as part of this grid and one by itself, m.
     interpolation_difference
         Largest difference at the points of the finest grid between this grid's bilinear interpolant and the
-        field itself, m: what a mesh of this resolution would add.
+        field itself, m: the error that a mesh of this resolution would add.
     interpolation_rms
         The same as root mean square over these points, m.
     largest_displacement
@@ -116,7 +116,7 @@ class ResolutionStep(Model):
 
 
 class FrameRateStep(Model):
-    """The same motion seen through `frames` even instants, both ends counted, at the first of the record's probes.
+    """The same motion sampled at `frames` even instants, both ends counted, at the first of the record's probes.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ class FrameRateStep(Model):
         Largest difference at fixed instants between a query among these frames and one by itself, m.
     interpolation_difference, interpolation_rms
         Largest and root mean square difference, over even instants at twice the finest rate, between the motion and
-        frames joined by straight lines, m: what a sequence of meshes at this rate would add.
+        frames joined by straight lines, m: the error that a sequence of meshes at this rate would add.
     largest_displacement
         Largest magnitude at the probes, m.
     """
@@ -175,7 +175,7 @@ class PrecisionStep(Model):
     format
         "float64" (as solved), "float32" or "float16".
     storage_bytes
-        Bytes needed to keep it so.
+        Bytes of the solution in this format.
     largest_difference, rms_difference
         From the solution as solved, over all the record's probes and marks, m; None if it is not finite any more.
     quantities

@@ -1,4 +1,4 @@
-"""Known values that a case file brings along: what its author holds answers against."""
+"""Known values in a case file, from its author."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Known(Model):
 
 
 def check_known(known: Iterable[Known], quantities: Iterable[str]) -> None:
-    """Raise ValueError if a known value is of no quantity, or two are of the same."""
+    """Raise ValueError if a known value has no quantity of the case, or if two have the same quantity."""
     names, seen = tuple(quantities), set()
     for one in known:
         if one.quantity not in names:

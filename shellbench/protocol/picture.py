@@ -1,7 +1,7 @@
-"""Portraits: what a problem tells of itself beside its values, so that a report can draw it and put it in order.
+"""Portraits: descriptions of problems beside their values, by which a report draws and sorts them.
 
-The report asks a portrait and knows no kind of problem. The answers here are those of a problem of which nothing can be
-drawn and nothing is known but its quantities; a kind that has more to tell derives its own portrait.
+The report uses portraits and knows no kind of problem. The base class describes a problem that can't be drawn and has
+only quantities; other kinds derive their own portraits.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 class Asked(Protocol):
-    """A quantity, as far as tables and figures name it."""
+    """Interface of a quantity for tables and figures."""
 
     @property
     def name(self) -> str:
@@ -41,7 +41,7 @@ class Asked(Protocol):
 
 
 class Drawable(Protocol):
-    """A problem, as far as any portrait asks it."""
+    """Interface of a problem for portraits."""
 
     @property
     def name(self) -> str:
@@ -76,16 +76,16 @@ class Drawable(Protocol):
 
 @dataclass(frozen=True)
 class Along:
-    """One thing that a problem measures all along the way.
+    """One series that a problem measures along the way.
 
     Attributes
     ----------
     name
-        Of its quantities, without their mark.
+        Common name of its quantities, without their mark.
     quantity
         The first of them, or one like it.
     quantities
-        Those that measure it, by name; none if the problem does not ask for it.
+        Names of the quantities that measure it; none if the problem does not ask for it.
     """
 
     name: str
@@ -100,9 +100,9 @@ class PathSeries:
     Attributes
     ----------
     name
-        What their names have in common.
+        Common part of their names.
     description
-        What their descriptions have in common, but for the mark.
+        Common part of their descriptions, without the mark.
     """
 
     name: str
@@ -258,17 +258,17 @@ class Portrait:
 
     @property
     def unit_of_shape(self) -> str:
-        """Unit of the displacements in pictures; empty where their size means nothing."""
+        """Unit of the displacements in pictures; empty if their size has no meaning."""
         return self.unit_of_length
 
     @property
     def extent(self) -> float | None:
-        """Largest extent along an axis; None of what has none."""
+        """Largest extent along an axis; None if the problem has no extent."""
         return None
 
     @property
     def ends(self) -> float | None:
-        """Time, s, at which a motion ends; None of what does not move."""
+        """Time, s, at which a motion ends; None for a static problem."""
         return None
 
     @property
@@ -287,7 +287,7 @@ class Portrait:
         return None
 
     def ways_to_obstacles(self, position: Array) -> tuple[Array, ...]:
-        """Return the ways (n1, n2, 3) from points (n1, n2, 3) at rest to where they would touch each obstacle."""
+        """Return the vectors (n1, n2, 3) from points (n1, n2, 3) at rest to their contact with each obstacle."""
         return ()
 
     @property
@@ -312,7 +312,7 @@ class Portrait:
 
     @property
     def worst(self) -> tuple[str, str] | None:
-        """Names of the arrays of a garment's worst mesh (n1, n2, 3), m: simulated, and as it was skinned; else None."""
+        """Names of the arrays of a garment's worst mesh (n1, n2, 3), m: simulated, and skinned; else None."""
         return None
 
     @property
@@ -322,7 +322,7 @@ class Portrait:
 
     @property
     def derivatives(self) -> tuple[str, ...]:
-        """Names of quantities that are derivatives by the material."""
+        """Names of quantities that are derivatives with respect to the material."""
         return ()
 
     @property
@@ -387,11 +387,11 @@ class Portrait:
 
     @property
     def gravity(self) -> Array | None:
-        """Acceleration (3,), m/s2, of what falls freely; None of anything else."""
+        """Acceleration (3,), m/s2, of a free fall; None for other problems."""
         return None
 
     def direction_of(self, series: str) -> Array | None:
-        """Return the direction (3,) of the displacement that a series is; None of anything else."""
+        """Return the direction (3,) of the displacement of a series; None if it is no displacement."""
         return None
 
     @property

@@ -1,4 +1,4 @@
-"""Solvers: how a solver says what it can do, takes its settings and answers."""
+"""Solvers: their capabilities, their settings and their answers."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ Device = Literal["cpu", "cuda"]
 class Settings(Model):
     """Settings of a solver that computes the same answer every time.
 
-    A setting called `checkpoint`, a folder or None, says where an interrupted solve is kept to go on from; the
-    bench gives one. Settings that can't change the answer, like that one, are declared with `exclude=True`:
-    they are no part of a run's identity.
+    A setting called `checkpoint`, a folder or None, is the place of an interrupted solve to continue; the bench sets
+    it. Settings that can't change the answer, like this one, are declared with `exclude=True`: they are no part of a
+    run's identity.
     """
 
     @field_validator("*", mode="before")
@@ -67,7 +67,7 @@ class Solver(Protocol):
     name
         Name on the command line and in records.
     capabilities
-        What it can do.
+        Its capabilities.
     settings_type
         Its settings: a subclass of `Settings`, or of `SeededSettings` if a seed matters.
     """
@@ -94,15 +94,15 @@ class Solver(Protocol):
     ) -> Solution:
         """Solve the problem.
 
-        `start` is an earlier solution, or a checkpoint file of an interrupted solve, to go on from; a solver that can't
-        refuses it by InputError, in one sentence.
+        `start` is an earlier solution, or a checkpoint file of an interrupted solve, to continue. A solver that can't
+        do so raises InputError, in one sentence.
 
         Raises
         ------
         SolveFailure
-            If no trustworthy answer was reached; what had converged comes with it.
+            If no trustworthy answer was reached; it carries the converged part.
         InputError
-            If the settings or `start` do not fit the case.
+            If the settings or `start` do not match the case.
         """
         ...
 
@@ -125,6 +125,6 @@ def why_declined(solver: Solver, case: Problem) -> str | None:
 
 
 def answerable(solver: Solver, case: Problem) -> tuple[Problem, dict[str, str]]:
-    """Return a case without the quantities that a solver declines, and why it declines each, by name."""
+    """Return a case without the quantities that a solver declines, and the reason for each, by name."""
     declined = declined_quantities(solver, case)
     return (case.without(declined) if declined else case), declined
