@@ -142,7 +142,7 @@ def with_load(data: dict[str, Any], name: str) -> tuple[Case, dict[str, Any]]:
 
 
 def response(case: Case) -> float:
-    """Return how far the answer to the declared load is from the prescribed one at most, relative to that."""
+    """Return a bound of the relative difference between the answer to the declared load and the prescribed answer."""
     points, weights = parametric_rule(case, 30)
     missed = case.evaluate(case.loads[0].vector, points)[0, 0] - manufactured_load(case, points)
     exact = case.evaluate(exact_formulas(case), points)[0, 0]

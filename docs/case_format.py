@@ -269,7 +269,7 @@ def summary(cls: type) -> str:
 
 
 def description(cls: type[Model], name: str) -> str:
-    """Return what a field means.
+    """Return the meaning of a field.
 
     Raises
     ------

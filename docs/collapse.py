@@ -1,8 +1,9 @@
-"""How the published training of the free cylinder is thrown off: `python docs/collapse.py`, some 5 minutes.
+"""Collapse of the published training on the free cylinder: `python docs/collapse.py`, some 5 minutes.
 
-Trains as printed, and shows what the next samples see: the loss, its membrane and bending parts, the largest strain
-energy of one sample, and the length of the gradient. With seed 0 the network stays as it was after 550 iterations, so that
-one sample among others is seen. `--seed 1 --last 925 --shown 40 --going-on` trains on, so that the collapse is seen to grow.
+The script trains as printed, and then draws further samples. It prints their loss, its membrane and bending parts, the
+largest strain energy of one sample, and the length of the gradient. With seed 0 the network stays fixed after 550
+iterations, so that single samples can be examined. `--seed 1 --last 925 --shown 40 --going-on` continues the training,
+so that the growth of the collapse can be examined.
 """
 
 from __future__ import annotations

@@ -70,7 +70,7 @@ def figure(value: KnownValue) -> dict[str, Any]:
 
 
 def entry(case: Problem, quantity: Quantity) -> dict[str, Any] | None:
-    """Return what is known of a quantity; None if nothing judges it."""
+    """Return the known values of a quantity; None if nothing judges it."""
     known = catalog.known_values(case.name)
     judge = known.judge(quantity.name, case.theory)
     if judge is None:

@@ -97,7 +97,7 @@ def times() -> Iterator[Run]:
 
 
 def runtime() -> Iterator[Run]:
-    """What a motion is like after so many seconds of computing (sections G.1 and I.1)."""
+    """Runs with motions of limited computing time (sections G.1 and I.1)."""
     for side, rate in ((2, 60), (3, 60), (4, 120), (6, 120)):
         yield Run("napkin_plane", "fem", {"cells": [side, side], "time_step": 1 / rate})
     yield Run("napkin_plane", "fem", {"cells": [8, 8], "time_step": 1 / 240}, yardstick=True)
@@ -155,7 +155,7 @@ STUDIES = {one.__name__: one for one in (thin, times, runtime, long, droop, trai
 
 
 def case_file(run: Run) -> str:
-    """Return what `shellbench run` is told: the name of the case, or the file of the edited one, which is written."""
+    """Return the argument for `shellbench run`: the name of the case, or the file of the edited case, which is written."""
     if not run.name:
         return run.base
     if not run.edits:
@@ -233,7 +233,7 @@ def probes(record: dict[str, Any] | None) -> tuple[np.ndarray, np.ndarray] | Non
 
 
 def line_of(run: Run, yardstick: dict[str, Any] | None) -> dict[str, Any]:
-    """Return what is kept of a run."""
+    """Return the stored line of a run."""
     kept = {"case": run.case, **run.edits, "solver": run.solver, "settings": json.dumps(run.settings), "seed": run.seed}
     record = record_of(run)
     if record is None:

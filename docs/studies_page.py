@@ -26,7 +26,7 @@ Line = dict[str, Any]
 
 
 def lines_of(name: str) -> list[Line]:
-    """Return what is kept of a study's runs: numbers as numbers, settings by name."""
+    """Return the stored lines of a study's runs: numbers as numbers, settings by name."""
     with (ROOT / f"reports/studies/{name}.csv").open(newline="") as file:
         return [{key: number(value) for key, value in line.items()} for line in csv.DictReader(file)]
 
@@ -66,7 +66,7 @@ def table(heads: Iterable[str], rows: Iterable[Iterable[Any]]) -> list[str]:
 
 
 def share(line: Line, best: Line | None, name: str) -> float | None:
-    """Return how far a figure is from that of the yardstick, relative to it."""
+    """Return the difference of a value from that of the yardstick, relative to it."""
     return line[name] / best[name] - 1 if best and best[name] and line[name] is not None else None
 
 

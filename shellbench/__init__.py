@@ -1,8 +1,8 @@
 """shellbench: validation and benchmarks for thin-shell solvers, neural and classical.
 
-`shellbench.run` solves cases and `shellbench.table` returns what was run, both as a pandas DataFrame.
-`shellbench.case`, `shellbench.solve` and `shellbench.picture` are for one case, its answer, and a look at that; see
-`shellbench.interface`, which is imported when one of them is first asked for.
+`shellbench.run` solves cases and `shellbench.table` returns earlier runs, both as a pandas DataFrame.
+`shellbench.case`, `shellbench.solve` and `shellbench.picture` return one case, its answer, and its picture; see
+`shellbench.interface`, which is imported at the first use of one of them.
 """
 
 from importlib import import_module

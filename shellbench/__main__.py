@@ -9,12 +9,12 @@ TOLD_TO_END = (signal.SIGTERM, signal.SIGHUP)
 
 
 def interrupt(number: int, frame: FrameType | None) -> None:
-    """Take a signal for Ctrl-C."""
+    """Handle a signal like Ctrl-C."""
     raise KeyboardInterrupt
 
 
 def main() -> None:
-    """Run the command line; Ctrl-C, SIGTERM and SIGHUP are a sentence at any time, while modules are imported too."""
+    """Run the command line; Ctrl-C, SIGTERM and SIGHUP print one sentence at any time, even during imports."""
     try:
         for number in TOLD_TO_END:
             if signal.getsignal(number) is signal.SIG_DFL:  # a hang-up that is ignored stays so: nohup asks for it

@@ -1,4 +1,4 @@
-"""Files that users name: their kind and size are checked before they are read."""
+"""Files that users name; their kind and size are checked before reading."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ KINDS = {
 def check_file(path: Path, most: int) -> None:
     """Check that a path names a regular file that is not too large.
 
-    A pipe that nobody writes to would be waited for, and a device may never end.
+    Reading an unused pipe would block, and a device may never end.
 
     Raises
     ------
     InputError
-        As a clause without the path: what it is instead, or how large, and what is allowed.
+        As a clause without the path: the kind or size of the file, and the allowed ones.
     """
     try:
         about = path.stat()

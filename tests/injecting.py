@@ -33,7 +33,7 @@ def given(owner: Any, name: str, change: Callable) -> Callable[[pytest.MonkeyPat
 
 
 def room(case: Problem, quantity: str, solver: str) -> float:
-    """Return how far a solver's answer may be from the known value, in its unit: infinitely where it is not gated."""
+    """Return the largest error that passes for a solver, in the quantity's unit; infinite if the value is not gated."""
     judge, tolerance = (
         catalog.known_values(case.name).judge(quantity, case.theory),
         catalog.tolerance(case.name, quantity, solver),

@@ -65,7 +65,7 @@ def test_a_wrong_example_is_refused():
 
 
 class Above(Model):
-    """What comes first.
+    """The model that comes first.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class Above(Model):
 
 
 class Below(Above):
-    """What comes second.
+    """The model that comes second.
 
     Attributes
     ----------

@@ -115,7 +115,7 @@ def kept(case):
 
 
 def described(case, pattern):
-    """What the description of a case says."""
+    """Return the groups of a pattern in the description of a case."""
     with (ROOT / "cases" / f"{case}.toml").open("rb") as file:
         return re.search(pattern, tomllib.load(file)["description"]).groups()
 
@@ -571,7 +571,7 @@ def sentences(source):
 
 
 def wrong(source, text):
-    """What the pages should read, and do not."""
+    """Return the sentences that the pages should have, and do not."""
     text = prose(text)
     should = [template.format(*values) for template, values in sentences(source)]
     return [sentence for sentence in should if sentence not in text]
@@ -588,7 +588,7 @@ def test_figures_are_those_of_their_file(source):
 
 
 def unheld(page):
-    """What stands around numbers that neither a file nor `DEFINED` accounts for."""
+    """Return the surroundings of numbers that neither a file nor `DEFINED` accounts for."""
     text = prose(MADE.sub("", page))
     for source in SOURCES:
         for template, values in sentences(source):
@@ -607,7 +607,7 @@ def test_no_figure_is_without_a_file(path):
 
 
 def test_no_defined_number_is_out_of_use():
-    """What no page says any more would only hide a figure."""
+    """A pattern without a use on any page would only hide a number."""
     text = prose(everything())
     assert [pattern for pattern in DEFINED if not re.search(pattern, text)] == []
 

@@ -1,8 +1,8 @@
 """The command line: ``shellbench list | run | table | gate | compare | ...``.
 
-Exit codes: 0 good; 1 a gate fell short or a run failed; 2 bad input or usage; 130 interrupted (the shell's own).
-Every error is one sentence on standard error. Each command imports what it needs when it is called: nothing for
-``--help``. Solvers are imported by `run`, `export` and `list`, and by `gate` where a record is missing.
+Exit codes: 0 success; 1 a gate or a run failed; 2 bad input or usage; 130 interrupted (the shell's own).
+Every error is one sentence on standard error. Each command imports its modules when it is called, and none for
+``--help``. `run`, `export` and `list` import solvers, and `gate` does so if a record is missing.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def shellbench(
         bool, typer.Option(VERBOSE, help="Before COMMAND: print also where an error came from.")
     ] = False,
 ) -> None:
-    """Take what is common to all commands."""
+    """Read the options that all commands share."""
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {
@@ -114,5 +114,5 @@ def main() -> None:
 
 
 def _quoting_little(sentence: str) -> str:
-    """Return a sentence on one line, each word of it so long at most as what a sentence quotes."""
+    """Return a sentence on one line, with long words shortened."""
     return " ".join(map(without_middle, sentence.split()))

@@ -28,8 +28,8 @@ def pack(
 ) -> None:
     """Pack a solver's records into one file, to submit them to a board.
 
-    Packed are the runs that count, of the suite's own cases: values, settings, versions, seconds and machine, each
-    record with its checksum. The file is a zip of JSON. It has no solutions and no code.
+    The pack has the valid runs of the suite's own cases: values, settings, versions, seconds and machine, each record
+    with its checksum. The file is a zip of JSON. It has no solutions and no code.
 
     Examples
     --------
@@ -64,8 +64,8 @@ def board(
 ) -> None:
     """Build a static page from packs: by case, and by cost at equal error.
 
-    Each pack is checked first. One that was changed since it was written is refused, and no page is built. Errors and
-    verdicts are made anew from today's known values.
+    Each pack is checked first. If a pack was changed since it was written, it is refused, and no page is built. Errors
+    and verdicts are computed from today's known values.
 
     Examples
     --------

@@ -33,16 +33,16 @@ POINTS = 200
 
 @dataclass(frozen=True)
 class Difference:
-    """How far two fields of a case are apart.
+    """Difference between two fields of a case.
 
     Attributes
     ----------
     largest
         Relative to the other solver's largest displacement at the points; None if there is no answer.
     at
-        Surface coordinates of the point where they differ most.
+        Surface coordinates of the point of the largest difference.
     why
-        Why there is no answer, as a clause.
+        Reason why there is no answer, as a clause.
     """
 
     case: str

@@ -1,4 +1,4 @@
-"""Whether a solver and its solutions have the parts of the protocol, each of its type."""
+"""Checks that a solver and its solutions have the parts of the protocol, each of its type."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ PLAIN = (np.ndarray, np.generic, float, int, str, type(None))
 
 
 def solver_facts(solver: Solver) -> dict[str, Any]:
-    """Return what a solver says about itself in plain data, and under `faults` what is wrong with it."""
+    """Return a solver's description of itself as plain data; its faults are under `faults`."""
     faults: list[str] = []
     kind = solver.settings_type
     typed = isinstance(kind, type) and issubclass(kind, Settings)
@@ -148,7 +148,7 @@ class Child:
         self.solutions: dict[str, Solution] = {}
 
     def describe(self) -> dict[str, Any]:
-        """Return what the solver says about itself, and what is wrong with it."""
+        """Return the solver's description of itself, with its faults."""
         return solver_facts(self.solver)
 
     def declines(self, cases: list[dict[str, Any]]) -> list[tuple[str, Any, float]]:
@@ -222,7 +222,7 @@ class Child:
 
 
 def facts(solution: Solution, kind: str) -> dict[str, Any]:
-    """Return what a solution says about itself, in plain data."""
+    """Return a solution's description of itself as plain data."""
     return {
         "faults": solution_faults(solution, kind),
         "history": [asdict(step) for step in solution.history],

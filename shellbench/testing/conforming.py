@@ -61,7 +61,7 @@ def note(store: Store, entry: SolverEntry, lines: Sequence[Line]) -> None:
 
 
 def lacking(lines: Sequence[Line]) -> tuple[str, ...]:
-    """Return why a solver holds no class, one clause a check: it failed, or no case that was asked shows it passed."""
+    """Return the reasons for which a solver gets no class, one clause for each check that failed or was not passed."""
     found = []
     for name in _names([line for line in lines if line.needed]):
         verdicts = [line.verdict for line in lines if line.check == name]

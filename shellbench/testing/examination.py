@@ -1,6 +1,6 @@
-"""What checks work with: the solver, the cases, and answers that are solved for once.
+"""Tools of the checks: the solver, the cases, answers that are solved for once, and verdicts.
 
-What a check ends in: one of four words, and the figures that it rests on.
+A verdict is one of four words, with the measured figures.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ class Examination:
         return self._answers[key]
 
     def declined(self, case: Problem) -> str | None:
-        """Return why the solver declines a case, or None; raises `NoAnswer` if it can't be asked."""
+        """Return the reason why the solver declines a case, or None; raise `NoAnswer` if it can't be asked."""
         kind, answer, _ = self.refusals((case,))[0]
         if kind != "ok":
             raise NoAnswer(f"declines {answer}")
@@ -145,7 +145,7 @@ class AlreadyReported(NoAnswer):
 
 
 def fingerprint(answer: RemoteSolution) -> Array:
-    """Return what two answers are compared by: displacements on a grid of a shell, else all quantities."""
+    """Return the values by which two answers are compared: displacements on a grid of a shell, else all quantities."""
     return answer.displacement(grid(answer.case)) if isinstance(answer.case, Case) else answer.values()
 
 
@@ -168,7 +168,7 @@ def apart(first: Array, second: Array) -> float:
 
 
 def own_uncertainty(answer: RemoteSolution) -> float:
-    """Return what the solver itself says of the error of the headline quantity, relative to it; 0 if nothing."""
+    """Return the solver's stated relative error of the headline quantity; 0 if it states none."""
     stated = float(answer.facts["uncertainty"].get(answer.case.primary.name, 0.0))
     if stated == 0:
         return 0.0
@@ -196,12 +196,12 @@ told either way; neither is a failure, and neither is a pass."""
 
 @dataclass(frozen=True)
 class Verdict:
-    """How a check ended.
+    """Result of a check.
 
     Attributes
     ----------
     words
-        One line: the figures, or what is wrong.
+        One line: the measured figures, or the faults.
     """
 
     status: Status
@@ -210,16 +210,16 @@ class Verdict:
 
 @dataclass
 class Findings:
-    """What a check has found so far.
+    """Findings of a check so far.
 
     Attributes
     ----------
     faults
-        What is wrong: any fault fails the check.
+        Faults; any fault fails the check.
     figures
-        What was measured and is well.
+        Measurements that are in order.
     unseen
-        What could not be told, and why.
+        Questions that could not be decided, with the reason.
     """
 
     faults: list[str] = field(default_factory=list)
@@ -235,7 +235,7 @@ class Findings:
         return holds
 
     def verdict(self) -> Verdict:
-        """Return how the check ended."""
+        """Return the result of the check."""
         if self.faults:
             return Verdict("failed", "; ".join(self.faults))
         if self.unseen and not self.figures:

@@ -33,20 +33,20 @@ MOST_SHOWN = 10  # rows that are missed
 
 @dataclass(frozen=True)
 class ExamOptions:
-    """What exam is held.
+    """Options of an exam.
 
     Attributes
     ----------
     suites
-        Suites whose cases are asked; None for those of the solver's kinds of problem.
+        Suites whose cases are solved; None for those of the solver's kinds of problem.
     quick
-        Whether these are the suites of a first look.
+        True if these are the suites of a first look.
     grade
-        Whether the exam is held; if not, the checks are made and kept in the store.
+        True if the exam is held; otherwise only the checks are made and kept in the store.
     store
-        Folder of the records; what has one that counts is not solved again.
+        Folder of the records; runs with a valid record are not solved again.
     jobs
-        Runs at a time, one thread each; None for as many as there are cores.
+        Parallel runs, one thread each; None for one per core.
     """
 
     suites: tuple[str, ...] | None
@@ -68,14 +68,14 @@ class ExamOptions:
 
 @dataclass(frozen=True)
 class Graded:
-    """What the exam found.
+    """Result of an exam.
 
     Attributes
     ----------
     why
-        Why there is no grade, in a clause; empty if the exam was held and something was judged.
+        Reason why there is no grade, in a clause; empty if the exam was held and something was judged.
     between
-        How far its fields are from those of the yardstick between the points of the cases: this judges nothing.
+        Differences of its fields from those of the yardstick between the points of the cases; they judge nothing.
     """
 
     solver: str
@@ -91,13 +91,13 @@ class Graded:
 
     @property
     def fell_short(self) -> bool:
-        """Whether a stranger holds no class; our own solvers are gated by their tolerances, not by classes."""
+        """True if a third-party solver gets no class; built-in solvers are gated by their tolerances instead."""
         graded = self.sitting is not None and not self.why
         return graded and self.held is None and self.solver in strangers((self.solver,))
 
     @property
     def judged_nothing(self) -> bool:
-        """Whether an exam was held, and it declined everything."""
+        """True if an exam was held and the solver declined everything."""
         return bool(self.sitting and self.why)
 
     def lines(self) -> Iterator[str]:

@@ -193,7 +193,7 @@ def saving(exam: Examination, case: Problem) -> Verdict:
 
 
 def seen(answer: RemoteSolution) -> NDArray[np.float64]:
-    """Return what a kept answer is known by: its displacement at points, of a shell, else all quantities."""
+    """Return the values that identify a kept answer: displacements at points of a shell, else all quantities."""
     case = answer.case
     if not isinstance(case, Case):
         return answer.values()
@@ -201,7 +201,7 @@ def seen(answer: RemoteSolution) -> NDArray[np.float64]:
 
 
 def what_is_seen(case: Problem) -> str:
-    """Return what an answer is known by, in words."""
+    """Return the name of the values that identify an answer."""
     return "displacement" if isinstance(case, Case) else "figures"
 
 

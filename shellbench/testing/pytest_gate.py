@@ -31,14 +31,14 @@ JUDGED = {"green", "red", "expected failure"}
 
 @dataclass(frozen=True)
 class GateOptions:
-    """What is to be gated, and how.
+    """Options of the gate.
 
     Attributes
     ----------
     settings
-        By solver; of the others the defaults.
+        By solver; other solvers use their defaults.
     timeout
-        Seconds after which a run is stopped; None for none.
+        Seconds after which a run is stopped; None for no limit.
     """
 
     suites: tuple[str, ...]

@@ -1,6 +1,6 @@
-"""What the gate of the pytest plug-in judges, by the gate's own rows and verdicts, and the table of what it found.
+"""Judgements of the pytest plug-in, by the gate's own rows and verdicts, and the table of its findings.
 
-A solver's answers to a case, found once in a session of pytest, however many items and processes ask for them.
+A solver's answers to a case are computed once in a session of pytest. All items and processes share them.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class Tolerances:
 
 
 def is_absolute(case: Problem, quantity: Quantity) -> bool:
-    """Whether errors of a quantity are given in its unit, because relative ones would say nothing."""
+    """Return True if errors of a quantity are given in its unit, because relative errors would be meaningless."""
     judge = catalog.known_values(case.name).judge(quantity.name, case.theory)
     return quantity.absolute or (judge is not None and near_zero(judge, quantity))
 
@@ -114,16 +114,16 @@ def positive(text: str, option: str) -> float:
 
 @dataclass(frozen=True)
 class CaseOutcome:
-    """What came of a solver and a case.
+    """Result of a solver on a case.
 
     Attributes
     ----------
     records
         By seed; None for a deterministic solver.
     declined
-        Why the solver does not take the case; None if it does.
+        Reason why the solver declines the case; None if it takes it.
     trouble
-        Why there is no record of a run, in one sentence; None if there is one of each.
+        Reason why a run has no record, in one sentence; None if every run has one.
     """
 
     records: Mapping[int | None, Record] = field(default_factory=dict)
@@ -154,7 +154,7 @@ class Answers:
     known: dict[tuple[str, str, tuple[int, ...]], CaseOutcome] = field(default_factory=dict)
 
     def is_new(self, record: Record) -> bool:
-        """Whether a record was made by this session, or beside it."""
+        """Return True if a record was made by this session, or during it."""
         return (record.sequence or 0) > self.began
 
     def answer(self, case: str, solver: str, seeds: Sequence[int]) -> CaseOutcome:
@@ -227,7 +227,7 @@ VERDICTS = {"green": "pass", "red": "FAIL", "expected failure": "expected failur
 
 @dataclass(frozen=True)
 class Judgement:
-    """What came of one item: its finding, the item's name, and whether an earlier session made the run."""
+    """Judgement of one item: its finding, its name, and a flag that is True if an earlier session made the run."""
 
     finding: Finding
     name: str

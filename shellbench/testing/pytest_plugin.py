@@ -76,7 +76,7 @@ def _flag(name: str) -> str:
 
 
 def _values(config: pytest.Config, name: str) -> tuple[str, ...]:
-    """Return what the command line says, or else the configuration file, each once."""
+    """Return the values of an option on the command line, or else in the configuration file, each once."""
     given = config.getoption(name) or config.getini(name) or ()
     return tuple(dict.fromkeys(map(str, given)))
 

@@ -96,7 +96,7 @@ OF_ANY: tuple[str, ...] = ("determinism", "convergence", "history", "saving", "p
 
 @dataclass(frozen=True)
 class CheckOptions:
-    """What is to be examined.
+    """Options of the checks.
 
     Attributes
     ----------

@@ -79,7 +79,7 @@ def test_a_suite_says_what_it_gates(name: str) -> None:
 
 
 def solver_runs(case: str, solver: str, suite: str) -> bool:
-    """Whether a suite runs a solver with default settings on a case that gates it."""
+    """Return True if a suite runs a solver with default settings on a case that gates it."""
     base = case.partition("@")[0]
     runs = catalog.find_suite(suite).runs_for(case)
     return base in catalog.tolerances()[solver] and any(r.solver == solver and not r.settings for r in runs)

@@ -234,7 +234,7 @@ def test_a_declined_case_is_red_and_says_so(store: Store, plugin: Path) -> None:
 
 
 def test_a_record_edited_to_pass_is_red(full: Store) -> None:
-    """What was changed by hand does not count, and what is gated then has no record."""
+    """An edited record does not count, so its gated values have no record."""
     changed(full, next(r for r in full.read().records if r.identity.solver == "toy"), status="failed", reason="no")
     for record in full.read().records:
         path = full.folder / f"{record.run_id}.json"

@@ -1,4 +1,4 @@
-"""What a user's own case file knows judges the answers to it, and nothing else."""
+"""Known values in a user's case file judge the answers to it, and nothing else."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What is run for what was asked."""
+"""Plans that follow from requests."""
 
 from importlib.metadata import version
 from pathlib import Path

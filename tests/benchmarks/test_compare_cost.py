@@ -1,7 +1,7 @@
-"""What comparing costs, of many rows in those of few.
+"""Cost of a comparison of many rows, relative to one of few rows.
 
-Both are compared in one run and in turns, so that the ratio does not depend on the machine or on what else it does: ten
-times the rows should take about ten times as long, and not a hundred times. All answer one question, which is the worst
+Both are compared in one run and in turns, so that the ratio does not depend on the machine or its load. Ten times the
+rows should take about ten times as long, and not a hundred times. All rows answer one question, which is the worst
 case.
 """
 

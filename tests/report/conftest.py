@@ -234,7 +234,7 @@ def headline_of(record: Record, value: float | None, **facts: Any) -> Row:
 
 
 def judged(case: str, suite: str) -> dict[str, Any]:
-    """What rows of the course say of the suite and the known value."""
+    """Fields of the course's rows for the suite and the known value."""
     known = {"reference": TRUTH[case], "reference_uncertainty": UNCERTAINTY * TRUTH[case]}
     known |= {"reference_theory": "kirchhoff-love-linear", "reference_source": "series1900"}
     return known | {"suite": suite, "suites": (suite,)}

@@ -468,7 +468,7 @@ def test_a_failed_run_that_no_gate_judges_is_counted_apart(store):
 
 @pytest.mark.long
 def test_a_report_for_the_screen_alone_has_no_pdf_and_no_link_to_one(store, tmp_path):
-    """What the committed example is: half the size."""
+    """The committed example has this form, with half the size."""
     page = write_report(Records(store.folder), store.rows, tmp_path, store.known_values, for_print=False)
     assert not list((tmp_path / "figures").glob("*.pdf"))
     assert list((tmp_path / "figures").glob("*.svg"))

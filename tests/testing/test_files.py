@@ -1,4 +1,4 @@
-"""What is in a saved file, and which of it matters."""
+"""The content of a saved file, and the parts that matter."""
 
 import pickle
 

@@ -41,16 +41,16 @@ class Question:
 
 @dataclass(frozen=True)
 class Answered:
-    """What came of a question.
+    """Result of a question.
 
     Attributes
     ----------
     red
         The first red row in words; empty if all are green.
     seconds
-        Of the processor that it took with its judging: how busy a machine is does not count.
+        Processor time of the solve and its judging; the load of the machine does not count.
     reached
-        Lines that ran, by module, if they were asked for.
+        Lines that ran, by module, if they were requested.
     """
 
     question: Question
@@ -117,7 +117,7 @@ def first_red(question: Question) -> str:
 
 
 def first_mistake(verdict: Any, case: str) -> str:
-    """Return why a verdict on a case is red, in words: a value or a run, or else a figure that is wrong with confidence."""
+    """Return the reason why a verdict on a case is red: a value, a run, or a value whose stated uncertainty is too small."""
     judged = [finding for finding in verdict.accuracy if finding.row.case == case]
     if not judged:
         return f"{FAILED}: no row is judged"
@@ -131,7 +131,7 @@ def first_mistake(verdict: Any, case: str) -> str:
 
 
 def finds_a_mistake(finding: Any) -> bool:
-    """Whether a finding is red over an answer that falls short: one that passes against expectation is no worse."""
+    """Return True if a finding is red and its answer fails; an answer that passes unexpectedly is no mistake."""
     better = finding.row.open_finding is not None and finding.row.why_short(finding.row.tolerance) is None
     return bool(finding.colour == "red" and not better)
 

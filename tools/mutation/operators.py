@@ -175,12 +175,12 @@ def _is_integer(node: ast.Constant) -> bool:
 
 
 def _is_sum(node: ast.AST) -> bool:
-    """Whether a node is a sum, whose terms are changed one by one."""
+    """Return True if a node is a sum, whose terms are changed one by one."""
     return isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub)
 
 
 def _is_index(node: ast.AST) -> bool:
-    """Whether a node names one index: no slice, no ellipsis, no new axis."""
+    """Return True if a node is one index: no slice, no ellipsis, no new axis."""
     return not isinstance(node, ast.Slice | ast.Starred) and not (
         isinstance(node, ast.Constant) and not isinstance(node.value, int)
     )

@@ -1,10 +1,10 @@
-"""Which questions a mutant is put, cheapest first, and a process for each mutant; what comes of it is kept at once.
+"""Schedule of mutants: each mutant runs in its own process, on the cheapest cases first, and its result is stored at once.
 
-1. The code as it is answers every case, one process a case: which lines run, and how long it takes. Cases that it
-   does not answer within a time are no part of this exam. This is kept too, as long as the code stays.
-2. Of the mutants whose statement some case runs, and is of a kind that is asked for, a seed draws.
-3. A mutant is put the cases that run its statement, until one is red: cheap ones first, and each further way to ask
-   the same case later. `patience` may end this early.
+1. The unchanged code solves every case, one process a case, which gives its lines and its time. Cases that take too
+   long are not part of this exam. These results are stored until the code changes.
+2. A seed draws from the mutants whose statement runs in some case and is of a requested kind.
+3. A mutant is solved on the cases that run its statement until one is red. Cheap cases come first, and variants of the
+   same case come last. `patience` may end this early.
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Reach:
-    """What the code as it is does with a question: seconds, and lines that run by module."""
+    """Reach of a question with the unchanged code: seconds, and lines that run by module."""
 
     question: Question
     seconds: float
     lines: Mapping[str, frozenset[int]]
 
     def runs(self, mutant: Mutant) -> bool:
-        """Whether the statement of a mutant runs."""
+        """Return True if the statement of a mutant runs."""
         first, last = mutant.lines
         return any(first <= line <= last for line in self.lines.get(mutant.module, ()))
 
@@ -123,7 +123,7 @@ def examined(
 
 
 def reaches(solver: str, folder: Path, longest: float, only: Collection[str], processes: int, say: Say) -> list[Reach]:
-    """Return what the code as it is reaches in each case that it answers in green within about `longest` seconds."""
+    """Return the reach of the unchanged code in each case that it solves in green within about `longest` seconds."""
     modules = sorted({name for target in TARGETS.values() if solver in target.solvers for name in target.modules()})
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"reach-{solver}-{_digest(modules)}.jsonl"

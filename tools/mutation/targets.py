@@ -51,7 +51,7 @@ class Target:
         return [module_of(path) for path in paths if self.why_excluded(path.stem) is None]
 
     def why_excluded(self, stem: str) -> str | None:
-        """Return why a module is left out, None if it is not."""
+        """Return the reason why a module is left out, None if it is not."""
         return next((why for pattern, why in self.excluded if re.fullmatch(pattern, stem)), None)
 
 
@@ -263,7 +263,7 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
 
 
 def kind_of(module: str, function: str) -> str:
-    """Return what a function of a module is: mechanics unless `KINDS` says otherwise; the first entry counts."""
+    """Return the kind of a module's function: mechanics unless `KINDS` has another one; the first matching entry counts."""
     for modules, functions, kind, _ in KINDS:
         if any(module.endswith(f".{name}") for name in modules.split("|")) and re.fullmatch(functions, function):
             return kind
@@ -392,7 +392,7 @@ def _only_refuses(body: list[ast.stmt]) -> bool:
 
 
 def _is_named_number(node: ast.Assign | ast.AnnAssign) -> bool:
-    """Whether an assignment gives a name to one number, or to an expression of numbers."""
+    """Return True if an assignment gives a name to one number, or to an expression of numbers."""
     value = node.value
     return value is None or all(
         isinstance(part, ast.Constant | ast.BinOp | ast.UnaryOp | ast.operator | ast.unaryop)
@@ -401,7 +401,7 @@ def _is_named_number(node: ast.Assign | ast.AnnAssign) -> bool:
 
 
 def _is_type(node: ast.Assign | ast.AnnAssign) -> bool:
-    """Whether an assignment gives a name to a type."""
+    """Return True if an assignment gives a name to a type."""
     value = node.value
     return isinstance(value, ast.BinOp) or (isinstance(value, ast.Subscript) and _name(value.value) in TYPES)
 

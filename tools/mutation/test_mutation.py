@@ -24,7 +24,7 @@ from tools.mutation.targets import CHECK, FEM, KINDS, LEFT_OUT, MECHANICS, STATE
 
 
 def made(rule: str, expression: str) -> set[str]:
-    """Return what a rule makes of an expression, or of a statement, in any of its nodes."""
+    """Return the mutations that a rule makes of an expression, or of a statement, in any of its nodes."""
     source = f"def f():\n    {expression}"
     return {mutant.becomes for mutant in mutants_of("toy", source) if mutant.rule == rule}
 

@@ -120,7 +120,7 @@ def densities(x: Derivatives, strain: Array, material: Material) -> Array:
 
 @dataclass(frozen=True)
 class Integrals:
-    """What a displacement field has over a patch.
+    """Integrals of a displacement field over a patch.
 
     Attributes
     ----------
@@ -155,7 +155,7 @@ def integrals(case: Case, patch: NurbsPatch, control_points: Array, displacement
 
 
 def _work(frame: Frame, stress: Array) -> dict[tuple[int, int], Array]:
-    """Return what is conjugate to the derivatives of a displacement (..., 3), for stresses (..., 2, 3)."""
+    """Return the conjugates of the derivatives of a displacement (..., 3), for stresses (..., 2, 3)."""
     n, m = stress[..., 0, :, None], stress[..., 1, :, None]
     # delta kappa_ab = -(delta u,ab . a3 + x,ab . delta a3), and delta a3 is linear in delta u,1 and delta u,2
     pull = -(m[..., 0, :] * frame.second[0] + m[..., 1, :] * frame.second[1] + 2 * m[..., 2, :] * frame.second[2])
@@ -279,7 +279,7 @@ class IgaSolution(ShellSolution):
         return force, moment
 
     def kept(self) -> tuple[Words, Arrays]:
-        """Return what a file holds beside the case and the history."""
+        """Return the data of a file beside the case and the history."""
         return {"degree": self.degree, "symmetry": bool(self.part.mirrors)}, {
             "lines1": np.asarray(self.lines[0]),
             "lines2": np.asarray(self.lines[1]),

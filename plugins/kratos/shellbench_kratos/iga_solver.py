@@ -65,11 +65,11 @@ class KratosIgaSolver(ShellSolver):
     )
 
     def declines(self, case: Case) -> str | None:
-        """Return why the solver can't take this case, as one clause, or None if it can."""
+        """Return the reason why the solver can't take this case, as one clause, or None if it can."""
         return reason(case)
 
     def declines_with(self, case: Case, settings: KratosIgaSettings) -> str | None:
-        """Return why the solver can't take the part of a case that is to be solved, as one clause, or None."""
+        """Return the reason why the solver can't take the part of a case to be solved, as one clause, or None."""
         from shellbench.problems.shell.symmetry.symmetry import part_of, whole_of
 
         return reason(case, part_of(case) if settings.symmetry else whole_of(case))
@@ -97,7 +97,7 @@ class KratosIgaSolver(ShellSolver):
 
 
 def reason(case: Case, part: Part | None = None) -> str | None:
-    """Return why a case can't be taken, as one clause; None if it can. `part` is found if it is not given."""
+    """Return the reason why a case can't be taken, as one clause; None if it can. `part` is computed if it is None."""
     if refusal := why_not_plain(case):
         return refusal
     if case.dynamics is not None:

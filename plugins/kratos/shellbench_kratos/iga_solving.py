@@ -193,7 +193,7 @@ def _by_displacement(model: IgaModel, part: Part, load_steps: int) -> Iterator[I
 
 @dataclass
 class _Course:
-    """What is known of a solve so far."""
+    """State of a running solve."""
 
     part: Part
     settings: KratosIgaSettings
@@ -227,7 +227,7 @@ class _Course:
         self.log.add_state(*numbers, lambda: displacements(self.solution([state]), state.mark))
 
     def partial(self) -> IgaSolution | None:
-        """Return what was reached, or None before the first state that is kept."""
+        """Return the solution up to now, or None before the first kept state."""
         return self.solution(self.kept) if self.kept else None
 
 

@@ -27,14 +27,14 @@ CHECKED = 23  # points a side at which the surface is held against the case's
 
 @dataclass(frozen=True)
 class Chart:
-    """How a coordinate is joined to the parameter s of a spline.
+    """The map between a coordinate and the parameter s of a spline.
 
     Attributes
     ----------
     lower, upper
         Bounds of the coordinate; radians for angles.
     arc
-        Whether the coordinate is the angle of circular arcs; less than half a turn then.
+        True if the coordinate is the angle of circular arcs; less than half a turn then.
     """
 
     lower: float

@@ -185,7 +185,7 @@ def held_nodes(case: Case, mesh: QuadMesh, supported: Iterable[tuple[int, Suppor
 
 @dataclass(frozen=True)
 class Supports:
-    """What is held.
+    """Supports of the nodes.
 
     Attributes
     ----------
@@ -314,12 +314,12 @@ class Loose:
 
 @dataclass(frozen=True)
 class Loads:
-    """What acts on the nodes of a shell.
+    """Loads on the nodes of a shell.
 
     Attributes
     ----------
     case, mesh
-        What is solved, the case of a part for one, and its mesh.
+        The solved case, possibly that of a part, and its mesh.
     """
 
     case: Case

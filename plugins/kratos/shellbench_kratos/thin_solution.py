@@ -268,7 +268,7 @@ class ThinSolution(ShellSolution):
         return total, moment
 
     def _unbalanced(self, k: int) -> Array:
-        """Return what the nodes lack (v, 6) to stay where they are at a frame, N and N m."""
+        """Return the forces (v, 6), N and N m, that the nodes lack for equilibrium at a frame."""
         elements, values = self._elements, self.frames[..., k]
         elements.begin()
         if self.case.linear:
@@ -288,7 +288,7 @@ class ThinSolution(ShellSolution):
         return replace(self, frames=frames), short.nbytes
 
     def kept(self) -> tuple[Words, Arrays]:
-        """Return what a file holds beside the case and the history."""
+        """Return the data of a file beside the case and the history."""
         words = {"cells": list(self.mesh.cells), "whole": not self.part.mirrors}
         return words, {"marks": self.marks, "frames": self.frames}
 

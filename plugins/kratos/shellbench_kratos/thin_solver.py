@@ -69,11 +69,11 @@ class KratosThinSolver(ShellSolver):
     )
 
     def declines(self, case: Case) -> str | None:
-        """Return why the solver can't take this case, as one clause, or None if it can."""
+        """Return the reason why the solver can't take this case, as one clause, or None if it can."""
         return self.declines_with(case, KratosThinSettings())
 
     def declines_with(self, case: Case, settings: KratosThinSettings) -> str | None:
-        """Return why the solver can't take the part of a case that is to be solved, as one clause, or None."""
+        """Return the reason why the solver can't take the part of a case to be solved, as one clause, or None."""
         from shellbench.problems.shell.symmetry.symmetry import part_of, whole_of
         from shellbench_kratos.thin_solver import reason
 
@@ -107,7 +107,7 @@ ALONG = 1e-9  # sine of an angle that is rounding
 
 
 def reason(part: Part) -> str | None:
-    """Return why a case, of which a part is to be solved, can't be taken, as one clause; None if it can."""
+    """Return the reason why the solver can't take a part of a case, as one clause; None if it can."""
     from shellbench_kratos.thin_mesh import held_rotations
 
     case = part.whole

@@ -34,7 +34,7 @@ class MujocoChainSolver(RopeSolver):
     refinements: ClassVar[tuple[Mapping[str, Any], ...]] = tuple({"steps_per_second": n} for n in (60.0, 120.0, 240.0))
 
     def declines(self, case: Any) -> str | None:
-        """Return why it can't take a problem, as one clause, or None if it can."""
+        """Return the reason why the solver can't take a problem, as one clause, or None if it can."""
         if reason := why_not_planar(case):
             return reason
         if any(isinstance(formula, str) for formula in case.rope.root):

@@ -114,7 +114,7 @@ class Grid:
         return held
 
     def held_by(self, number: int) -> NDArray[np.bool_]:
-        """Return whether one of the case's supports holds a vertex (v, 3), by component."""
+        """Return the components of each vertex that one of the case's supports holds, (v, 3)."""
         held = np.zeros(self.rest.shape, dtype=bool)
         support = self.case.supports[number]
         for name in support.on:
@@ -129,7 +129,7 @@ MIDPOINTS = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]])  # bar
 
 @dataclass(frozen=True)
 class Loading:
-    """What acts on the vertices of a grid beside the elastic forces."""
+    """Loads on the vertices of a grid beside the elastic forces."""
 
     grid: Grid
 

@@ -104,7 +104,7 @@ class FlexSolution(ShellSolution):
 
     @cached_property
     def _fields(self) -> Any:
-        """What `evaluate` returns, by name and time, of each triangle; the latest are kept."""
+        """Values of `evaluate` by name and time, for each triangle; the latest are cached."""
 
         def of_triangles(name: str, at: float | None) -> Array:
             positions, elasticity = self.grid.rest + self.vertices(at), self.elasticity
@@ -130,7 +130,7 @@ class FlexSolution(ShellSolution):
         return np.asarray((1 - s) * self.pressing[k] + s * self.pressing[k + (s > 0)])
 
     def touch(self, at: float | None = None) -> Touch:
-        """Return what obstacles exert on free vertices: the engine's own forces, linear between frames."""
+        """Return the forces of obstacles on free vertices: the engine's own forces, linear between frames."""
         steps = np.asarray(self.case.surface.domain.size) / self.grid.cells
         return touch_at_vertices(self.case, self.grid.points, steps, self._pressing(at))
 
@@ -149,7 +149,7 @@ class FlexSolution(ShellSolution):
         return forces.sum(axis=0), np.cross(positions - centre, forces).sum(axis=0)
 
     def kept(self) -> tuple[Words, Arrays]:
-        """Return what a file holds beside the case and the history."""
+        """Return the data of a file beside the case and the history."""
         words = {"cells": list(self.grid.cells), "until": self.until}
         pressing = {} if self.pressing is None else {"pressing": self.pressing}
         return words, {"frames": self.frames, "rates": self.rates, **pressing}

@@ -108,7 +108,7 @@ class Cloth:
         return field
 
     def pressing(self) -> Array:
-        """Return what obstacles exert on the vertices (v, 3) in this state, N."""
+        """Return the forces of obstacles on the vertices (v, 3) in this state, N."""
         mujoco.mj_forward(self.model, self.data)
         return self._spread(self.data.qfrc_constraint)
 
@@ -126,7 +126,7 @@ class Cloth:
 
     @property
     def well(self) -> bool:
-        """Whether the engine has warned of nothing, and all numbers are finite."""
+        """True if the engine has given no warning and all numbers are finite."""
         warned = any(int(warning.number) for warning in self.data.warning)
         return not warned and bool(np.isfinite(self.data.qpos).all() and np.isfinite(self.data.qvel).all())
 
@@ -188,7 +188,7 @@ ROUNDING = 1e-9  # of a step or a frame
 
 @dataclass(frozen=True)
 class Pace:
-    """How a motion is cut into equal frames, and frames into equal steps."""
+    """Division of a motion into equal frames, and of frames into equal steps."""
 
     until: float
     frames: int
@@ -321,7 +321,7 @@ NEGLIGIBLE = 1e-12  # strain whose energy may be rounding: relative to D times t
 
 @dataclass
 class _Course:
-    """What is known of a motion so far."""
+    """State of a running motion."""
 
     grid: Grid
     pace: Pace
@@ -377,7 +377,7 @@ class _Course:
 
     @property
     def partial(self) -> FlexSolution | None:
-        """What can be kept of a motion that failed."""
+        """Solution up to the failure of a motion; None before the first frame."""
         return self.solution() if len(self.frames) > 1 else None
 
 

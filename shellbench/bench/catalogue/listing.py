@@ -1,4 +1,4 @@
-"""The list of cases, suites and solvers, with what each needs."""
+"""The list of cases, suites and solvers, with the requirements of each."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ WIDTH = 110  # characters
 def contents() -> dict[str, Any]:
     """Return cases, suites and solvers as JSON data.
 
-    A solver that can't be imported is listed with the reason; the others are not harmed.
+    A solver that can't be imported is listed with the reason.
     """
     return {
         "cases": [_case(name) for name in catalog.case_names()],
@@ -57,12 +57,12 @@ def _case(name: str) -> dict[str, Any]:
 
 
 def _tolerances(case: str, quantity: str) -> dict[str, float]:
-    """Return what is frozen for a quantity, by solver."""
+    """Return the frozen tolerances of a quantity, by solver."""
     return {solver: allowed.largest for solver, allowed in catalog.tolerated(case, quantity).items()}
 
 
 def list_suite(name: str) -> dict[str, Any]:
-    """Return what is listed of a suite as JSON data."""
+    """Return the description of a suite as JSON data."""
     suite = catalog.find_suite(name)
     return {
         "name": name,
@@ -75,7 +75,7 @@ def list_suite(name: str) -> dict[str, Any]:
 
 
 def list_solver(entry: SolverEntry) -> dict[str, Any]:
-    """Return what is listed of a solver as JSON data; why, if it can't be imported."""
+    """Return the description of a solver as JSON data; the reason if it can't be imported."""
     origin = {"name": entry.name, "package": entry.distribution, "version": entry.version}
     try:
         facts = described(entry)
@@ -85,7 +85,7 @@ def list_solver(entry: SolverEntry) -> dict[str, Any]:
 
 
 def as_json() -> str:
-    """Return what there is as JSON."""
+    """Return all suites, cases and solvers as JSON."""
     return json.dumps(contents(), indent=1)
 
 
@@ -124,7 +124,7 @@ def overview(width: int | None = None) -> str:
 
 
 def all_cases(width: int | None = None) -> str:
-    """Return a line for each case as text; names and titles alone where a width is given that has no room for more."""
+    """Return a line for each case as text; only names and titles if the given width has no room for more."""
     narrow = width is not None and width < WIDTH
     console = Console(file=StringIO(), width=width if narrow else WIDTH)
     table = _table(*("case", "title", "theory", "suites")[: 2 if narrow else None])
@@ -152,15 +152,15 @@ def _table(*columns: str) -> Table:
 
 
 def _from(package: str) -> str:
-    """Return the words that say which package something comes with; none for ours."""
+    """Return the words that name the package of an entry; empty for shellbench's own."""
     return "" if package == OWN else f" (package {package})"
 
 
 def run_words(run: dict[str, Any]) -> str:
-    """Return what tables call a run of a suite."""
+    """Return the name of a suite's run in tables."""
     return f"{run['solver']} {run['label']}".strip()
 
 
 def gated_quantities(case: Problem, solver: str) -> list[Quantity]:
-    """Return what a tolerance is frozen for of a solver's answer to one of the suite's own cases."""
+    """Return the quantities of one of the suite's own cases that have a frozen tolerance for a solver."""
     return [q for q in case.quantities if catalog.tolerance(case.name, q.name, solver) is not None]

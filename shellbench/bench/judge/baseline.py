@@ -1,7 +1,7 @@
-"""The baseline: what the suite answered when it was last moved, deliberately and by a commit.
+"""The baseline: values of the suite when the baseline was last moved, deliberately and by a commit.
 
 A value must stay within the widest of three bands: `DEVIATIONS` standard deviations over the baseline's seeds,
-`ROOM` times what was measured between processors (real or emulated) and numbers of threads, and `REPEATS`.
+`ROOM` times the measured spread between processors (real or emulated) and numbers of threads, and `REPEATS`.
 Costs are compared only between runs on the same processor with as many threads.
 """
 
@@ -58,12 +58,12 @@ class BaselineValue(Model):
 
     @property
     def band(self) -> float:
-        """Half width of what is admissible around the mean."""
+        """Half width of the admissible band around the mean."""
         return max(DEVIATIONS * _deviation(tuple(self.values.values())), ROOM * self.spread, REPEATS * abs(self.mean))
 
 
 class BaselineCost(Model):
-    """What the runs of one solver on one case took: the least over the seeds."""
+    """The cost of one solver's runs on one case: the least over the seeds."""
 
     case: Name
     solver: str
@@ -77,7 +77,7 @@ class BaselineCost(Model):
 
 
 class Baseline(Model):
-    """All that the regression and cost gates remember."""
+    """The stored values and costs of the regression and cost gates."""
 
     schema_version: Literal[1] = 1
     values: tuple[BaselineValue, ...]
@@ -116,12 +116,12 @@ def write_baseline(baseline: Baseline, path: Path) -> None:
 def make_baseline(
     rows: Sequence[Row], records: Sequence[Record], old: Baseline | None = None, like: Sequence[Row] = ()
 ) -> Baseline:
-    """Make a baseline of gated rows and their records; what `old` knows of other runs stays.
+    """Make a baseline of gated rows and their records; entries of `old` for other runs stay.
 
     Parameters
     ----------
     rows
-        Gated rows, all with a value. Variants are not remembered: which ones are asked follows from a draw.
+        Gated rows, all with a value. Variants are not stored, because they depend on a draw.
     records
         The records behind them.
     like
@@ -186,7 +186,7 @@ def _cost(record: Record, records: Sequence[Record]) -> BaselineCost:
 
 
 def regression_finding(baseline: Baseline, row: Row) -> Finding | None:
-    """Say whether a row still has the baseline's value; None if its run left no value (accuracy says so)."""
+    """Compare a row with the baseline's value; None if its run has no value (the accuracy gate reports it)."""
     if row.value is None:
         return None
     known = baseline.value(row)
@@ -205,9 +205,9 @@ def regression_finding(baseline: Baseline, row: Row) -> Finding | None:
 
 
 def cost_findings(baseline: Baseline, records: Sequence[Record]) -> list[Finding]:
-    """Say of each case and solver whether its quickest run takes much more than the quickest did then.
+    """Compare the fastest run of each case and solver with the fastest run of the baseline.
 
-    The least over the seeds is compared: whatever else the machine does only ever adds.
+    The least over the seeds is compared, because the load of the machine only ever adds time.
     """
     quickest: dict[tuple[str, str], Record] = {}
     for record in sorted(records, key=lambda r: r.seconds, reverse=True):
@@ -239,7 +239,7 @@ def _cost_finding(baseline: Baseline, record: Record) -> Finding | None:
 
 
 def cost_row(record: Record) -> Row:
-    """Return a row that names a run and what it took."""
+    """Return a row that names a run and its cost."""
     return Row(
         case=record.case_name,
         suite=None,

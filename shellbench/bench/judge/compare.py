@@ -1,8 +1,8 @@
-"""Comparing: each quantity of each run that counts, held against the known value that judges it.
+"""Comparison of each quantity of each valid run with the known value that judges it.
 
 A solver is judged by the known value of the case's own theory. Only runs with default settings are gated, each
-quantity at the tolerance that is frozen for the solver. Where no value is known, as for a user's own
-case, solvers are held against each other.
+quantity at the solver's frozen tolerance. Without a known value, as for a user's own case, solvers are compared with
+each other.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from shellbench.protocol.schema import LONGEST_TITLE
 
 
 def rows(store: Store, suites: Sequence[str] = (), cases: Sequence[str] = ()) -> list[Row]:
-    """Return the rows of all runs in a store that count, sorted by suite, case, quantity, solver and seed.
+    """Return the rows of all valid runs in a store, sorted by suite, case, quantity, solver and seed.
 
     Runs that were planned and did not end have rows without a value.
 
@@ -37,9 +37,9 @@ def rows(store: Store, suites: Sequence[str] = (), cases: Sequence[str] = ()) ->
     store
         Where the records are.
     suites
-        Names of suites to look at; all, and what belongs to none, if empty.
+        Names of suites; if empty all, and runs without a suite.
     cases
-        Names of cases, or paths to case files, to look at; all if empty.
+        Names of cases, or paths to case files; all if empty.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def rows(store: Store, suites: Sequence[str] = (), cases: Sequence[str] = ()) ->
 def rows_and_notes(
     store: Store, suites: Sequence[str] = (), cases: Sequence[str] = (), current: CurrentRuns | None = None
 ) -> tuple[list[Row], tuple[str, ...]]:
-    """Return the rows of `rows`, and a sentence for whatever was left out; `current` spares reading the store again."""
+    """Return the rows of `rows`, and a sentence for each omission; `current` saves reading the store again."""
     wanted = asked_cases(cases, suites)
     # Records that count, and plans that no record has ended. Suites narrow a row to those of its suites that were asked
     # for.
@@ -65,9 +65,9 @@ def rows_and_notes(
 
 
 def as_files_say(current: CurrentRuns, cases: Sequence[str]) -> CurrentRuns:
-    """Return the runs with the cases of the files that are named as they stand there now, if they ask the same still.
+    """Return the runs with the cases of the named files; runs whose physics has changed are stale.
 
-    What a file knows is no physics: it may have changed since the run.
+    Known values in a file are not physics, and may have changed since the run.
     """
     named = [catalog.find_case(text) for text in cases]
     files = {case.name: case for case in named if catalog.is_own(case)}
@@ -82,7 +82,7 @@ def as_files_say(current: CurrentRuns, cases: Sequence[str]) -> CurrentRuns:
 
 
 def asked_cases(cases: Sequence[str], suites: Sequence[str]) -> set[tuple[str, bool]]:
-    """Return name, and whether it is a user's own, of the cases that were asked for.
+    """Return names of the requested cases, each with a flag that is True for a user's own case.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def asked_cases(cases: Sequence[str], suites: Sequence[str]) -> set[tuple[str, b
 
 
 def beyond(found: Sequence[Row]) -> str:
-    """Say in one sentence what the suites declare beside the runs of the rows; nothing if there is no more."""
+    """Describe in one sentence the declared runs that the rows do not have; empty if there are none."""
     runs = {(row.case, row.solver, json.dumps(row.overrides, sort_keys=True), row.seed): row for row in found}
     begun = list(dict.fromkeys(row.suites[0] for row in found if row.declared))
     members = {name: catalog.suites_named_by(name) for name in catalog.case_names()} if begun else {}
@@ -125,7 +125,7 @@ def beyond(found: Sequence[Row]) -> str:
 
 
 def rows_of(current: CurrentRuns, planned: Sequence[Task] = ()) -> list[Row]:
-    """Return the rows of runs that count, and of runs that were planned and did not end."""
+    """Return the rows of valid runs, and of runs that were planned and did not end."""
     # 1. Rows of records, a quantity each, with what judges them.
     # 2. Rows of plans that did not end.
     # 3. Where nothing judges, rows are held against each other.
@@ -151,7 +151,7 @@ def rows_of(current: CurrentRuns, planned: Sequence[Task] = ()) -> list[Row]:
 
 
 def with_distinct_titles(found: Sequence[Row]) -> list[Row]:
-    """Return the rows, users' own cases whose title another case has with the name of their file in it."""
+    """Return the rows; if a user's own case has the same title as another case, its title gets the name of its file."""
     of_title: dict[str, set[tuple[str, bool]]] = {}
     for row in found:
         of_title.setdefault(row.case_title, set()).add((row.case, row.own_case))
@@ -164,7 +164,7 @@ def with_distinct_titles(found: Sequence[Row]) -> list[Row]:
 
 
 def planned_rows(task: Task) -> list[Row]:
-    """Return red rows for a run that was planned and did not end: what is gated of it, or else its headline."""
+    """Return red rows for a run that was planned and did not end: its gated values, or else its headline."""
     known = case_of_planned(task)
     if known is None:
         return []
@@ -190,7 +190,7 @@ def without_record(
     reason: str,
     status: Literal["missing", "declined"] = "missing",
 ) -> Row:
-    """Return a row that was asked for and has no record, which is red."""
+    """Return a red row for a requested run without a record."""
     allowed = catalog.tolerance(case.name, quantity.name, solver)
     return Row(
         **_about_quantity(case, quantity),
@@ -210,7 +210,7 @@ def without_record(
 
 
 def _about_quantity(case: Problem, quantity: Quantity) -> dict[str, Any]:
-    """Return the fields of a row that say what was asked."""
+    """Return the fields of a row that describe the question."""
     return {
         "case": case.name,
         "kind": case.kind,
@@ -225,7 +225,7 @@ def _about_quantity(case: Problem, quantity: Quantity) -> dict[str, Any]:
 
 
 def _about_run(run: Task | Record, case: Problem, declared: Mapping[str, str]) -> dict[str, Any]:
-    """Return the fields of a row that say whose answer it is; `declared` are the suites that declare the run."""
+    """Return the fields of a row that describe the run; `declared` are the suites that declare the run."""
     identity, overrides = run.identity, overrides_of(run)
     suites = tuple(declared) or (() if run.own_case else case.suites)
     return {
@@ -288,7 +288,7 @@ def _frozen(row: Row) -> Tolerance | None:
 
 
 def values_of_file(case: Problem) -> KnownValues:
-    """Return the known values that stand in a user's own case file."""
+    """Return the known values in a user's own case file."""
     return KnownValues(
         values=tuple(
             KnownValue(
@@ -306,7 +306,7 @@ def values_of_file(case: Problem) -> KnownValues:
 
 
 def with_known_values(row: Row, known: KnownValues, case: Problem, quantity: Quantity) -> Row:
-    """Return the row with the value that judges it, its errors, and the figures of the literature."""
+    """Return the row with the value that judges it, its errors, and the values of the literature."""
     found: dict[str, Any] = {}
     if judge := known.judge(quantity.name, case.theory):
         found |= {
@@ -331,14 +331,14 @@ def with_known_values(row: Row, known: KnownValues, case: Problem, quantity: Qua
 
 
 def near_zero(judge: KnownValue, quantity: Quantity) -> bool:
-    """Tell whether an error relative to the known value would say nothing."""
+    """Return True if the known value is too near zero for relative errors."""
     return quantity.absolute or abs(judge.value) <= (judge.uncertainty or 0.0)
 
 
 def held_against_each_other(found: Iterable[Row]) -> list[Row]:
-    """Return the rows, those without a known value with their difference to another solver.
+    """Return the rows; those without a known value get their difference from another solver.
 
-    A deterministic solver is what the others are held against; if there is none, or several, the median of all.
+    The comparison is with the deterministic solver. If there are none or several, it is with the median of all.
     """
     listed = list(found)
     peers: dict[tuple[object, ...], list[Row]] = {}
@@ -353,7 +353,7 @@ def held_against_each_other(found: Iterable[Row]) -> list[Row]:
 
 
 def _asked(row: Row) -> tuple[object, ...]:
-    """Return what a row answers: rows that are alike in it can be held against each other."""
+    """Return the key of a row's case and quantity: rows with equal keys can be compared."""
     return row.case, row.own_case, row.quantity, row.at
 
 
@@ -373,6 +373,6 @@ def _yardstick(peers: Sequence[Row]) -> tuple[float, str]:
 
 
 def as_json(found: Iterable[Row]) -> str:
-    """Return rows as a JSON list of objects, figures that are not finite as null; case and variant apart."""
+    """Return rows as a JSON list of objects; numbers that are not finite are null, case and variant are separate."""
     rows = [json.loads(row.model_dump_json()) | {"case": row.base, "variant": row.variant} for row in found]
     return json.dumps(rows, indent=1, allow_nan=False)

@@ -1,4 +1,4 @@
-"""What a machine has for shellbench: versions, threads, memory, disk, a GPU, and whether a solve comes out right."""
+"""Checks of a machine: versions, threads, memory, disk, a GPU, and the result of one small solve."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ SEES_GPU = "import torch; print(torch.cuda.is_available())"
 
 @dataclass(frozen=True)
 class Line:
-    """What was found of one thing."""
+    """Result of one check."""
 
     about: str
     state: State
@@ -55,7 +55,7 @@ class Line:
 
 
 def examine(store: Store, case: str, solver: str) -> Iterator[Line]:
-    """Yield what is found, quick things first; the last is a solve of the case by the solver."""
+    """Yield the results of the checks, fast ones first; the last check is a solve of the case by the solver."""
     yield Line(
         "shellbench", "ok", f"{__version__}, Python {platform.python_version()}, {platform.platform(terse=True)}"
     )
@@ -148,7 +148,7 @@ def _solvers() -> Line:
 
 
 def _solve(case: str, solver: str) -> Line:
-    """Solve as `run` does, in a process of its own, and hold the answer against the known value."""
+    """Solve as `run` does, in a process of its own, and compare the answer with the known value."""
     began = time.monotonic()
     about = f"a solve, {case} by {solver}"
     with tempfile.TemporaryDirectory() as folder:

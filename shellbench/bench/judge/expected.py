@@ -1,6 +1,6 @@
-"""What a gate has to find: every run that the suites declare, and what named strangers owe.
+"""Results that a gate expects: every run that the suites declare, and the answers of named third-party solvers.
 
-A solver is imported only where its record is missing, to hear whether it declines the case.
+A solver is imported only if its record is missing, to find out if it declines the case.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ NOTHING_LACKS: Lack = ("missing", "")
 
 @dataclass(frozen=True)
 class Scope:
-    """What a gate looks at: what was run, or with suites all that they declare; the others narrow it."""
+    """Scope of a gate: all runs that were made, or all that the named suites declare; the other fields narrow it."""
 
     suites: tuple[str, ...] = ()
     solvers: tuple[str, ...] = ()
@@ -36,7 +36,7 @@ class Scope:
 
     @property
     def narrowed(self) -> str:
-        """What is left out, in words; empty if nothing is."""
+        """Description of the restrictions; empty if there are none."""
         parts = [
             f"{what} {', '.join(map(str, names))} only"
             for what, names in (
@@ -52,14 +52,14 @@ class Scope:
 
 @dataclass(frozen=True)
 class Expected:
-    """A run with default settings that is asked for, and its record if there is one that counts.
+    """An expected run with default settings, and its valid record if there is one.
 
     Attributes
     ----------
     lack
-        Why there is no record.
+        Reason why there is no record.
     by_class
-        Whether its solver is a stranger: then all that known values judge is gated.
+        True for a third-party solver: every value with a known value is then gated.
     """
 
     suite: str
@@ -86,7 +86,7 @@ class Expected:
 
 
 def expected_runs(scope: Scope, current: CurrentRuns, ask: bool = True) -> Iterator[Expected]:
-    """Yield what a scope should have; with `ask`, solvers have to be there, and say what they decline."""
+    """Yield the expected runs of a scope; with `ask`, solvers are imported to find out the cases that they decline."""
     for solver in scope.solvers:
         find_solver(solver)
     # A case may be in several suites, and a deterministic solver answers for every seed: each run counts once.
@@ -109,7 +109,7 @@ def expected_runs(scope: Scope, current: CurrentRuns, ask: bool = True) -> Itera
 
 
 def expected_of_strangers(scope: Scope, solvers: set[str], current: CurrentRuns) -> Iterator[Expected]:
-    """Yield what strangers that are named should have: an answer to each case of the suites, or why they decline."""
+    """Yield the expected runs of named third-party solvers: an answer to each case, or the reason to decline."""
     # Seeds are those that were given, or that a line of the suite declares, or one.
     for solver in sorted(solvers & set(scope.solvers)):
         seen: set[tuple[str, int]] = set()
@@ -124,19 +124,19 @@ def expected_of_strangers(scope: Scope, solvers: set[str], current: CurrentRuns)
 
 
 def expected_of_stranger(suite: str, case: Problem, solver: str, seed: int, current: CurrentRuns) -> Expected:
-    """Return what a solver that is judged by class should have of a case: an answer, or why it declines."""
+    """Return the expected result of a third-party solver on a case: an answer, or its reason to decline."""
     found = current.find(case.name, solver, {}, seed)
     lack = NOTHING_LACKS if found else _lack(current, case, solver, seed)
     return Expected(suite, case, solver, seed, found, lack, by_class=True)
 
 
 def _suites_that_compare() -> list[str]:
-    """Return the suites that are judged unless some are named: a study may need what is not installed."""
+    """Return the suites that are judged by default; studies are left out, because they may need other packages."""
     return [name for name in catalog.suite_names() if catalog.find_suite(name).study is None]
 
 
 def _lack(current: CurrentRuns, case: Problem, solver: str, seed: int) -> Lack:
-    """Say why there is no record that counts; only now is the solver imported, to hear whether it declines."""
+    """Return the reason why there is no valid record; only now is the solver imported, to find out if it declines."""
     try:
         reason = declines(asked(find_solver(solver)), case)
     except (InputError, PluginError) as error:

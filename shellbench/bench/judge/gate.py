@@ -1,4 +1,4 @@
-"""The gates, kept apart: accuracy, regression and cost; and the lock, which tells whether the exam is still the same.
+"""The gates of accuracy, regression and cost; and the lock, which detects changes of the exam.
 
 Accuracy holds every run with default settings against the known values: every one that was run, or that the suites
 declare that are named. A gated row without a record that counts is red, and says why, as is a run that was planned and
@@ -34,30 +34,30 @@ from shellbench.problem import VARIANT
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the gates found.
+    """Result of the gates.
 
     Attributes
     ----------
     accuracy, regression, cost
         One finding for each gated row, cost one for each case and solver; the latter two only with a baseline.
     scope
-        What was looked at.
+        Scope of the gates.
     baseline
-        Whether there was one.
+        True if there was a baseline.
     lock
-        Whether the exam is the one that is locked.
+        Comparison of the exam with the locked one.
     warnings
-        What else to know, one sentence each.
+        Warnings, one sentence each.
     claims
-        Whether plug-ins hold the tolerances that they claim of themselves; this is no verdict.
+        Findings for tolerances that plug-ins claim for themselves; they do not affect the verdict.
     beyond
-        What there is beside what was run, in one sentence; empty if suites were named.
+        One sentence about declared runs that were not made; empty if suites were named.
     grades
-        The classes that solvers without frozen tolerances hold.
+        Classes of solvers without frozen tolerances.
     calibration
-        A finding for each figure of a solver with frozen tolerances that is wrong with confidence.
+        One finding for each value of a solver with frozen tolerances whose error far exceeds its stated uncertainty.
     calibrations
-        How sure each solver is of its figures, and how right.
+        Comparison of stated uncertainties and actual errors, by solver.
     """
 
     accuracy: tuple[Finding, ...]
@@ -74,7 +74,7 @@ class Verdict:
     calibrations: tuple[Calibration, ...] = ()
 
     def good(self, cost: bool = False, regression: bool = False) -> bool:
-        """Whether nothing is red; in the gates of regression and cost only if they are asked for."""
+        """Return True if no finding is red; regression and cost count only if they are asked for."""
         # A broken lock is red whatever the rows say: green answers to an easier exam prove nothing.
         judged = (
             *self.accuracy,
@@ -166,14 +166,14 @@ def _finding(row: Row, graded: Collection[str]) -> Finding:
 
 
 def _by_class(row: Row, solvers: Collection[str]) -> Row:
-    """Return the row of a stranger's answer to one of the suite's cases with its verdict; others as they are."""
+    """Return the row with its verdict if a third-party solver answers one of the suite's cases; others unchanged."""
     if row.solver not in solvers or row.own_case or not row.default_settings:
         return row
     return judged_by_class(row)
 
 
 def _claims(rows: Iterable[Row]) -> tuple[list[Finding], list[str]]:
-    """Hold rows to what their solvers claim of themselves; return findings, and why a claim can't be read."""
+    """Judge rows by the tolerances that their solvers claim; return findings, and reasons why claims can't be read."""
     claims: dict[str, Tolerances] = {}
     findings, unread = [], []
     entries = solver_entries()
@@ -195,7 +195,7 @@ def _claims(rows: Iterable[Row]) -> tuple[list[Finding], list[str]]:
 
 
 def check_filled(store: Store) -> None:
-    """Refuse a store that is not there, or holds nothing.
+    """Raise InputError if a store is not there or is empty.
 
     Raises
     ------
@@ -218,7 +218,7 @@ def _question(row: Row) -> tuple[object, ...]:
 
 
 def _beside(found: Iterable[Row], others: Iterable[Row]) -> list[Row]:
-    """Return those of other rows whose runs are not among the rows found; no seed answers for every seed."""
+    """Return the other rows whose runs are not among the found rows; a run without seed stands for every seed."""
     # One set of rows takes the place of another run by run, not quantity by quantity. Answers of two runs never mix.
     known: dict[tuple[object, ...], set[int | None]] = {}
     for row in found:
@@ -231,7 +231,7 @@ def _beside(found: Iterable[Row], others: Iterable[Row]) -> list[Row]:
 
 
 def stale_rows(current: CurrentRuns) -> list[Row]:
-    """Return red rows for what is gated of runs whose records do not count any more."""
+    """Return red rows for the gated values of runs whose records are no longer valid."""
     rows: dict[tuple[object, ...], list[Row]] = {}
     for record, reason in current.stale.values():
         solver, seed = record.identity.solver, record.identity.seed
@@ -256,7 +256,7 @@ def _in_scope(row: Row, scope: Scope, cases: set[tuple[str, bool]]) -> bool:
 
 
 def _check_answered(rows: Sequence[Row], graded: Collection[str]) -> None:
-    """Refuse to judge a stranger that declines every case.
+    """Raise InputError if a third-party solver declines every case.
 
     Raises
     ------
@@ -270,7 +270,7 @@ def _check_answered(rows: Sequence[Row], graded: Collection[str]) -> None:
 
 
 def _check_judged(rows: Sequence[Row], scope: Scope, cases: set[tuple[str, bool]], notes: Sequence[str]) -> None:
-    """Refuse a scope of which a part judges nothing: a gate that can't fail is none.
+    """Raise InputError if a part of the scope judges nothing, because such a gate could not fail.
 
     Raises
     ------
@@ -320,7 +320,7 @@ def missing_rows(store: Store, rows: Sequence[Row], suites: Sequence[str] = (), 
 
 
 def move_baseline(store: Store, old: Baseline | None, scope: Scope, like: Sequence[Store] = ()) -> Baseline:
-    """Return a baseline of the runs of a scope; what the old one knows of others stays.
+    """Return a baseline of the runs of a scope; entries of the old one for other runs stay.
 
     `like` are stores of the same runs from other processors and numbers of threads.
 

@@ -1,9 +1,9 @@
-"""The parent of a program that runs code of others: it ends with the program, and no process of it outlives either.
+"""The parent of a program that runs code of others: it ends with the program and leaves no process behind.
 
-It forks. The child becomes the program, in a session of its own, so that what the program does to its process group
-or to its parent does not reach shellbench. The parent keeps it: processes that the program's own processes leave
-behind become the keeper's (on Linux, as a subreaper), whatever sessions they have opened. The keeper kills them all
-as soon as the program has ended, or nobody holds the other end of its lifeline any more, and ends as the program did.
+It forks. The child becomes the program, in its own session. Actions of the program on its process group or its parent
+therefore do not reach shellbench. The parent is the keeper. Orphans of the program's processes become its children (on
+Linux, as a subreaper), in whatever session they are. The keeper kills them all as soon as the program has ended, or the
+other end of its lifeline is closed. It exits with the program's status.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def descendants() -> set[int]:
 
 
 def end_descendants(spared: frozenset[int] | set[int] = frozenset()) -> None:
-    """Kill all processes below this one but for `spared`, until there are none."""
+    """Kill all processes below this one, except `spared`, until there are none."""
     began = time.monotonic()
     while (left := descendants() - spared) and time.monotonic() - began < PATIENCE:
         for number in (signal.SIGSTOP, signal.SIGKILL):  # what is stopped forks no more
@@ -63,7 +63,7 @@ def end_descendants(spared: frozenset[int] | set[int] = frozenset()) -> None:
 
 
 def main() -> None:
-    """Run a module, the third argument and on, as a program that is kept; the second is the lifeline's descriptor."""
+    """Run a module, from the third argument on, as a kept program; the second argument is the lifeline's descriptor."""
     lifeline = int(sys.argv[1])
     adopt()
     program = os.fork()
@@ -77,7 +77,7 @@ def main() -> None:
 
 
 def keep(program: int, lifeline: int) -> None:
-    """Wait until a program has ended or the lifeline is cut, kill what is left, and end as the program did."""
+    """Wait until a program has ended or the lifeline is cut, kill its remaining processes, and exit with its status."""
     woken, wake = os.pipe()
     os.set_blocking(wake, False)
     signal.set_wakeup_fd(wake, warn_on_full_buffer=False)

@@ -20,12 +20,12 @@ DEFAULT = "shell"
 
 @cache  # as `find_kind`: what is installed is looked for once
 def kind_entries() -> dict[str, SolverEntry]:
-    """Return where the kinds are, by name."""
+    """Return the entry points of the kinds, by name."""
     return registered(GROUP, "kind of problem")
 
 
 def load_here() -> None:
-    """Have this process load kinds of other packages: one that runs their solvers, and judges nothing."""
+    """Let this process load kinds of other packages; it must run their solvers and judge nothing."""
     _LOADED_HERE.append(True)
 
 
@@ -68,7 +68,7 @@ def kinds_of_theories(theories: Iterable[str]) -> tuple[str, ...]:
 
 
 def headline_of(name: str, unit: str) -> str:
-    """Return what the headline quantities of a kind in this unit are; in general words if it is not known here."""
+    """Return the name of a kind's headline quantities in this unit; a general one if the kind is not installed."""
     try:
         kind = find_kind(name or DEFAULT)
         return kind.headlines.get(unit, kind.headline)
@@ -87,13 +87,13 @@ def kind_of(data: Mapping[str, Any]) -> Kind:
 
 
 def module_of(kind: str) -> str:
-    """Return the module of a kind: what it imports decides what a record keeps of a solution."""
+    """Return the module of a kind: its code determines the content of records."""
     entry = kind_entries().get(kind)
     return entry.module if entry else ""
 
 
 def read_problem(path: Path) -> Problem:
-    """Read and check a case file of whatever kind; InputError in one sentence."""
+    """Read and check a case file of any kind; InputError in one sentence."""
     data = read_toml(path)
     try:
         kind = kind_of(data)
@@ -103,7 +103,7 @@ def read_problem(path: Path) -> Problem:
 
 
 def problem_of(data: Mapping[str, Any]) -> Problem:
-    """Make a problem again of `Problem.data`.
+    """Rebuild a problem from `Problem.data`.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """A line between two processes, of which one runs code of others: JSON with arrays, and never anything executable.
 
-Each message has its length before it. Whoever waits looks now and then whether the other end has had its time.
+Each message follows its length. The waiting end checks regularly if the other end has used up its time.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Line:
 
     @property
     def closed(self) -> bool:
-        """Whether this end has been closed."""
+        """True if this end has been closed."""
         return self.end.fileno() < 0
 
     def close(self) -> None:
@@ -52,9 +52,9 @@ class Line:
         Raises
         ------
         TypeError, ValueError
-            If the message has anything else in it.
+            If the message contains other data.
         OSError
-            If nobody is at the other end.
+            If the other end is closed.
         """
         data = json.dumps(message, default=_coded).encode()
         left = memoryview(HEADER.pack(len(data)) + data)
@@ -68,9 +68,9 @@ class Line:
         Raises
         ------
         EOFError, OSError
-            If nobody is at the other end.
+            If the other end is closed.
         ValueError
-            If what came is no message.
+            If the received data are no message.
         """
         (size,) = HEADER.unpack(self._exactly(HEADER.size, look))
         if size > LONGEST:

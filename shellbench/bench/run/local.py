@@ -1,4 +1,4 @@
-"""Runs on this machine: so many at a time, each in a process of its own."""
+"""Runs on this machine: several at a time, each in a process of its own."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LEAST_WAIT = 0.01  # the same while a run is being stopped
 
 
 class AbandonedError(Exception):
-    """Nobody wants the runs any more."""
+    """The runs are no longer wanted."""
 
 
 @dataclass(frozen=True)
@@ -44,13 +44,13 @@ class LocalProcesses:
         Seconds after which a run is stopped, that run only (`shellbench.bench.plugins.process.is_overdue`); None for
         none.
     wanted
-        Asked every second or so; the runs are stopped, by `AbandonedError`, when it says no.
+        Called about every second; if it returns False, the runs are stopped by `AbandonedError`.
     idle
-        Servers that stand by from earlier runs, of these very solvers and as many threads.
+        Idle servers of earlier runs, of the same solvers and numbers of threads.
     keep
-        Whether servers that are idle at the end are left in `idle`, to be ended by whoever has asked for it.
+        True if servers that are idle at the end stay in `idle`; the caller must then end them.
     taken
-        Of `jobs`, how many something else has for the time being; asked every second or so.
+        Returns the number of `jobs` that are in other use at the moment; called about every second.
     """
 
     jobs: int
@@ -62,12 +62,12 @@ class LocalProcesses:
     taken: Callable[[], int] = lambda: 0
 
     def expect(self, task: Task) -> None:
-        """Start the server of a solver, if none stands by: it imports the solver while its runs are planned."""
+        """Start the server of a solver, if none is idle: it imports the solver while its runs are planned."""
         if task.identity.solver not in {server.solver for server in self.idle}:
             self.idle.append(ServerProcess.start(task.identity.solver, task.target, self.threads))
 
     def close(self) -> None:
-        """End the servers that stand by."""
+        """End the idle servers."""
         while self.idle:
             self.idle.pop().end()
 
@@ -79,7 +79,7 @@ class LocalProcesses:
         StoreError
             If the store can't be written.
         AbandonedError
-            If they are not wanted any more.
+            If they are no longer wanted.
         """
         runs = _Runs(self, store)
         try:
@@ -100,7 +100,7 @@ class _Running:
 
 @dataclass
 class _Runs:
-    """Runs that go on."""
+    """Current runs."""
 
     how: LocalProcesses
     store: Store
@@ -133,14 +133,14 @@ class _Runs:
                 yield from started
 
     def _filled(self, waiting: deque[Task], at_once: bool = False) -> Iterator[Event]:
-        """Start runs in the free places; `at_once` those alone whose servers stand by."""
+        """Start runs in the free places; with `at_once` only those with an idle server."""
         while waiting and len(self.running) < self.how.jobs - self.how.taken():
             if at_once and waiting[0].identity.solver not in {server.solver for server in self.idle}:
                 return
             yield from self._start(waiting.popleft())
 
     def stop(self) -> None:
-        """End all processes that are not to be kept, and leave nothing of the runs that went on."""
+        """End all processes that are not kept, and remove the folders of the stopped runs."""
         if not self.how.keep:
             self.how.close()
         for run in self.running:
@@ -148,14 +148,14 @@ class _Runs:
             self.store.discard(run.folder)
 
     def _warm_up(self, tasks: Sequence[Task]) -> None:
-        """Start one server for each solver and wait for all, so that their imports disturb no run that is timed."""
+        """Start one server for each solver and wait for all, so that their imports disturb no timed run."""
         for task in tasks:
             self.how.expect(task)
         for server in self.idle:
             self._until_ready(server)
 
     def _until_ready(self, server: ServerProcess) -> None:
-        """Wait until a server has imported its solver (or died, which its first run will say)."""
+        """Wait until a server has imported its solver, or has died; its first run will report this."""
         with selectors.DefaultSelector() as selector:
             selector.register(server.fileno(), selectors.EVENT_READ)
             began = time.monotonic()
@@ -194,7 +194,7 @@ class _Runs:
             yield from self._end(run, None)
 
     def _wait(self) -> Iterator[Event]:
-        """Hear what the servers say, for a while, and stop what has run for too long."""
+        """Wait a limited time for events of the servers, and stop runs that exceed their time."""
         self._stop_if_unwanted()
         # Wait for a word from a server, the next deadline, or the next look at whether runs are wanted.
         now = time.monotonic()
@@ -235,7 +235,7 @@ class _Runs:
                 yield from self._end(run, None)
 
     def _end(self, run: _Running, status: int | None) -> Iterator[Event]:
-        """Tell what a run left; `status` is that of its process, None if its server has died."""
+        """Return the result of a run; `status` is that of its process, None if its server has died."""
         # The end of a run may be heard twice: by its last word, and by its server's death.
         if run not in self.running:
             return
@@ -267,7 +267,7 @@ class _Runs:
 
 
 def _what_it_broke(run: _Running) -> str | None:
-    """Return what a run did to what it was lent, in a clause; its folder is there again, with nothing in it."""
+    """Return the damage that a run did to its surroundings, in a clause; its folder is recreated empty."""
     folder = run.folder
     if folder.is_dir() and not folder.is_symlink():
         with contextlib.suppress(OSError):
@@ -288,7 +288,7 @@ def _remove(path: Path) -> None:
 
 
 def _written(path: Path) -> bytes | None:
-    """Return what a run wrote into a file; None if it is no regular file of a size that can be."""
+    """Return the content of a file that a run wrote; None if it is no regular file of an allowed size."""
     try:
         found = path.lstat()
         return path.read_bytes() if stat.S_ISREG(found.st_mode) and found.st_size <= LARGEST_RECORD else None
@@ -297,7 +297,7 @@ def _written(path: Path) -> bytes | None:
 
 
 def _left_record(run: _Running) -> Record | None:
-    """Return the record that a run has left; None if there is none, or it says that it is of another run."""
+    """Return the record of a run; None if there is none, or if it belongs to another run."""
     written, task = _written(run.folder / RECORD), run.task
     try:
         record = None if written is None else read_document(written)

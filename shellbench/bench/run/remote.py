@@ -1,8 +1,7 @@
-"""One run on a worker of a Dask cluster: what `shellbench.bench.run.cluster` has a worker do.
+"""One run on a worker of a Dask cluster, for `shellbench.bench.run.cluster`.
 
-A task comes as text, is run by the machinery of local runs (`shellbench.bench.run.local`) in a temporary folder, in a
-process of its own, and goes back whole: its record and the bytes of its files. On its way it tells the client that it
-has started, and how far it is.
+A task arrives as text and runs as a local run (`shellbench.bench.run.local`) in a temporary folder, in a process of its
+own. Its record and the bytes of its files are sent back. The worker tells the client its start and its progress.
 """
 
 from __future__ import annotations
@@ -36,27 +35,27 @@ PAUSE = 1.0  # seconds between two words on progress, of each run: they all go t
 
 
 def run_task(text: str, topic: str, threads_each: int | None, timeout: float | None) -> dict[str, Any]:
-    """Make a run in a thread of a Dask worker; refer to this function by its name.
+    """Make a run in a thread of a Dask worker; clients refer to this function by its name.
 
     Parameters
     ----------
     text
         The task, as JSON.
     topic
-        Dask's topic under which the worker tells what happens.
+        Dask's topic for the worker's events.
     threads_each
-        Threads of the run; None for as many as usual on the worker's machine.
+        Threads of the run; None for the default on the worker's machine.
 
     Returns
     -------
     dict
-        One of: ``unfit``, why this worker can't make it; ``refused``, why the solver refused its input; ``record``,
-        JSON, with ``files``, their bytes by name.
+        One of: ``unfit``, the reason why this worker can't make it; ``refused``, the reason why the solver refused its
+        input; ``record``, JSON, with ``files``, their bytes by name.
 
     Raises
     ------
     AbandonedError
-        If nobody waits for it any more, or the worker is being closed.
+        If no client waits for it any more, or the worker is being closed.
     """
     from distributed import get_worker
 
@@ -103,7 +102,7 @@ def run_task(text: str, topic: str, threads_each: int | None, timeout: float | N
 
 
 def unfit(task: Task) -> str | None:
-    """Return why this machine can't make the run that was planned, or None if it can."""
+    """Return the reason why this machine can't make the planned run, or None if it can."""
     name = task.identity.solver
     try:
         with PARSING:
@@ -122,10 +121,10 @@ def unfit(task: Task) -> str | None:
 
 @contextlib.contextmanager
 def standing_by(worker: Any, task: Task) -> Iterator[list[ServerProcess]]:
-    """Give the fork server of an earlier run that has imported what a task needs, if one stands by; keep what is idle.
+    """Lend an idle fork server that has imported a task's solver, if there is one, and keep idle servers.
 
-    So not each run imports anew. Servers are ended when they have not been used for a while, and end by themselves
-    when the Dask worker does. They are an attribute of the worker: a plug-in of Dask's would stay on the cluster.
+    Runs therefore do not repeat the imports. Servers are ended when they have been idle for a while, and end with the
+    Dask worker. They are an attribute of the worker, because a plug-in of Dask would stay on the cluster.
     """
     identity = task.identity
     key = (identity.solver, identity.source, identity.settings.get(ENGINE), task.target, task.environment.threads)
@@ -154,7 +153,7 @@ def standing_by(worker: Any, task: Task) -> Iterator[list[ServerProcess]]:
 
 
 def packed(ended: Ended) -> dict[str, Any]:
-    """Return what a run has left as data."""
+    """Return the results of a run as data."""
     record = ended.record
     if record is None:
         return {"refused": ended.refused}

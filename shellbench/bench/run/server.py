@@ -1,16 +1,16 @@
-"""The fork server of one solver: imports it once, then forks a fresh process for each run.
+"""The fork server of one solver: imports it once, then forks a new process for each run.
 
-The start of a run costs milliseconds, its memory is its own and that of the one solver that it needs (a server
-that had imported all solvers would charge each for the others), and a crash costs that run alone. It is a
-program of its own, started with the thread limits in its environment; it reads the folders of tasks from
-standard input, one a line, does one at a time, and writes events to standard output, one JSON object a line:
+A run therefore starts in milliseconds, and a crash costs that run only. The memory of a run is its own and that of its
+solver; a server with all solvers would count the memory of all. The server is a program of its own, started with the
+thread limits in its environment. It reads the folders of tasks from standard input, one a line, and runs one at a time.
+It writes events to standard output, one JSON object a line:
 
     {"event": "ready"}
     {"event": "started", "pid": 123}
     {"event": "progress", "step": 3, "total": 20, "message": "..."}
     {"event": "ended", "status": 0}          exit status, or minus the number of the signal
 
-When standard input ends, for instance because whoever started it was killed, the run is killed too.
+When standard input ends, for instance because the parent was killed, the run is killed too.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def main(target: str) -> None:
 
 
 def import_what_solves(module: str) -> None:
-    """Import what a solver of ours imports when it is called, so that no run waits for it."""
+    """Import the modules that a built-in solver imports when it is called, so that no run waits for them."""
     if module.partition(".")[0] == "shellbench":  # what a plug-in imports late may have a reason
         for name in import_closure(module):
             with contextlib.suppress(Exception):
@@ -70,13 +70,13 @@ def import_what_solves(module: str) -> None:
 
 
 def say(events: int, **event: Any) -> None:
-    """Write one event; nobody may be listening any more."""
+    """Write one event; ignore a closed stream."""
     with contextlib.suppress(OSError):
         os.write(events, json.dumps(event).encode() + b"\n")
 
 
 def serve(folder: Path, events: int) -> None:
-    """Fork a process for one run, and wait for its end or for that of standard input."""
+    """Fork a process for one run, and wait for its end or for the end of standard input."""
     spared = descendants()  # what an import has started
     alive, held = os.pipe()
     serving, ours = os.pipe()
@@ -110,7 +110,7 @@ def kill(group: int) -> None:
 
 
 def end_with(server: int) -> None:
-    """Kill this run and all that it started as soon as the server has died and let go of its end of a pipe."""
+    """Kill this run and all its processes as soon as the server has died, which closes its end of a pipe."""
 
     def wait() -> None:
         os.read(server, 1)
@@ -120,7 +120,7 @@ def end_with(server: int) -> None:
 
 
 def child(folder: Path, events: int) -> NoReturn:
-    """Do the run of a folder in this process, and end it."""
+    """Make the run of a folder in this process, and exit."""
     status = 1
     try:
         nothing = os.open(os.devnull, os.O_RDONLY)

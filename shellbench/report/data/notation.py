@@ -174,7 +174,7 @@ def duration(seconds: float) -> str:
 
 @dataclass(frozen=True)
 class Notation:
-    """How one output format writes things.
+    """Notation of one output format.
 
     Attributes
     ----------

@@ -54,7 +54,7 @@ BAD = (SHORT, *STATUS_WORDS.values())
 
 
 def theory_words(theory: str | None) -> str:
-    """Return what a reader calls a theory."""
+    """Return the readable name of a theory."""
     return THEORIES.get(theory or "", theory or "")
 
 
@@ -114,12 +114,12 @@ def _block(runs: pd.DataFrame, known: Known) -> list[dict[str, Any]]:
 
 
 def variants() -> set[str]:
-    """Return what the suites call their variants of solvers."""
+    """Return the names of all solver variants in the suites."""
     return {run.label for name in catalog.suite_names() for run in catalog.find_suite(name).runs if run.settings}
 
 
 def _reference(judge: Row | None) -> dict[str, Any]:
-    """Return what a line is held against."""
+    """Return the reference value of a line, its uncertainty and its theory."""
     if judge is None:
         return {}
     figures = {"reference": judge.reference, "reference_uncertainty": judge.reference_uncertainty}
@@ -186,7 +186,7 @@ def _solver(runs: pd.DataFrame) -> dict[str, Any]:
 
 
 def _worst(runs: pd.DataFrame, name: str, wanted: str) -> float | None:
-    """Return what the run with the largest magnitude of an error has in a column; None if none has the error."""
+    """Return a column's value of the run with the largest magnitude of an error; None if no run has that error."""
     errors = runs[name].dropna().abs()
     return None if errors.empty else float(runs.loc[errors.idxmax(), wanted])
 
@@ -204,7 +204,7 @@ def _reasons(rows: Sequence[Row]) -> str:
 
 @dataclass(frozen=True)
 class Verdict:
-    """How the gated rows came out.
+    """Counts of the gated rows that passed and failed.
 
     Attributes
     ----------
@@ -226,7 +226,7 @@ class Verdict:
 
     @property
     def good(self) -> bool:
-        """Whether everything that is gated holds, and something is."""
+        """True if at least one value is gated and all gated values pass."""
         return self.gated > 0 and self.held == self.gated
 
     @property
@@ -275,7 +275,7 @@ class Shortfall:
 
 
 def shortfalls(rows: Sequence[Row]) -> list[Shortfall]:
-    """Return what did not hold or has no answer, a line for each case, solver and reason."""
+    """Return one entry for each case, solver and reason of values that failed or have no answer."""
     bad = [row for row in rows if row.passed is False or row.status not in ("ok", "declined")]
     groups = grouped(bad, lambda row: (row.case_title or row.case, solution_name(row), row.status, row.reason or ""))
     found = []
@@ -288,7 +288,7 @@ def shortfalls(rows: Sequence[Row]) -> list[Shortfall]:
 
 
 def overall(rows: Sequence[Row]) -> Verdict:
-    """Return how the gated rows came out."""
+    """Return the counts of gated rows that passed and failed."""
     gated = [row for row in rows if row.passed is not None]
     judged = {row.run_id for row in rows if row.passed is not None or row.open_finding}
     bad: set[tuple[object, ...]] = set()

@@ -128,7 +128,7 @@ class Shell:
 
     @property
     def coloured(self) -> Array:
-        """What the colour shows, (n1, n2), in `unit`."""
+        """Values that the colour shows, (n1, n2), in `unit`."""
         if self.direction is None:
             return np.asarray(np.linalg.norm(self.displacement, axis=-1))
         if self.direction == "inward":
@@ -137,7 +137,7 @@ class Shell:
 
     @property
     def words(self) -> str:
-        """What can be said of the picture to those who can't see it."""
+        """Description of the picture for readers who can't see it: the range of the displacement."""
         low, high = (f"{value:.3g} {self.unit}".rstrip() for value in (self.coloured.min(), self.coloured.max()))
         return f"{'displacement' if self.unit else 'scaled displacement'} from {low} to {high}"
 

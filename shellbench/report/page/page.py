@@ -164,7 +164,7 @@ def _newest(records: Collection[Record]) -> str:
 def _made_by(
     made: Sequence[document.Making], drawn: Sequence[Exhibit], turned: Mapping[str, View]
 ) -> dict[str, list[document.Making]]:
-    """Return how each figure was made, with the view that may take its place."""
+    """Return the makings of the runs of each figure, including the runs of the view that may replace it."""
     by_run = {making.record.run_id: making for making in made}
     seen = {f"{PICTURE}{case}": one.run_ids for case, one in turned.items()}
     shown = {exhibit.name: dict.fromkeys([*exhibit.run_ids, *seen.get(exhibit.name, ())]) for exhibit in drawn}

@@ -1,4 +1,4 @@
-"""What a worker does with an order."""
+"""Execution of an order by a worker."""
 
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Which worker gets which run, and which is tried again: the tests play Dask, to say what happens together."""
+"""Distribution of runs over workers, and repetition of lost ones; the tests replace Dask to control the order of events."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def versions(**packages: str) -> dict[str, Any]:
 
 
 class Future:
-    """What a worker has been sent; it ends when the test says how."""
+    """A run that was sent to a worker; the test decides its end."""
 
     def __init__(self, key: str, behaviour: str, worker: str) -> None:
         self.key, self.behaviour, self.worker = key, behaviour, worker

@@ -175,7 +175,7 @@ def test_between_the_nodes_of_turned_rims_the_gap_closes_with_the_fourth_power()
 
 
 def test_a_rim_whose_normal_stays_behind_is_bent():
-    """What the test above would not see if nothing was clamped: turned rims that keep their normals do cost energy."""
+    """Complement the test above, which would pass without clamping: turned rims that keep their normals do cost energy."""
     case = clamped("cylinder", ["xi2_min", "xi2_max"], turned((1.0, 0.0, 0.0), "20*t"))
     problem = problem_of(case, (8, 2))
     carried = equilibrium(problem, problem.rest(), 1.0)

@@ -149,7 +149,7 @@ def test_it_is_tangent_to_the_orbit(name):
 
 
 def test_a_turn_by_a_cell_costs_no_energy():
-    """What is turned here node by node is what the direction is the difference of."""
+    """Turn the shell node by node; the direction is the difference of two such turns."""
     found = of(TWIST)
     energy = StrainEnergy(found.mesh, TWIST.surface, TWIST.material, Quadrature.of_order(found.mesh, 7))
     q = np.random.default_rng(0).uniform(-0.02, 0.02, (found.mesh.node_count, 12))

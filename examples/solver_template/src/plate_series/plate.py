@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Plate:
-    """What the series needs to know of a case.
+    """The data of a case that the series needs.
 
     Attributes
     ----------

@@ -16,7 +16,7 @@ EDGES = {"xi1_min", "xi1_max", "xi2_min", "xi2_max"}
 
 
 def declines(case: Case) -> str | None:
-    """Return why the series can't take a case, as one clause, or None if it can."""
+    """Return the reason why the series can't take a case, as one clause, or None if it can."""
     if reason := why_not_plain(case):  # modes, contact, stress resultants and what else only some solvers answer
         return reason
     if case.dynamics is not None:
@@ -50,7 +50,7 @@ def _declines_loads(case: Case) -> str | None:
 
 
 def plate_of(case: Case) -> Plate:
-    """Return what the series needs of a case that it does not decline."""
+    """Return the data that the series needs from a case that it does not decline."""
     domain = case.surface.domain
     load = sum(
         float(load.vector[2] if isinstance(load, AreaLoad) else load.value)

@@ -40,7 +40,7 @@ class PlateSolution(ShellSolution):
 
     @cached_property
     def plate(self) -> Plate:
-        """What the series needs of the case."""
+        """The data of the case that the series needs."""
         return plate_of(self.case)
 
     @property

@@ -42,7 +42,7 @@ class PlateSeriesSolver(ShellSolver):
     """Settings from coarse to fine (optional): `shellbench check-solver` measures a rate of convergence by them."""
 
     def declines(self, case: Case) -> str | None:
-        """Return why the solver can't take this case, as one clause, or None if it can."""
+        """Return the reason why the solver can't take this case, as one clause, or None if it can."""
         return reading.declines(case)
 
     def answer(
