@@ -438,7 +438,7 @@ def repeatability(session: nox.Session) -> None:
 
 @nox.session
 def case_pages(session: nox.Session) -> None:
-    """Write a page and a figure for each case into docs/cases, with results from reports/runs; `docs` takes them up."""
+    """Write a page and a figure for each case into docs/cases, as `docs` does; `-- CASE` writes some only."""
     install(session)
     session.run("python", "docs/cases.py", "--store", "reports/runs", *session.posargs)
 
@@ -459,9 +459,9 @@ def accessibility(session: nox.Session) -> None:
 
 
 def build_site(session: nox.Session) -> None:
-    """Build the site; not with --quiet, which keeps --strict from seeing warnings."""
-    extra = nox.project.load_toml("pyproject.toml")["project"]["optional-dependencies"]["docs"]
-    session.install("-q", *extra, *CONSTRAINTS)  # not shellbench: pages that come from its models are written already
+    """Build the pages of the cases, then the site; not with --quiet, which keeps --strict from seeing warnings."""
+    install(session, "docs")
+    session.run("python", "docs/cases.py", "--store", "reports/runs")
     session.run("mkdocs", "build", "--strict", env={"NO_MKDOCS_2_WARNING": "1"})
     session.log("site/index.html")
 

@@ -35,8 +35,8 @@ FENCED = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 DEFINED = (  # no figures of a run: what things are called, what was asked for, what others have published
     r"C1 finite",
-    r"at most 2 for 95 % of the figures, and never more than 5|a figure beyond 5|and 1e-12 of the figure",
-    r"\b1e-2, 1e-3 and 1e-4|an error above 1e-2|within three uncertainties",
+    r"at most 2 for 95 % of the values, and never more than 5|a ratio above 5|and 1e-12 of the value",
+    r"\b1e-2, 1e-3 and 1e-4|[Aa]n error above 1e-2|within three uncertainties",
     r"\b(5|8) minutes|\b(1\.4|2\.4) GB",  # measured by hand, and said roughly
     r"Python 3\.11( to 3\.13)?|x86-64",
     r"its default, 1e-4, is the tightest",
@@ -63,7 +63,7 @@ DEFINED = (  # no figures of a run: what things are called, what was asked for, 
     r"seed 0",
     r"below 1 % were asked",
     r"about 0\.35 s",
-    r"More than 1e-3 of a linear figure, or 2e-2 of one on a path",
+    r"More than 1e-3 of a linear value, or 2e-2 of one on a path",
 )  # fmt: skip
 
 
