@@ -543,9 +543,10 @@ SOURCES = (
 
 
 def whole_table(suite):
-    """The table of a suite as `shellbench table --suite` prints it from the kept records, without its notes."""
+    """The table of a suite as `shellbench table --suite` prints it from the kept records, without variants and notes."""
     records = objects("course" if suite == "obstacle_course" else "example")
-    found = [r.model_copy(update={"suite": suite, "suites": (suite,)}) for r in records if suite in r.suites]
+    asked = [r for r in records if suite in r.suites and VARIANT not in r.case]
+    found = [r.model_copy(update={"suite": suite, "suites": (suite,)}) for r in asked]
     lines = tables.render(found, "text").splitlines()
     last = max(k for k, line in enumerate(lines) if line.startswith("---"))
     return "\n".join(lines[: last + 1]) + "\n"
