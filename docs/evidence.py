@@ -1,7 +1,7 @@
-"""Take from built pages what README and docs show, small enough to be committed.
+"""Copy the figures that README and docs show from built pages, small enough to be committed.
 
-`python docs/evidence.py course` takes the page that `nox -s obstacle_course` has written; `python docs/evidence.py`
-takes the two pages of some 60 MB that `nox -s example` has built under reports/pages. Kept of them are
+`python docs/evidence.py course` reads the page that `nox -s obstacle_course` has written; `python docs/evidence.py`
+reads the two pages of some 60 MB that `nox -s example` has built under reports/pages. It keeps
 
 - the rows of the gated suites and of the ablations, and the headlines of the engines (table.json);
 - the CSV files whose figures are quoted;
@@ -40,7 +40,7 @@ NEEDED: dict[str, Any] = {
     "seed": None,
     "at": None,
     "value": None,
-}  # what a row must have, whatever it was
+}  # keys of every row
 QUOTED_CSV: dict[str, tuple[str, ...]] = {
     "course": (),
     "example": (
@@ -78,7 +78,7 @@ def reduce_table(source: Path, target: Path) -> None:
 
 
 def keep_few_colours(source: Path) -> None:
-    """Write a picture with 256 colours: two fifths of its size, and nobody sees it, but on shaded shells."""
+    """Write a picture with 256 colours: two fifths of its size, with visible loss on shaded shells only."""
     picture = Image.open(source).convert("RGB")
     few = picture.quantize(256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
     few.save(FIGURES / source.name, optimize=True)
@@ -97,7 +97,7 @@ def keep_resolution(store: str = "reports/runs", remark: str = "") -> None:
 
 
 def main(names: list[str]) -> None:
-    """Replace the committed evidence of these pages by that of the built ones; none named are those of the example."""
+    """Replace the committed evidence of these pages by that of the built ones; without names, those of the example."""
     if names[:1] == ["resolution"]:
         keep_resolution(*names[1:])
         return
