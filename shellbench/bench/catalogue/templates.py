@@ -30,7 +30,8 @@ UNWANTED = shutil.ignore_patterns("__pycache__", "*.pyc", ".pytest_cache", ".ruf
 def write_case(name: str, like: str | None, folder: Path, mesh: Path | None = None) -> Path:
     """Write a case file into a folder, from the template or from one of the suite's cases; return its path.
 
-    A `-` in the name becomes `_`. With a mesh the surface is that, held on one edge; the mesh's path stands in the file as it is given.
+    A `-` in the name becomes `_`. With a mesh the surface is that, held on one edge; the mesh's path stands in the file
+    as it is given.
 
     Raises
     ------
