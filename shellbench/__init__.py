@@ -23,3 +23,7 @@ def __getattr__(name: str) -> Any:
         # By a name that is put together: how runs are asked for is no part of the code whose digest a record keeps.
         return getattr(import_module(f"{__name__}.interface"), name)
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

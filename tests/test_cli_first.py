@@ -28,6 +28,7 @@ from shellbench.bench.store.store import Store
 from shellbench.errors import InputError, Interrupted
 from shellbench.problem import Progress
 from shellbench.protocol.spelling import did_you_mean
+from shellbench.solvers.fem.solver import FemSolver
 from tests.bench.conftest import plugin, toys  # noqa: F401 - fixtures
 from tests.bench.running import InThisProcess
 from tests.patience import GUARD
@@ -62,10 +63,19 @@ def test_a_new_case_asks_what_its_template_does(tmp_path: Path, like: str | None
     assert {**case.physics(), "name": ""} == {**given.physics(), "name": ""}
 
 
+def test_fem_converges_on_a_new_case_within_seconds(tmp_path: Path) -> None:
+    case = catalog.find_case(str(templates.write_case("my-shell", None, tmp_path)))
+    solution = FemSolver().solve(case, FemSolver.settings_type())
+    assert (case.name, solution.diagnostics["converged"]) == ("my_shell", True)
+    assert solution.parameters < 5_000
+    # B-splines of degree 6 on 24 x 24 spans, by the program of derivations/linear_splines.py.
+    assert case.primary.measure(solution) == pytest.approx(1.47348454e-6, rel=1e-7)
+
+
 @pytest.mark.parametrize(
     ("name", "like", "said"),
     [
-        ("no-name", None, "can't be the name of a case"),
+        ("no name", None, "can't be the name of a case"),
         ("../mine", None, "can't be the name of a case"),
         ("scordelis_lo", None, "is a case of the suite"),
         ("taken", None, "is there already"),
@@ -81,7 +91,8 @@ def test_a_case_that_can_not_be_written_is_refused(tmp_path: Path, name: str, li
 
 
 def test_a_new_solver_is_whole_and_solves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = templates.write_solver("my-plate", tmp_path)
+    folder = templates.write_solver("my_plate", tmp_path)
+    assert folder.name == "my-plate"
     files = [path for path in folder.rglob("*") if path.is_file()]
     assert {path.relative_to(folder).parts[0] for path in files} >= {
         ".github",

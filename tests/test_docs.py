@@ -72,7 +72,7 @@ def test_your_own_case_writes_the_example():
     whole = tomllib.loads((ROOT / "examples/hyperbolic_paraboloid.toml").read_text(encoding="utf-8"))
     del whole["picture"]
     case = tomllib.loads(own_case_page()[1])
-    assert case.pop("known")[0]["quantity"] == "tip_deflection"  # the page adds what the file leaves open
+    assert case.pop("known")[0]["quantity"] == "centre_deflection"  # the page adds what the file leaves open
     assert case == whole
 
 

@@ -75,7 +75,7 @@ def _echo(text: str, width: int | None) -> None:
 
 
 def new_case(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="What the case is to be called: letters, digits and _.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the case: letters, digits, _ and -.")],
     like: Annotated[
         str | None,
         typer.Option(
@@ -114,9 +114,7 @@ def new_case(
 
 
 def new_solver(
-    name: Annotated[
-        str, typer.Argument(metavar="NAME", help="What the solver is to be called: small letters, digits and -.")
-    ],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the solver: small letters, digits, - and _.")],
 ) -> None:
     """Write a package with a solver of your own into the folder NAME: a plate by a double sine series, ready to run.
 
@@ -127,6 +125,6 @@ def new_solver(
     folder = write_solver(name, Path())
     typer.echo(f"{folder}/ is written. What next:")
     typer.echo(f'  python -m pip install --editable "{folder}[test]"')
-    typer.echo(f"  shellbench check-solver {name} --quick      does it keep the protocol, and what is its grade?")
-    typer.echo(f"  shellbench run square_plate --solver {name}")
-    typer.echo(f"  {folder}/README.md                          which file is what")
+    typer.echo(f"  shellbench check-solver {folder.name} --quick      check it against the protocol, and grade it")
+    typer.echo(f"  shellbench run square_plate --solver {folder.name}")
+    typer.echo(f"  {folder}/README.md                          the purpose of each file")

@@ -98,6 +98,7 @@ def test_our_settings_are_explained_and_what_is_declined_has_a_reason(
     assert [s["name"] for s in data["settings"] if not s["description"]] == []
     assert all(data["declines"].values())
     assert data["tolerances"].keys() == catalog.tolerances().get(name, {}).keys()
+    data["settings"].append({"name": "undescribed", "default": 1, "description": ""})
     monkeypatch.setattr(
         module, "about", lambda _: data
     )  # what a solver declines takes a second to find: once is enough

@@ -30,15 +30,19 @@ UNWANTED = shutil.ignore_patterns("__pycache__", "*.pyc", ".pytest_cache", ".ruf
 def write_case(name: str, like: str | None, folder: Path, mesh: Path | None = None) -> Path:
     """Write a case file into a folder, from the template or from one of the suite's cases; return its path.
 
-    With a mesh the surface is that, held on one edge; the mesh's path stands in the file as it is given.
+    A `-` in the name becomes `_`. With a mesh the surface is that, held on one edge; the mesh's path stands in the file
+    as it is given.
 
     Raises
     ------
     InputError
         If the name can't be one, is taken, or the file is there already.
     """
+    name = name.replace("-", "_")
     if not CASE_NAME.fullmatch(name):
-        raise InputError(f"'{name}' can't be the name of a case: it begins with a letter, then letters, digits and _")
+        raise InputError(
+            f"'{name}' can't be the name of a case: it takes letters, digits, _ and -, and begins with a letter"
+        )
     if name in catalog.case_names():
         raise InputError(f"'{name}' is a case of the suite: name yours otherwise")
     path = folder / f"{name}.toml"
@@ -87,15 +91,17 @@ def _write(path: Path, text: str) -> None:
 def write_solver(name: str, folder: Path) -> Path:
     """Write a package with a solver of this name into a folder of that name; return that folder.
 
+    A `_` in the name becomes `-`, except in the name of the Python package.
+
     Raises
     ------
     InputError
         If the name can't be one, is taken, or the folder is there already.
     """
-    package = name.replace("-", "_")
+    name, package = name.replace("_", "-"), name.replace("-", "_")
     if not SOLVER_NAME.fullmatch(name) or keyword.iskeyword(package):
         raise InputError(
-            f"'{name}' can't be the name of a solver: small letters and digits, with - between, as my-solver"
+            f"'{name}' can't be the name of a solver: it takes small letters, digits, - and _, as my-solver"
         )
     if name in solver_entries():
         raise InputError(f"a solver '{name}' is installed already: name yours otherwise")

@@ -57,6 +57,8 @@ def rows_and_notes(
     # Records that count, and plans that no record has ended. Suites narrow a row to those of its suites that were asked
     # for.
     current, planned = as_files_say(current or current_runs(store.read()), cases), read_planned(store)
+    if cases:
+        current = current.narrowed(wanted)
     found = rows_of(current, not_ended(planned, (run.record for run in current.runs)))
     found = in_suites(found, suites)
     if cases:

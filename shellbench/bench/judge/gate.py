@@ -9,6 +9,7 @@ compares what they took with what they took then; see `shellbench.bench.judge.ba
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -130,7 +131,7 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
         others += _beside(others, stale_rows(current))
     found = [*unfinished, *_beside(unfinished, others)]
     rows = [row for row in found if _in_scope(row, scope, cases)]
-    _check_judged(rows, scope, cases, notes)
+    _check_judged(rows, shown, scope, cases, notes)
     _check_answered(rows, graded)
     by_id = {run.record.run_id: run.record for run in current.runs}
     records = [by_id[run_id] for run_id in dict.fromkeys(row.run_id for row in rows) if run_id in by_id]
@@ -269,35 +270,51 @@ def _check_answered(rows: Sequence[Row], graded: Collection[str]) -> None:
             raise InputError(f"nothing was judged of solver '{solver}': it declines every case that was asked for")
 
 
-def _check_judged(rows: Sequence[Row], scope: Scope, cases: set[tuple[str, bool]], notes: Sequence[str]) -> None:
+def _check_judged(
+    rows: Sequence[Row], shown: Sequence[Row], scope: Scope, cases: set[tuple[str, bool]], notes: Sequence[str]
+) -> None:
     """Raise InputError if a part of the scope judges nothing, because such a gate could not fail.
+
+    `shown` are all rows of the scope, judged or not.
 
     Raises
     ------
     InputError
-        In one sentence that names the part.
+        In one sentence that names the part, and why nothing of it is judged.
     """
     # Each name is checked for itself: a misspelt or ungated one would hide behind rows of the others.
     begin = "nothing was judged"
-    if not rows and scope.narrowed:
-        why = f" ({'; '.join(notes)})" if notes else ""
-        raise InputError(f"{begin}: no run is gated of {scope.narrowed.replace(' only', '')}{why}")
-    if not rows:
-        raise InputError(f"{begin}: nothing that was run is gated; `shellbench list` says what is")
+    for name, own in sorted(cases):
+        if (name, own) not in {(row.case, row.own_case) for row in rows}:
+            why = _why_unjudged([row for row in shown if (row.case, row.own_case) == (name, own)], notes)
+            raise InputError(f"{begin} of case '{name}': {why}")
     for solver in scope.solvers:
         if solver not in {row.solver for row in rows}:
-            raise InputError(f"{begin} of solver '{solver}': no case that was asked for or run gates it")
-    for name, own in cases:
-        if (name, own) not in {(row.case, row.own_case) for row in rows}:
-            raise InputError(f"{begin} of case '{name}': it gates no solver that was asked for or run")
+            why = _why_unjudged([row for row in shown if row.solver == solver], notes)
+            raise InputError(f"{begin} of solver '{solver}': {why}")
     for suite in scope.suites:
         members = {case.name for case in catalog.cases_of(suite)}
         solvers = {run.solver for run in catalog.find_suite(suite).runs} | set(scope.solvers)
         if not any(row.case in members and row.solver in solvers for row in rows):
-            raise InputError(f"{begin} of suite '{suite}': it gates nothing that was asked for")
+            raise InputError(f"{begin} of suite '{suite}': {_why_unjudged(shown, notes)}")
     for seed in scope.seeds:
         if not any(row.seed in {seed, None} for row in rows):
-            raise InputError(f"{begin} of seed {seed}: no run of it is gated")
+            raise InputError(f"{begin} of seed {seed}: {_why_unjudged([r for r in shown if r.seed == seed], notes)}")
+    if not rows:
+        raise InputError(f"{begin}: {_why_unjudged(shown, notes)}")
+
+
+def _why_unjudged(shown: Sequence[Row], notes: Sequence[str]) -> str:
+    """Return why a gate judges none of these rows, as a clause."""
+    if not shown:
+        return "; ".join(("no run counts", *notes))
+    if all(row.reference is None for row in shown):
+        file = "; `[[known]]` in the case's file states one" if any(row.own_case for row in shown) else ""
+        return f"no value is known{file}"
+    if all(row.overrides for row in shown):
+        given = {f"{row.solver}.{key}={json.dumps(value)}" for row in shown for key, value in row.overrides.items()}
+        return f"only runs with default settings are judged, and these have {', '.join(sorted(given))}"
+    return "; ".join(("no tolerance is stated", *notes))
 
 
 def missing_rows(store: Store, rows: Sequence[Row], suites: Sequence[str] = (), cases: Sequence[str] = ()) -> list[Row]:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -128,6 +128,12 @@ class CurrentRuns:
             for name, count in sorted(absent.items())
         )
         return (*self.damaged, *counted, *taken)
+
+    def narrowed(self, cases: Collection[tuple[str, bool]]) -> CurrentRuns:
+        """Return the runs of some cases; each is its name, and whether it is a user's own."""
+        runs = tuple(run for run in self.runs if (run.record.case_name, run.record.own_case) in cases)
+        stale = {name: (r, why) for name, (r, why) in self.stale.items() if (r.case_name, r.own_case) in cases}
+        return CurrentRuns(runs, stale, self.damaged)
 
     def find(
         self, case: str, solver: str, settings: Mapping[str, Any], seed: int, *, installed: bool = True
