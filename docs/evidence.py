@@ -10,6 +10,8 @@ reads the two pages of some 60 MB that `nox -s example` has built under reports/
 `python docs/evidence.py resolution [STORE [REMARK]]` makes reports/resolution.json from the runs of the suite `resolution` on
 the shells of the obstacle course (see `shellbench.report.sections.kept_resolution`); `nox -s evidence` does both.
 
+`python docs/evidence.py hinges` solves the four shells at rest by `cst-hinge`, and keeps the errors in reports/hinges.json.
+
 `tests/test_readme.py` holds README and docs against these files.
 """
 
@@ -17,7 +19,9 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
 import sys
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -96,10 +100,25 @@ def keep_resolution(store: str = "reports/runs", remark: str = "") -> None:
     (ROOT / "reports/resolution.json").write_text(as_text(kept), encoding="utf-8")
 
 
+def keep_hinges() -> None:
+    """Solve the shells at rest by `cst-hinge`, and replace its errors that the README shows."""
+    cases = ("square_plate", "scordelis_lo", "pinched_cylinder_diaphragm", "pinched_cylinder_free")
+    with tempfile.TemporaryDirectory() as store:
+        subprocess.run(("shellbench", "run", *cases, "--solver", "cst-hinge", "--store", store), check=True)
+        table = subprocess.check_output(("shellbench", "table", *cases, "--store", store, "--format", "json"))
+    rows = [
+        {key: row[key] for key in ("case", "quantity", "relative_error")} for row in json.loads(table) if row["primary"]
+    ]
+    (ROOT / "reports/hinges.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+
+
 def main(names: list[str]) -> None:
     """Replace the committed evidence of these pages by that of the built ones; without names, those of the example."""
     if names[:1] == ["resolution"]:
         keep_resolution(*names[1:])
+        return
+    if names == ["hinges"]:
+        keep_hinges()
         return
     for name in names or ["example", "example_engines"]:
         built, kept = BUILT[name], ROOT / "reports" / name
