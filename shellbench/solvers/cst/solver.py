@@ -1,6 +1,6 @@
-"""The solver `cst-hinge`: what cloth simulators compute, put to the questions of the suite.
+"""The solver `cst-hinge`: the discretisation of cloth simulators, applied to the suite's cases.
 
-What the mesh of triangles and hinges can't take, each with its reason.
+The module also lists the reasons for which the mesh of triangles and hinges declines a case.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ class CstSolver(ShellSolver):
         Raises
         ------
         SolveFailure
-            If a matrix is singular, loads are not in balance, or Newton's method fails; the states that were found
-            come with it.
+            If a matrix is singular, loads are not in balance, or Newton's method fails; the states found before come
+            with it.
         InputError
             If the mesh does not fit the case.
         """
@@ -52,7 +52,7 @@ class CstSolver(ShellSolver):
         return solving.solve(case, settings, progress)
 
     def load(self, path: Path) -> CstSolution:
-        """Read a solution that `save` wrote; InputError in one sentence if it is none."""
+        """Read a file of `save`; InputError in one sentence if it is no such file."""
         from shellbench.solvers.cst.solution import CstSolution
 
         return CstSolution.load(path)

@@ -1,4 +1,4 @@
-"""Grids that are solved for: what a grid without layers displaces is linear in its coefficients.
+"""Grids that are solved for: the displacement of a grid without layers is linear in its coefficients.
 
 A function is matched by least squares along one axis after the other. Losses of local structures are minimised by
 Newton's method: the Hessian is exact for strain, that of Gauss and Newton for bending.
@@ -134,14 +134,14 @@ def free_axes(case: FieldCase) -> list[int]:
 def least(sampled: Sampled, start: Array, span: Sparse) -> Iterator[tuple[float, Array]]:
     """Yield energy and coefficients after each step of Newton's method, until the energy is least.
 
-    `span` is what `freed` returns. The Hessian is the exact one where that is positive definite, and the convex one,
-    damped, elsewhere. With a body the sheet folds on its way: there steps are short, with the convex Hessian, until
-    they are whole and small.
+    `span` is the map of `freed`. The Hessian is the exact one if that is positive definite, else the convex one,
+    damped. With a body the sheet folds on its way: steps are then short, with the convex Hessian, until they are whole
+    and small.
 
     Raises
     ------
     SolveFailure
-        If steps do not lower it, it has not settled, or it is no minimum where it rests.
+        If steps do not lower the energy, it has not settled, or the final state is no minimum.
     """
     axes, meets = sampled.axes, sampled.body is not None
     convex, coefficients = meets, start
@@ -196,7 +196,8 @@ def solved(matrix: Sparse, right: Array) -> tuple[Array, bool]:
 def extended(sampled: Sampled, start: Array, span: Sparse, cells: int, degree: int) -> Array:
     """Return coefficients (m, 3) whose displacement is the harmonic extension of that of moved pins.
 
-    It is affine where that of the pins is, so that Newton's method never begins with cells that pins have torn.
+    If the pins' displacement is affine, so is the extension. Newton's method therefore never starts from cells torn by
+    pins.
     """
     axes = sampled.axes
     if not np.any(start[:, axes]):
@@ -205,7 +206,7 @@ def extended(sampled: Sampled, start: Array, span: Sparse, cells: int, degree: i
     slopes = [matrix(points, cells, degree, orders) for orders in ((1, 0), (0, 1))]
     one = sum(part.T @ diags(areas) @ part for part in slopes)
     whole = block_diag([one] * len(axes), format="csr")
-    # what no pin moves stays where it is
+    # unknowns that no pin moves stay in place
     anchor = ANCHOR * one.diagonal().mean() * identity(span.shape[1], format="csr")
     right = -(span.T @ (whole @ start[:, axes].T.ravel()))
     found, _ = solved(span.T @ whole @ span + anchor, right)
@@ -237,10 +238,10 @@ def minimised(
     symmetric: bool = True,
     count: int | None = None,
 ) -> LayeredField:
-    """Return the grid of least energy; with a density that follows the losses, where both players rest.
+    """Return the grid of least energy; with a density that follows the losses, the equilibrium of both players.
 
-    A coarser grid's answer is where it starts, if there is one. `count` are Gauss points of a cell along a side; None
-    for those of its degree.
+    It starts from a coarser grid's answer, if there is one. `count` is the number of Gauss points of a cell along a
+    side; None for that of its degree.
     """
     assert case.cloth is not None
     began, history = time.perf_counter(), list[Step]()

@@ -41,7 +41,7 @@ def free_factor(points: Array, held: list[str]) -> Array:
 def pin_shares(points: Array, pinned: Array) -> Array:
     """Return the share (n, k) that pinned points (k, 2) have at points (n, 2): by inverse squares of distances.
 
-    A trained displacement less its own at pins, so shared, is zero at each; of one pin it is the same everywhere.
+    A trained displacement less its shared values at the pins is zero at each pin; one pin has the share 1 everywhere.
     """
     apart = np.sum((points[:, None] - pinned) ** 2, axis=2)
     nearest = apart.min(axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""The solver `vertex-mesh`: a cloth as a mesh of triangles, the reference of what has no closed form."""
+"""The solver `vertex-mesh`: a cloth as a mesh of triangles, the reference for cases without a closed form."""
 
 from __future__ import annotations
 
@@ -80,14 +80,14 @@ class VertexMeshSolver(FieldSolver):
 
         coarse, fine = (meshed(case, count, progress) for count in (settings.resolution // 2, settings.resolution))
         uncertainty = told_by_levels([measured(case, coarse), measured(case, fine)])
-        # A mean over more directions tells what the mesh's few leave out of its strains.
+        # A mean over more directions estimates the error of the mesh's few directions.
         more = measured(case, replace(fine, form={**fine.form, "directions": 2 * DIRECTIONS}))
         for name, value in measured(case, fine).items():
             uncertainty[name] += abs(value - more[name])
         return replace(fine, uncertainty=uncertainty)
 
     def load(self, path: Path) -> MeshField:
-        """Read what a field has saved; InputError in one sentence if it is none."""
+        """Read the file of a field; InputError in one sentence if it is no such file."""
         return MeshField.load(path)
 
 

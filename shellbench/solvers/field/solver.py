@@ -2,9 +2,9 @@
 
     Shu et al., "Spatially Adaptive Cloth Regression with Implicit Neural Representations"
 
-`grid` is solved for: a grid without layers is linear in its coefficients. `grid-adaptive` counts losses as often as the
-paper's samples would. `grid-printed` is the paper's grid with its
-four layers and half of the samples where losses are large; `mlp` is what the paper sets beside it. Both are trained.
+`grid` is solved for: a grid without layers is linear in its coefficients. `grid-adaptive` weighs losses by the density
+of the paper's samples. `grid-printed` is the paper's grid with its four layers, and half of the samples where losses
+are large; `mlp` is the paper's comparison. Both are trained.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ class OfFields(FieldSolver):
     """A solver whose answer is a field."""
 
     def load(self, path: Path) -> FieldSolution:
-        """Read what a field has saved; InputError in one sentence if it is none."""
+        """Read the file of a field; InputError in one sentence if it is no such file."""
         from shellbench.solvers.field.field import LayeredField
 
         return LayeredField.load(path)
@@ -168,7 +168,7 @@ class AdaptiveSettings(GridSettings):
 
 
 class AdaptiveGridSolver(GridSolver):
-    """The same on the mean of all draws of the paper's samples, where both players rest."""
+    """The same grid on the mean of all draws of the paper's samples, at the equilibrium of both players."""
 
     name: ClassVar[str] = "grid-adaptive"
     capabilities: ClassVar[Capabilities] = Capabilities(

@@ -64,8 +64,8 @@ class Choice:
 class Weights:
     """The weights of a field as tensors that learn; `displacement` is what `LayeredField` computes of them.
 
-    Gradients go back through the layers by hand, in memory that is used again: PyTorch's graph, and fresh memory for
-    each of its results, cost more than the products. Only losses, of places, are left to the graph.
+    Gradients are propagated through the layers by hand, in reused memory: PyTorch's graph, and fresh memory for each of
+    its results, cost more than the products. Only the losses as functions of places use the graph.
     """
 
     def __init__(self, choice: Choice) -> None:
@@ -327,13 +327,13 @@ def train(case: FieldCase, choice: Choice, progress: ProgressCallback) -> Layere
 
 
 def spread(history: list[Step]) -> dict[str, float]:
-    """Return by how much figures moved over the last quarter of what was measured."""
+    """Return the changes of the values over the last quarter of the measurements."""
     last = history[-max(2, len(history) // 4) :]
     return {name: float(np.ptp([step.quantities[name] for step in last])) for name in last[-1].quantities}
 
 
 def known_by_loss(case: FieldCase, recent: list[float]) -> dict[str, float]:
-    """Return the root of the mean of the last losses on fresh samples: how far a field is from what it matches."""
+    """Return the root of the mean of the last losses on fresh samples: the distance of a field from the function."""
     if case.match is None:  # losses may be negative
         return {}
     off = math.sqrt(float(np.mean(recent)))

@@ -82,7 +82,7 @@ def factors(case: Case, xi: Array) -> Array:
 
 
 def units(case: Case) -> Array:
-    """Return the sizes (5,) that fields may have, m and 1: between those of a shell that stretches and that bends."""
+    """Return the scales (5,) of the fields, m and 1: between those of a stretching and of a bending shell."""
     domain, material = case.surface.domain, case.material
     xi = domain.grid(9, 9).reshape(-1, 2)
     frame = Frame.at(case, xi)
@@ -169,7 +169,7 @@ class Fields:
     inputs
         (N, 2) coordinates in [-REACH, REACH].
     rates
-        At which they grow with xi1 and xi2.
+        Rates of their growth with xi1 and xi2.
     factors
         (N, 3, 5), times units.
     """

@@ -1,4 +1,4 @@
-"""Settings of the solver `pinn-naghdi`, and what a training depends on."""
+"""Settings of the solver `pinn-naghdi`, and the digest of a training."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ class NaghdiSolver(ShellSolver):
     def answer(
         self, case: Case, settings: NaghdiSettings, start: Solution | Path | None, progress: ProgressCallback
     ) -> NaghdiSolution:
-        """Train a field; one that was interrupted goes on from its own file in the folder `settings.checkpoint`.
+        """Train a field; an interrupted training continues from its own file in the folder `settings.checkpoint`.
 
         Raises
         ------
@@ -57,7 +57,7 @@ class NaghdiSolver(ShellSolver):
         return training.solve(case, settings, progress)
 
     def load(self, path: Path) -> NaghdiSolution:
-        """Read a solution that `save` wrote; InputError in one sentence if it is none."""
+        """Read a file of `save`; InputError in one sentence if it is no such file."""
         from shellbench.solvers.naghdi.solution import NaghdiSolution
 
         return NaghdiSolution.load(path)

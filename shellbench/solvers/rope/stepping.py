@@ -5,8 +5,8 @@
     3  collisions and lengths
     4  the other half of the velocity update at the new places, then impulses
 
-`Scheme` says what is printed and what is corrected. Of many chains each array has nodes first: (m, C, 3) without the
-roots, which are (C, 3). Loose masses are chains of one link without end.
+`Scheme` chooses the printed or the corrected variants. Arrays of many chains have nodes first: (m, C, 3) without the
+roots, which are (C, 3). Loose masses are chains of one infinitely long link.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from shellbench.solvers.rope.pulls import dot
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-TAUT_ROUNDING = 1e-12  # relative to a link's length: what is shorter by no more is taut
+TAUT_ROUNDING = 1e-12  # relative to a link's length: a link that is shorter by no more is taut
 Solve = Literal["direct", "sweeps"]
 
 
@@ -86,14 +86,14 @@ class Chains:
         return np.ascontiguousarray(self.lengths.T), np.ascontiguousarray(self.masses.T)
 
     def stretch(self, places: Array, root: Array) -> float:
-        """Return by how much of its length a link is too long, at most; below zero if all are slack."""
+        """Return the largest excess of a link's length, relative to it; below zero if all are slack."""
         along = relative(places, root)
         return float(np.sqrt((dot(along, along) / self.lengths**2).max())) - 1.0
 
 
 @dataclass(frozen=True)
 class Moving:
-    """Where all nodes are, (m, C, 3), m, how fast, m/s, and the time, s."""
+    """Places of all nodes, (m, C, 3), m, their velocities, m/s, and the time, s."""
 
     time: float
     places: Array
@@ -170,14 +170,14 @@ class Stepper:
         return np.asarray(net / self.chains.masses[..., None])
 
     def impelled(self, places: Array, velocities: Array, root: Array, root_velocity: Array) -> Array:
-        """Return velocities by which no taut link grows (eqs. (6) to (9))."""
+        """Return velocities that stretch no taut link (eqs. (6) to (9))."""
         directions, _, taut = self.links(places, root)
         right = dot(relative(velocities, root_velocity), directions)
         rows = pulls.mass_rows(directions, self.chains.masses, right, taut)
         return velocities + self.spread(self.pull(rows, from_tip=False), directions)
 
     def start(self, moving: Moving) -> Moving:
-        """Return the start with velocities that its links allow."""
+        """Return the initial state with velocities that its links allow."""
         root = self.chains.root(moving.time)
         return replace(moving, velocities=self.impelled(moving.places, moving.velocities, root[0], root[1]))
 
@@ -222,7 +222,7 @@ class Stepper:
         from shellbench.solvers.rope.compiled import stepped_together
 
         chains, scheme = self.chains, self.scheme
-        # chains first, so that all of a chain lies together; what is returned is a view, from which this copy is quick
+        # chains first, so that all numbers of a chain lie together; the result is a view, from which this copy is quick
         places, velocities = (np.array(each.swapaxes(0, 1), order="C") for each in (moving.places, moving.velocities))
         lengths, masses = chains.chain_by_chain
         still = np.zeros_like(places[:, 0])

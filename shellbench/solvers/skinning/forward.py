@@ -19,7 +19,7 @@ Given = Callable[[SkinningCase, Clips, Numbers], Array]
 
 
 def pose(case: SkinningCase, clips: Clips, frames: Numbers) -> Array:
-    """Return the body's pose, (n, 3): which way is down, and the stride; nothing of where it came from."""
+    """Return the body's pose, (n, 3): the direction of gravity and the stride, without any history."""
     found = clips.motion.pose
     return found.reshape(-1, found.shape[-1])[frames]
 

@@ -1,4 +1,4 @@
-"""The solvers of capes and their settings; what fits and trains is imported when it is called."""
+"""The solvers of capes; the modules that fit and train are imported when they are called."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ class SkinningSolver(FreshSolver):
         """Return the function that computes meshes from the fitted arrays."""
 
     def load(self, path: Path) -> Skinned:
-        """Read a solution of this solver; InputError in one sentence if it is none."""
+        """Read a file of this solver; InputError in one sentence if it is no such file."""
         from shellbench.solvers.skinning.solution import Skinned
 
         return Skinned.load(path, self.name, self.skin())
 
     def fitted(self, case: SkinningCase, arrays: Any, began: float, **told: Any) -> Skinned:
-        """Return the solution of what was fitted at once, since a time of `time.perf_counter`, s."""
+        """Return the solution of arrays that were fitted in one step since a time of `time.perf_counter`, s."""
         from shellbench.solvers.skinning.solution import Skinned
 
         seconds = time.perf_counter() - began
@@ -77,7 +77,7 @@ class FloorSolver(SkinningSolver):
 
 
 class BilinearSolver(SkinningSolver):
-    """Interpolation, nothing fitted."""
+    """Interpolation, without a fit."""
 
     name = "skin-bilinear"
     capabilities = Capabilities(THEORIES, "bones' displacements, interpolated bilinearly over the mesh; nothing fitted")
@@ -119,7 +119,7 @@ class BlendSolver(SkinningSolver):
 
 
 class RidgeSolver(SkinningSolver):
-    """A linear map from bones to coefficients of PCA modes, where the paper has a network."""
+    """A linear map from bones to coefficients of PCA modes, in place of the paper's network."""
 
     name = "skin-ridge"
     capabilities = Capabilities(
@@ -171,7 +171,7 @@ class NetworkSolver(SkinningSolver):
 
 
 class QuasistaticSolver(SkinningSolver):
-    """A network that knows the pose, and nothing of motion."""
+    """A network whose input is the pose, without motion."""
 
     name = "skin-quasistatic"
     capabilities = Capabilities(THEORIES, "quasistatic network: perceptron 2 x 500 from the body's pose alone")

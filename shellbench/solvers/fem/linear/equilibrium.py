@@ -31,8 +31,8 @@ from shellbench.solvers.fem.mesh.quadrature import Quadrature
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-# Work of the loads on a removed rigid motion, relative to all loads, that still counts as rounding: of formulas whose
-# numbers a file states in decimals. Loads that are not in balance miss it by a share of order one.
+# Work of the loads on a removed rigid motion, relative to all loads, that counts as rounding of the decimals in a file.
+# Loads that are not in balance exceed it by a share of order one.
 BALANCE = 1e-6
 
 
@@ -77,7 +77,7 @@ def solve(
     quadrature = Quadrature.of_order(mesh, quadrature_order)
     loading = Loading.on_mesh(case, mesh, quadrature, states)
     ties = support_ties(case, mesh, states)
-    # a case that names no rigid motion was checked to have none that is free
+    # a case that removes no rigid motion was checked to have no free one
     loose = free_motions(case) if case.remove_rigid_motions else np.zeros((len(RIGID_MOTIONS), 0))
     check_balance(loading, loose)
     if loose.size:
@@ -162,7 +162,7 @@ def solve(
 
 
 def check_balance(loading: Loading, loose: Array) -> None:
-    """Check that the loads do no work on the rigid motions that nothing resists.
+    """Check that the loads do no work on the free rigid motions.
 
     Raises
     ------
@@ -170,7 +170,7 @@ def check_balance(loading: Loading, loose: Array) -> None:
         If they do.
     """
     imbalance = np.abs(loose.T @ loading.resultant).max(initial=0.0)
-    scale = loading.magnitude.max()  # the motions are of like magnitude, so that one scale serves them all
+    scale = loading.magnitude.max()  # all motions have a similar magnitude, so that one scale suffices
     if imbalance > BALANCE * scale:
         raise SolveFailure(
             "the loads are not in balance: they push the shell along a rigid motion that no support resists"

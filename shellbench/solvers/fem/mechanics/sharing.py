@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-# A condition this close to a combination of the others adds nothing, and must agree with them: the root of rounding.
+# A condition this close to a combination of the others is redundant, and must agree with them: the root of rounding.
 RANK_TOLERANCE = 1e-8
 CENTROID = 3 / 10  # of the Hermite cubic that is 1 at 0 and 0 at 1, from 0
 
@@ -43,7 +43,7 @@ class Conditions:
     acting
         (n, 12) degrees of freedom on which the support can exert a force; a clamp acts on all slopes across its edge.
     edge
-        On which the nodes lie in a row, or None.
+        Edge on which the nodes lie in a row, or None.
     """
 
     support: int
@@ -56,7 +56,7 @@ class Conditions:
 
 @dataclass(frozen=True)
 class End:
-    """Where an edge of a support ends: its force there is a sum of those at the next two nodes along it."""
+    """The end of a support's edge: its force there is a sum of those at the next two nodes along it."""
 
     support: int
     node: int
@@ -124,8 +124,9 @@ class Sharing:
 
     def shares(self, forces: Array) -> Array:
         """Return the part (s, k, d, n) of each support in nodal forces (k, d, n)."""
-        # 1. What edges bear along their last cells, from the nodes beside.
-        # 2. Of the rest, what conditions tell apart; 3. equal shares of what is left, as of a clamp's terms.
+        # 1. Extrapolate the forces of edges along their last cells from the nodes beside.
+        # 2. Divide the rest by the conditions, as far as these differ.
+        # 3. Divide the remainder, such as that of a clamp's terms, into equal shares by convention.
         result = np.zeros((self.holders.shape[1], *forces.shape))
         for end in self.ends:
             near = sum(part * forces[node, self.values] for node, part in zip(end.beside, end.parts, strict=True))
