@@ -1,5 +1,4 @@
-"""The list of checks and their execution, and the output and exit code of `shellbench check-solver`.
-"""
+"""The list of checks and their execution, and the output and exit code of `shellbench check-solver`."""
 
 from __future__ import annotations
 
