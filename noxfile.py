@@ -73,8 +73,8 @@ def pinned(frozen: str) -> str:
 def obstacle_course(session: nox.Session) -> None:
     """Solve four shells at rest, a sleeve that buckles and a napkin in motion; print, report, judge. `-- --quick`.
 
-    With `--quick` all six are asked, of `fem` and of `ndf-ritz`. The suites behind it stay separate sessions.
-    Judged is accuracy; that figures repeat those of the baseline is judged with `-- --regression`.
+    With `--quick` only `fem` and `ndf-ritz` solve all six. Its suites also have separate sessions. The session judges
+    accuracy; `-- --regression` also compares the values with the baseline.
     """
     run_and_judge(session, "obstacle_course")
 

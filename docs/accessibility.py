@@ -1,8 +1,8 @@
-"""Ask axe-core about the built site: `python docs/accessibility.py [site] [--page NAME ...]`; `nox -s accessibility`.
+"""Check the built site with axe-core: `python docs/accessibility.py [site] [--page NAME ...]`; `nox -s accessibility`.
 
-Each page is opened in Chromium, as wide as a screen and as a phone, light and dark, and held against the rules of WCAG
-2.1, levels A and AA, and axe's best practices. It exits 1 if a rule is broken, and names where. A server of files hands
-the pages out: that of "not found" takes its style and its scripts from the root.
+Each page is opened in Chromium, as wide as a screen and as a phone, light and dark. It is checked by the rules of WCAG
+2.1, levels A and AA, and axe's best practices. The script exits 1 if a rule is broken, and names the place. It starts a
+file server, because the page "not found" takes its style and its scripts from the root.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ SHOWN = 3  # places that are named of a broken rule
 
 
 class Quiet(SimpleHTTPRequestHandler):
-    """Hands files out, and says nothing of it."""
+    """Serves files without a log."""
 
     def log_message(self, format: str, *args: Any) -> None:
         """Say nothing."""

@@ -385,7 +385,7 @@ def group(name: str, cls: type[Model], common: Iterable[str], unit: str = "") ->
 
 
 def group_name(cls: type[Model]) -> str:
-    """Return how a file chooses a model."""
+    """Return the keys by which a file chooses a model."""
     before = TABLES.get(cls.__name__, "kind") if _is_shown(cls) else "kind"
     choices = ", ".join(f'`"{kind}"`' for kind in kinds(cls))
     return f"`{before}` = {choices}" if choices else f"`{before}`"

@@ -50,7 +50,7 @@ def share(case: Problem, quantity: str, value: float, solver: str) -> float:
 
 
 def shares_of_tolerances(solution: Any, solver: str) -> dict[str, float]:
-    """Return an answer's errors in units of what is allowed, by gated quantity; NaN where it is none."""
+    """Return an answer's errors in units of the tolerance, by gated quantity; NaN if it is no number."""
     values, gated = measure_all(solution), catalog.tolerances()[solver][solution.case.name]
     return {name: share(solution.case, name, values[name], solver) for name in gated}
 

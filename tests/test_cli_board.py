@@ -56,7 +56,7 @@ def rewrite(path: Path, files: dict[str, bytes]) -> None:
 
 
 def with_checksum(manifest: dict) -> bytes:
-    """A manifest whose checksum is right, whoever wrote it."""
+    """A manifest with a correct checksum, by any author."""
     del manifest["checksum"]
     return json.dumps(manifest | {"checksum": packs._checksum(manifest)}).encode()
 

@@ -108,7 +108,7 @@ def test_two_solvers_of_a_store(shellbench, full: Store) -> None:  # noqa: F811
 
 
 def test_two_commits_of_a_store(shellbench, full: Store) -> None:  # noqa: F811
-    """The newest answer of a store is not the only one: that of the older commit is held against it."""
+    """The newest answer of a store is not the only one: it is compared with that of the older commit."""
     for record in full.read().records:
         older = record.environment.model_dump() | {"git_sha": "a" * 40, "git_dirty": False}
         changed(full, record, environment=older)

@@ -79,7 +79,7 @@ def solver_facts(solver: Solver) -> dict[str, Any]:
 
 
 def capability_faults(capabilities: Any) -> list[str]:
-    """Say what is wrong with a solver's capabilities."""
+    """Return the faults of a solver's capabilities."""
     if not isinstance(capabilities, Capabilities):
         return [f"capabilities is a {type(capabilities).__name__}, not a Capabilities"]
     faults = []
@@ -97,7 +97,7 @@ def capability_faults(capabilities: Any) -> list[str]:
 
 
 def refinement_faults(refinements: Any, settings_type: type[Settings]) -> list[str]:
-    """Say what is wrong with the settings by which a solver is refined."""
+    """Return the faults of a solver's settings for refinement."""
     if not isinstance(refinements, tuple | list) or not all(isinstance(r, Mapping) for r in refinements):
         return ["refinements is no tuple of settings"]
     if refinements and len(refinements) < FEWEST_REFINEMENTS:
@@ -112,7 +112,7 @@ def refinement_faults(refinements: Any, settings_type: type[Settings]) -> list[s
 
 
 def solution_faults(solution: Any, kind: str) -> list[str]:
-    """Say which parts of the protocol a solution of a kind of problem lacks, and which are of another type."""
+    """Return the missing parts of the protocol in a solution of a kind of problem, and those of a wrong type."""
     methods = (*METHODS.get(kind, ()), "save")
     lacking = [part for part in (*VALUES, *methods) if not hasattr(solution, part)]
     if lacking:
@@ -136,7 +136,7 @@ def solution_faults(solution: Any, kind: str) -> list[str]:
 
 
 def _worked() -> float:
-    """Return the seconds of processor time of this process and its children: what others do here is left out."""
+    """Return the processor time of this process and its children, s, which is independent of other processes."""
     return sum(os.times()[:4])
 
 
@@ -152,7 +152,7 @@ class Child:
         return solver_facts(self.solver)
 
     def declines(self, cases: list[dict[str, Any]]) -> list[tuple[str, Any, float]]:
-        """Ask about each case; return ("ok", answer) or ("raised", words), with seconds of processor time."""
+        """Ask if each case is declined; return ("ok", answer) or ("raised", words), with seconds of processor time."""
         answers: list[tuple[str, Any, float]] = []
         for data in cases:
             case = problem_of(data)
@@ -194,11 +194,11 @@ class Child:
         return facts(self.solutions[key], self.solutions[key].case.kind)
 
     def save(self, key: str, path: str) -> str:
-        """Write a solution; return where it is."""
+        """Write a solution; return its path."""
         return str(self.solutions[key].save(Path(path)))
 
     def ask(self, key: str, method: str, *arguments: Any) -> Any:
-        """Call a method of a solution; raises TypeError if it answers in something else than arrays and numbers."""
+        """Call a method of a solution; raises TypeError if it returns anything but arrays and numbers."""
         answer = getattr(self.solutions[key], method)(*arguments)
         parts = answer if isinstance(answer, tuple) else (answer,)
         odd = [type(part).__name__ for part in parts if not isinstance(part, PLAIN)]
@@ -234,12 +234,12 @@ def facts(solution: Solution, kind: str) -> dict[str, Any]:
 
 
 def _number(value: Any) -> Any:
-    """Return a whole number as it is, and anything else as text."""
+    """Return an integer unchanged, and any other value as text."""
     return int(value) if isinstance(value, int | np.integer) and not isinstance(value, bool) else repr(value)
 
 
 def main(descriptor: str, name: str, target: str) -> None:
-    """Serve one solver until the other end hangs up."""
+    """Serve one solver until the other end closes."""
     serve(descriptor, lambda: Child(load_solver(SolverEntry(name, target, "", ""))))
 
 

@@ -1,4 +1,4 @@
-"""The checks that a class needs: what a solver that looks its values up can't pass."""
+"""The checks that a class needs; a solver that only looks values up can't pass them."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ OF_OTHERS = ("determinism", "saving")
 
 @dataclass(frozen=True)
 class Line:
-    """One check's outcome; `case` is empty where it asks about the solver alone.
+    """One check's outcome; `case` is empty for a check of the solver itself.
 
     Attributes
     ----------
     kind
-        Of the case.
+        Kind of the case's problem.
     needed
-        Whether a class needs that the check is passed.
+        True if a class needs this check.
     """
 
     check: str
@@ -39,7 +39,7 @@ class Line:
 
 
 def needed_checks(kind: str, theories: Iterable[str]) -> tuple[str, ...]:
-    """Return the checks that a solver of these theories has to pass before it holds a class."""
+    """Return the checks that a solver of these theories must pass to get a class."""
     if kind != DEFAULT:
         return OF_KIND.get(kind, OF_OTHERS)
     linear = set(theories) - {NONLINEAR}
@@ -47,7 +47,7 @@ def needed_checks(kind: str, theories: Iterable[str]) -> tuple[str, ...]:
 
 
 def note(store: Store, entry: SolverEntry, lines: Sequence[Line]) -> None:
-    """Keep in a store what the checks found, by kind of problem.
+    """Store the results of the checks, by kind of problem.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Check that an answer converges as it is refined: at which rate, and to what."""
+"""Check of convergence under refinement: the rate and the limit."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Refinement:
     Attributes
     ----------
     unknowns
-        Of the answer: its `parameters`; where refinement adds none, the product of the numbers among the settings.
+        The answer's `parameters`; if refinement adds none, the product of the numbers among the settings.
     value
         The headline quantity.
     """
@@ -40,7 +40,7 @@ class Refinement:
 
 
 def convergence(exam: Examination, case: Problem) -> Verdict:
-    """Check that under refinement the headline's error against the known value falls; or, without one, its steps."""
+    """Check that the headline's error falls under refinement; without a known value, that its steps fall."""
     levels = refined(exam, case)
     if isinstance(levels, str):
         return not_applicable(levels)
@@ -50,7 +50,7 @@ def convergence(exam: Examination, case: Problem) -> Verdict:
 
 
 def refined(exam: Examination, case: Problem) -> list[Refinement] | str:
-    """Solve a case at each refinement, from few unknowns to many; or say why that can't be."""
+    """Solve a case at each refinement, from few unknowns to many; or return the reason why this is impossible."""
     chosen, words = refinements(exam, case)
     if len(chosen) < FEWEST:
         return words
@@ -63,7 +63,7 @@ def refined(exam: Examination, case: Problem) -> list[Refinement] | str:
 
 
 def refinements(exam: Examination, case: Problem) -> tuple[list[Mapping[str, Any]], str]:
-    """Return settings from coarse to fine: those given, the solver's own, or a suite's; and why there are none."""
+    """Return settings from coarse to fine: the given ones, the solver's own, or a suite's; or the reason for none."""
     own = exam.refinements or tuple(exam.facts["refinements"])
     found = list(own) if own else _swept(exam.entry.name, case.name)
     reason = f"it has no refinements, and no suite on {STUDY} sweeps it on {case.name}: give some by --refine"
@@ -71,7 +71,7 @@ def refinements(exam: Examination, case: Problem) -> tuple[list[Mapping[str, Any
 
 
 def spread_out(refinements: Sequence[Mapping[str, Any]], most: int) -> list[Mapping[str, Any]]:
-    """Return at most so many of a sequence of settings, the first and last among them, about equal factors apart."""
+    """Return a limited number of a sequence of settings, with the first and the last, at about equal factors."""
     sizes = np.array([np.prod(_numbers(settings)) for settings in refinements], dtype=float)
     if len(sizes) <= most or sizes.min() <= 0:
         return list(refinements)[-most:]
@@ -80,7 +80,7 @@ def spread_out(refinements: Sequence[Mapping[str, Any]], most: int) -> list[Mapp
 
 
 def _numbers(value: Any) -> list[float]:
-    """Return all numbers in settings: their product says how fine they are, up to what they share."""
+    """Return all numbers in settings: their product measures the refinement, up to a common factor."""
     match value:
         case bool() | str() | None:
             return []
@@ -115,9 +115,9 @@ def judged(levels: Sequence[Refinement], known: float | None, what: str = "unkno
     Parameters
     ----------
     what
-        That refinement makes more of.
+        Name of the numbers that refinement increases.
     dimension
-        How many directions it fills: the order is so many times the slope against it.
+        Number of directions of refinement: the order is this number times the slope.
     """
     found = Findings()
     unknowns = np.array([level.unknowns for level in levels], dtype=float)
@@ -155,7 +155,7 @@ def judged(levels: Sequence[Refinement], known: float | None, what: str = "unkno
 
 
 def slope(unknowns: np.ndarray, errors: np.ndarray) -> float | None:
-    """Return the slope of log error against log unknowns^(-1/2), above rounding; None of fewer than two errors."""
+    """Return the slope of log error against log unknowns^(-1/2), above rounding; None for fewer than two errors."""
     seen = errors > FLOOR
     if np.count_nonzero(seen) < 2:
         return None
@@ -165,7 +165,7 @@ def slope(unknowns: np.ndarray, errors: np.ndarray) -> float | None:
 def extrapolated(unknowns: np.ndarray, values: np.ndarray) -> float:
     """Return the limit v of value = v + C unknowns^(-p/2) through the last three levels, or the last value.
 
-    The rate p is looked for; where no rate fits the last two steps, the last value is all that is known.
+    The rate p is fitted; if no rate fits the last two steps, the last value is returned.
     """
     h = unknowns[-3:] ** -0.5
     first, second = np.diff(values[-3:])

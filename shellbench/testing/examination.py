@@ -34,13 +34,13 @@ MOST_EXCUSED = 0.1  # relative difference that no uncertainty excuses: beyond, i
 
 
 def asked_kinds(theories: Iterable[str]) -> tuple[Problem, ...]:
-    """Return the suite's own cases of the kinds whose problems ask for one of these theories."""
+    """Return the suite's own cases of the kinds that have one of these theories."""
     kinds = kinds_of_theories(theories)
     return tuple(case for case in map(catalog.named_case, catalog.case_names()) if case.kind in kinds)
 
 
 def shells(names: Iterable[str] | None = None) -> tuple[Case, ...]:
-    """Return the suite's own cases of these names that are shells; all of them if none are named."""
+    """Return the suite's own shells of these names; all shells if none are named."""
     cases = map(catalog.named_case, catalog.case_names() if names is None else names)
     return tuple(case for case in cases if isinstance(case, Case))
 
@@ -54,11 +54,11 @@ class Examination:
     start
         Starts the solver in a process of its own.
     facts
-        What the solver says about itself; see `shellbench.testing.child.solver_facts`.
+        The solver's description of itself; see `shellbench.testing.child.solver_facts`.
     settings
         Settings that differ from the defaults in all solves.
     folder
-        For saved solutions.
+        Folder for saved solutions.
     refinements
         Settings from coarse to fine; empty: the solver's own, or those of a suite.
     """
@@ -76,7 +76,7 @@ class Examination:
 
     @property
     def cases(self) -> tuple[Problem, ...]:
-        """The suite's own cases of the kinds of problem that the solver's theories are of."""
+        """The suite's own cases of the kinds of problem that have the solver's theories."""
         return asked_kinds(self.facts["theories"])
 
     @property
@@ -89,7 +89,7 @@ class Examination:
 
     @contextmanager
     def fresh(self) -> Iterator[Respondent]:
-        """Give a process that has solved nothing yet."""
+        """Return a new process, without earlier solves."""
         subject = self.start()
         try:
             yield subject
@@ -97,12 +97,12 @@ class Examination:
             subject.stop()
 
     def solve(self, case: Problem, settings: Setting | None = None) -> RemoteSolution:
-        """Return the solver's answer to a case; what was solved for already is not solved for again.
+        """Return the solver's answer to a case; answers are cached.
 
         Raises
         ------
         NoAnswer
-            If there is none. `AlreadyReported` where that was met before: it is one finding, not several.
+            If there is none. `AlreadyReported` if an earlier check met the same failure, so that it is one finding.
         """
         chosen = {**self.settings, **(settings or {})}
         key = json.dumps([case.name, case.digest(), chosen], sort_keys=True)
@@ -125,7 +125,7 @@ class Examination:
         return None if answer is None else str(answer)
 
     def refusals(self, cases: tuple[Problem, ...]) -> list[tuple[str, Any, float]]:
-        """Ask whether cases are declined: ("ok", clause or None, seconds) or ("raised", words, seconds)."""
+        """Return for each case ("ok", clause or None, seconds) or ("raised", words, seconds); None if it is taken."""
         keys = [f"{case.name} {case.digest()}" for case in cases]
         unasked = [i for i, key in enumerate(keys) if key not in self._refusals]
         if unasked:
@@ -141,7 +141,7 @@ class Examination:
 
 
 class AlreadyReported(NoAnswer):
-    """A trouble that an earlier check has told of already."""
+    """A failure that an earlier check has already reported."""
 
 
 def fingerprint(answer: RemoteSolution) -> Array:
@@ -177,7 +177,7 @@ def own_uncertainty(answer: RemoteSolution) -> float:
 
 
 def seed_difference(exam: Examination, case: Problem) -> float:
-    """Return by how much another seed's answer differs, relative to the largest displacement; 0 without a seed."""
+    """Return the difference of another seed's answer, relative to the largest displacement; 0 without a seed."""
     if not exam.facts["seeded"]:
         return 0.0
     other = exam.solve(case, {"seed": int(exam.settings.get("seed", exam.facts["defaults"]["seed"])) + 1})
@@ -185,7 +185,7 @@ def seed_difference(exam: Examination, case: Problem) -> float:
 
 
 def admissible(exam: Examination, case: Problem) -> float:
-    """Return the relative difference that two solves of one question may have."""
+    """Return the admissible relative difference of two solves of one question."""
     return min(MOST_EXCUSED, max(SAME, OWN * own_uncertainty(exam.solve(case)), OWN * seed_difference(exam, case)))
 
 
@@ -227,7 +227,7 @@ class Findings:
     unseen: list[str] = field(default_factory=list)
 
     def hold(self, holds: bool, fault: str, figure: str = "") -> bool:
-        """Note a fault, or a figure where there is none; return whether it holds."""
+        """Note the fault if `holds` is false, else the measured value; return `holds`."""
         if not holds:
             self.faults.append(fault)
         elif figure:
@@ -244,12 +244,12 @@ class Findings:
 
 
 def not_applicable(reason: str) -> Verdict:
-    """Return the verdict of a check that asks about what is not there."""
+    """Return the verdict of a check that does not apply."""
     return Verdict("not applicable", reason)
 
 
 def not_shown(reason: str) -> Verdict:
-    """Return the verdict of a check that could not tell."""
+    """Return the verdict of a check that could not decide."""
     return Verdict("not shown", reason)
 
 

@@ -1,4 +1,4 @@
-"""The grade of a solver that is checked: the exam is held, and said in words and as data."""
+"""The grade of a checked solver: the exam, and its result as text and data."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class ExamOptions:
     grade: bool = True
 
     def asked_of(self, entry: SolverEntry) -> tuple[str, ...]:
-        """Return the suites that a solver is asked; InputError if one is unknown, or the solver can't be imported."""
+        """Return the suites of a solver's exam; InputError if one is unknown, or the solver can't be imported."""
         if not self.grade:
             return ()
         if self.suites is not None:
@@ -86,7 +86,7 @@ class Graded:
 
     @property
     def held(self) -> float | None:
-        """The class that the solver holds; None if it has no grade."""
+        """The solver's class; None if it has no grade."""
         return self.sitting.grade.held if self.sitting and not self.why else None
 
     @property
@@ -101,7 +101,7 @@ class Graded:
         return bool(self.sitting and self.why)
 
     def lines(self) -> Iterator[str]:
-        """Yield what is printed."""
+        """Yield the printed lines."""
         asked = f" ({'suite' if len(self.suites) == 1 else 'suites'} {', '.join(self.suites)})" if self.suites else ""
         if self.why or self.sitting is None:
             yield f"no grade{asked}: {self.why}"
@@ -141,7 +141,7 @@ class Graded:
 
 
 class Later:
-    """Keeps what it is told of runs until somebody looks, and passes it on from then on."""
+    """Buffers the events of runs until a display is attached, and then passes them on."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -180,26 +180,26 @@ class Later:
 def begun(
     solver: str, cases: Sequence[Problem], suites: tuple[str, ...], options: ExamOptions, seconds: float
 ) -> Iterator[Callable[[Console], Graded]]:
-    """Begin the exam of a solver with default settings, beside something else that takes one of its jobs.
+    """Start the exam of a solver with default settings, beside the checks, which use one of its jobs.
 
-    What is yielded shows the runs, leaves all jobs to them, and waits for the grade. Without that, they are stopped at
-    the end.
+    The yielded function shows the runs, gives all jobs to them, and waits for the grade. If it is not called, the runs
+    are stopped at the end.
 
     Parameters
     ----------
     cases
-        Cases that are asked beside those of the suites.
+        Cases in addition to those of the suites.
     suites
-        Suites whose cases are asked.
+        Suites whose cases are solved.
     seconds
         Longest time for one answer.
 
     Raises
     ------
     InputError
-        When the grade is waited for, if the solver can't be imported.
+        While waiting for the grade, if the solver can't be imported.
     StoreError
-        Then too, if the store can't be written.
+        While waiting for the grade, if the store can't be written.
     """
     store, later = Store(options.store), Later()
     alone, left = threading.Event(), threading.Event()

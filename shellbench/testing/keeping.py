@@ -1,6 +1,6 @@
-"""Checks of what is kept of an answer: that it comes back whole, and that its size is counted honestly.
+"""Checks of saved answers: they load completely, and their size is counted correctly.
 
-What is in a saved solution: its arrays by name, to be looked at and to be altered.
+The arrays of a saved solution can be read and altered by name.
 """
 
 from __future__ import annotations
@@ -57,9 +57,9 @@ class SavedArrays:
     Attributes
     ----------
     arrays
-        By name; texts are left out.
+        By name, without texts.
     spans
-        Where each lies in the file, (first byte, bytes); empty for npz, which is written anew.
+        Place of each in the file, (first byte, bytes); empty for npz, which is rewritten.
     """
 
     path: Path
@@ -75,7 +75,7 @@ def read_arrays(path: Path) -> SavedArrays | None:
 
 
 def pickled(path: Path) -> bool:
-    """Tell whether a file is a pickle or holds one."""
+    """Return True if a file is a pickle or contains one."""
     if path.is_dir():
         return any(pickled(p) for p in path.rglob("*") if p.is_file())
     if zipfile.is_zipfile(path):
@@ -124,9 +124,10 @@ def _safetensors(path: Path) -> SavedArrays | None:
 
 
 def what_matters(array: NDArray[Any], matters: Callable[[Part], bool]) -> NDArray[Any] | None:
-    """Return the least part of an array without which the displacement is another; None if all of it can go.
+    """Return the smallest part of an array that the displacement needs; None if it needs no part.
 
-    `matters` tells whether altering a part does. Parts are the slices along a short axis, such as components.
+    `matters` returns True if altering a part changes the answer. Parts are the slices along a short axis, such as
+    components.
     """
     if not matters(()):
         return None
@@ -140,7 +141,7 @@ def what_matters(array: NDArray[Any], matters: Callable[[Part], bool]) -> NDArra
 
 
 def altered(saved: SavedArrays, name: str, part: Part, target: Path) -> Path:
-    """Write the file with a part of one array a little changed."""
+    """Write the file with a small change in a part of one array."""
     array = saved.arrays[name]
     nudged = np.asarray(array * (1 + NUDGE) if array.dtype.kind in REALS else np.bitwise_xor(array, 1)).astype(
         array.dtype
@@ -160,7 +161,7 @@ def altered(saved: SavedArrays, name: str, part: Part, target: Path) -> Path:
 
 
 def compressed_size(array: NDArray[Any]) -> int:
-    """Return the bytes of an array that compression can't do without, its bytes sorted by significance."""
+    """Return the compressed size of an array in bytes, with its bytes sorted by significance."""
     numbers = np.ascontiguousarray(array)
     planes = np.frombuffer(numbers.tobytes(), dtype=np.uint8).reshape(-1, max(1, numbers.dtype.itemsize)).T
     return min(len(zlib.compress(planes.tobytes(), HARDEST)), numbers.nbytes)
@@ -171,7 +172,7 @@ COUNTED = 0.9  # of the compressed bytes that matter: what storage_bytes must st
 
 
 def saving(exam: Examination, case: Problem) -> Verdict:
-    """Check that, saved and loaded in another process, the answer is the same; the file is no pickle."""
+    """Check that an answer is the same after saving and loading in another process; the file must be no pickle."""
     found, answer = Findings(), exam.solve(case)
     path = answer.save(exam.folder / "saved")
     if not found.hold(path.is_file() or path.is_dir(), f"save says that it wrote {path.name}; there is no such file"):
@@ -206,7 +207,7 @@ def what_is_seen(case: Problem) -> str:
 
 
 def _moved(path: Path, folder: Path) -> Path:
-    """Move what was saved to where nothing else lies, under another name, as stores do; return where it is."""
+    """Move a saved solution to an empty folder under another name, as stores do; return its path."""
     folder.mkdir()
     return Path(shutil.move(path, folder / f"answer{path.suffix}"))
 
@@ -222,7 +223,7 @@ def _refuses(found: Findings, subject: Respondent, case: Problem, path: object) 
 
 
 def counts(exam: Examination, case: Problem) -> Verdict:
-    """Check that `parameters` is a whole number; of a shell, that it grows with refinement."""
+    """Check that `parameters` is an integer, and for a shell that it grows with refinement."""
     found, answer = Findings(), exam.solve(case)
     fewest = 0 if isinstance(case, Case) and case.prescribed else 1
     number = answer.facts["parameters"]
@@ -247,7 +248,7 @@ def counts(exam: Examination, case: Problem) -> Verdict:
 
 
 def storage(exam: Examination, case: Problem) -> Verdict:
-    """Check that `storage_bytes` counts the numbers of the saved file without which the answer is another."""
+    """Check that `storage_bytes` counts the numbers of the saved file that the answer needs."""
     found, answer = Findings(), exam.solve(case)
     stated = answer.facts["storage_bytes"]
     if not found.hold(isinstance(stated, int) and stated > 0, f"its storage_bytes are {stated}, no positive integer"):

@@ -1,4 +1,4 @@
-"""Cases that the examination makes of others: elsewhere, in other units, louder, carried along, or cut short."""
+"""Cases that the checks derive from others: moved, in other units, with scaled loads, rotated, or shortened."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ def placed(case: Case, rotation: Rotation, shift: Sequence[float]) -> Case:
 
 
 def slid(case: Case, by: Sequence[float]) -> Case | None:
-    """Return a plane case moved along its plane, m; None if it is none, or if formulas ask where it is.
+    """Return a plane case moved along its plane, m; None if it is not plane, or if formulas depend on the place.
 
-    Its displacement at a point that has moved along is what it was.
+    Its displacement at the moved points is the original one.
     """
     data = case.model_dump(mode="json", exclude_unset=True)
     surface, points = data.pop("surface"), data.pop("points", {})
@@ -64,12 +64,12 @@ def slid(case: Case, by: Sequence[float]) -> Case | None:
 
 
 def converted(case: Case, units: Units) -> Case:
-    """Return the case in other units. Load factors, times and angles are what they were."""
+    """Return the case in other units. Load factors, times and angles are unchanged."""
     return Case.model_validate(converted_data(case, units) | {"suites": []})
 
 
 def short_motion(name: str) -> Case:
-    """Return a motion of the suite cut short; its headline is what it asks for first, at the end."""
+    """Return a shortened motion of the suite; its headline is its first quantity, at the end."""
     case = named_case(name)
     data = case.model_dump(mode="json", exclude_unset=True)
     spatial = [q for q in data["quantities"] if q["kind"] in ("displacement", "position", "centre_of_mass")]
@@ -105,7 +105,7 @@ def louder(case: Case, factor: float) -> Case:
 def carried(case: Case) -> Case | None:
     """Return a static case without loads whose supports turn it as a rigid body; None if they can't.
 
-    They can if each can be moved, and together they leave no rigid motion to be removed.
+    They can if each of them can be moved, and if together they leave no rigid motion to remove.
     """
     if case.dynamics is not None or case.remove_rigid_motions or not case.supports:
         return None

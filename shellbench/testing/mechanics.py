@@ -1,9 +1,9 @@
-"""Checks of mechanics: what physics do not depend on, and that an answer's own figures agree with each other.
+"""Checks of mechanics: invariances of physics, and agreement of an answer's own values.
 
-Physics do not depend on units, the loudness of a linear case, and where in space it stands. Energies and strains agree
-with each other, and with the displacement.
+Physics does not depend on units or on the placement in space, and the answer of a linear case is proportional to its
+loads. Energies and strains agree with each other, and with the displacement.
 
-Strains of a displacement from its differences: written down anew, and not taken from any solver.
+Strains are computed from differences of the displacement, independently of all solvers.
 
 eps = (a - abar)/2 and kappa = bbar - b (Kairanda et al., eqs. (15) and (16)) of the deformed surface x + u, the
 derivatives of u by central differences. In linear theory they are the part of first order in u, by the same
@@ -73,7 +73,7 @@ def units(exam: Examination, case: Case) -> Verdict:
 
 
 def linearity(exam: Examination, case: Case) -> Verdict:
-    """Check that in linear theory twice the load has twice the answer."""
+    """Check that in linear theory twice the load gives twice the answer."""
     if not case.linear:
         return not_applicable("the case is not linear")
     twice = louder(case, 2.0)
@@ -86,7 +86,7 @@ def linearity(exam: Examination, case: Case) -> Verdict:
 def placement(exam: Examination, case: Case) -> Verdict:
     """Check that the case turned and shifted in space has the turned displacement.
 
-    A solver of plane shells alone, which declines that, is asked for the case moved along its plane.
+    A solver of plane shells only, which declines this case, gets the case moved along its plane.
     """
     rotation, shift = turning(case), [part * size(case) for part in SHIFT]
     other = placed(case, rotation, shift)
@@ -114,7 +114,7 @@ def _same(exam: Examination, case: Case, displacement: np.ndarray, limit: float,
 
 
 def rigid_motion(exam: Examination, case: Case) -> Verdict:
-    """Check that what its supports carry moves as a rigid body, unstrained; and so what nothing holds and falls."""
+    """Check that a shell that its supports carry, or that falls freely, moves as a rigid body without strains."""
     if case.dynamics is not None:
         return _fall(exam)
     moved = carried(case)
@@ -137,7 +137,7 @@ def rigid_motion(exam: Examination, case: Case) -> Verdict:
 
 
 def _unstrained(found: Findings, answer: RemoteSolution, u: np.ndarray) -> None:
-    """Hold energies against those of stretching, D u^2 / 2, and bending, B (u / size)^2 / 2, by as much as it moves."""
+    """Compare energies with stretching, D u^2 / 2, and bending, B (u / size)^2 / 2, for the same displacement."""
     material, far = answer.case.material, float(np.abs(u).max())
     membrane, bending = answer.energies()
     stretched = abs(membrane) / (material.membrane_stiffness * far**2 / 2)
@@ -280,7 +280,7 @@ def _integral(answer: RemoteSolution, name: str, panels: int) -> float:
 
 
 def work(exam: Examination, case: Case) -> Verdict:
-    """Check that in linear theory the loads' work is twice the strain energy, where no support moves (Clapeyron)."""
+    """Check that in linear theory without moved supports the loads' work is twice the strain energy (Clapeyron)."""
     if not case.linear:
         return not_applicable("the case is not linear")
     if any(s.motion for s in case.supports):

@@ -44,14 +44,14 @@ WORKERS = "PYTEST_XDIST_WORKER_COUNT"  # set by pytest-xdist in each of its proc
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Errors that are allowed of a solver for which shellbench freezes none.
+    """Tolerances of a solver without frozen tolerances.
 
     Attributes
     ----------
     general
-        Relative error, where nothing narrower is given.
+        Relative error, unless a narrower one is given.
     narrower
-        By case, or by case and quantity; absolute, in the quantity's unit, where its error is.
+        By case, or by case and quantity; absolute, in the quantity's unit, if its error is absolute.
     """
 
     general: float = DEFAULT_TOLERANCE
@@ -59,7 +59,7 @@ class Tolerances:
 
     @classmethod
     def read(cls, texts: Sequence[str]) -> Tolerances:
-        """Read ``TOL``, ``CASE=TOL`` and ``CASE.QUANTITY=TOL``; InputError in one sentence if it is none of these."""
+        """Read ``TOL``, ``CASE=TOL`` and ``CASE.QUANTITY=TOL``; InputError in one sentence for other forms."""
         general = DEFAULT_TOLERANCE
         narrower: dict[tuple[str, str | None], float] = {}
         for text in texts:
@@ -82,9 +82,9 @@ class Tolerances:
         return cls(general, narrower)
 
     def allowed(self, case: Problem, quantity: Quantity, solver: str) -> Tolerance | None:
-        """Return the largest admissible error; what shellbench has frozen for the solver wins.
+        """Return the largest admissible error; shellbench's frozen tolerance of the solver has priority.
 
-        None where only a relative tolerance is given, and the known value is so near zero that it says nothing.
+        None if only a relative tolerance is given and the known value is too near zero for it.
         """
         frozen = catalog.tolerance(case.name, quantity.name, solver)
         own = self.narrower.get((case.name, quantity.name))
@@ -102,7 +102,7 @@ def is_absolute(case: Problem, quantity: Quantity) -> bool:
 
 
 def positive(text: str, option: str) -> float:
-    """Read a positive number that an option gives; InputError in one sentence."""
+    """Read the positive number of an option; InputError in one sentence."""
     try:
         number = float(text)
     except ValueError:
@@ -142,9 +142,9 @@ class Answers:
     Attributes
     ----------
     store
-        Finished runs of this and of earlier sessions: those of the same identity are not made again.
+        Finished runs of this and of earlier sessions: runs of the same identity are not repeated.
     began
-        The largest sequence number of a record when the session began; a run that has failed since is not tried again.
+        The largest sequence number of a record when the session began; a run that has failed since is not repeated.
     """
 
     store: Store
@@ -158,7 +158,7 @@ class Answers:
         return (record.sequence or 0) > self.began
 
     def answer(self, case: str, solver: str, seeds: Sequence[int]) -> CaseOutcome:
-        """Return the answer of a solver to a case, solving it if need be."""
+        """Return the answer of a solver to a case; solve it if necessary."""
         key = (case, solver, tuple(seeds))
         if key not in self.known:
             self.known[key] = self._found(*key)
@@ -200,14 +200,14 @@ class Answers:
 
 
 def share() -> int:
-    """Return the threads of a run, so that the processes of pytest-xdist do not fight over the cores."""
+    """Return the threads of a run, so that the processes of pytest-xdist share the cores."""
     workers = int(os.environ.get(WORKERS, "1"))
     return max(1, min(threads(), cores() // workers))
 
 
 @contextlib.contextmanager
 def locked(folder: Path, name: str) -> Iterator[None]:
-    """Hold a lock by name among all processes that work in a folder; StoreError if it can't be written."""
+    """Hold a named lock among all processes of a folder; StoreError if it can't be written."""
     safe = re.sub(r"[^A-Za-z0-9_-]+", "_", name)
     with said_plainly(folder):
         folder.mkdir(parents=True, exist_ok=True)
@@ -234,19 +234,19 @@ class Judgement:
     kept: bool
 
     def plain(self) -> dict[str, Any]:
-        """Return it as data that goes from one process to another."""
+        """Return it as data for another process."""
         row = self.finding.row.model_dump(mode="json")
         return {"row": row, "finding": (self.finding.colour, self.finding.sentence), "about": (self.name, self.kept)}
 
     @classmethod
     def read(cls, data: Any) -> Judgement:
-        """Make it of what `plain` has returned."""
+        """Rebuild it from the result of `plain`."""
         return cls(Finding(Row.model_validate(data["row"]), *data["finding"]), *data["about"])
 
 
 @dataclass(frozen=True)
 class Question:
-    """One quantity of one case that is put to a solver; `seeds` are all that the solver is run with."""
+    """One quantity of one case for a solver; `seeds` are all seeds of the solver's runs."""
 
     suite: str
     case: Problem
@@ -261,7 +261,7 @@ class Question:
         return self.quantity.name if len(self.seeds) == 1 else f"{self.quantity.name}[seed {self.seed}]"
 
     def judged(self, answers: Answers, tolerances: Tolerances) -> Judgement:
-        """Solve the case, unless that was done, and judge the quantity."""
+        """Solve the case if necessary, and judge the quantity."""
         case, quantity = self.case, self.quantity
         known = catalog.known_values(case.name)
         judge = known.judge(quantity.name, case.theory)
@@ -278,7 +278,7 @@ class Question:
         return Judgement(self._finding(record, judge, tolerances), self.name, kept=not answers.is_new(record))
 
     def _finding(self, record: Record, judge: KnownValue, tolerances: Tolerances) -> Finding:
-        """Return the finding on a run: by what is frozen for its solver, or else by what was given."""
+        """Return the finding on a run, by the solver's frozen tolerance, or else by the given one."""
         row = row_of(CurrentRun(record, self.case, {}), self.quantity).model_copy(update={"suite": self.suite})
         if not row.gated:
             allowed = tolerances.allowed(self.case, self.quantity, self.solver)
@@ -311,7 +311,7 @@ class Question:
 
 
 def questions(suite: str, case: Problem, solver: str) -> Iterator[Question]:
-    """Yield what is judged: the headline, what has a known value of the case's theory, and what is gated."""
+    """Yield the judged quantities: the headline, those with a known value of the case's theory, and gated ones."""
     seeds = seeds_of(suite, case, solver)
     known, gated = catalog.known_values(case.name), gated_quantities(case, solver)
     for quantity in case.quantities:
@@ -328,7 +328,7 @@ def seeds_of(suite: str, case: Problem, solver: str) -> tuple[int, ...]:
 
 
 def table(found: Sequence[Judgement]) -> list[str]:
-    """Return the lines of the table, and below it why something was not judged; of a declined case once."""
+    """Return the lines of the table, and the reasons for missing judgements; once for a declined case."""
     rows: list[tuple[str, ...]] = [HEAD]
     unjudged: dict[tuple[str, ...], str] = {}
     for judgement in found:

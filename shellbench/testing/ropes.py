@@ -1,6 +1,6 @@
-"""Checks of ropes: the form of their states, turned and scaled chains, and energy that comes from nowhere.
+"""Checks of ropes: the form of their states, turned and scaled chains, and the balance of energy.
 
-What the examination makes of a case: the same rope elsewhere, and in other units.
+The checks derive two cases from a case: the same rope at another place, and in other units.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ FIELDS = ("nodes", "velocities", "tensions", "stretch")
 
 
 def cheap() -> tuple[RopeCase, ...]:
-    """Return the cases that a solver may be examined on."""
+    """Return the cases that a solver can be checked on."""
     return tuple(case for case in map(named_case, CHEAP) if isinstance(case, RopeCase))
 
 
@@ -44,12 +44,12 @@ def states(answer: RemoteSolution) -> dict[float, Mapping[str, Array]]:
 
 
 def every(answer: RemoteSolution, name: str) -> Array:
-    """Return an array of all states, one after another: a difference is relative to the largest of all of them."""
+    """Return an array of all states in order; differences are relative to the largest of all values."""
     return np.concatenate([state[name] for state in states(answer).values()])
 
 
 def links(exam: Examination, case: Problem) -> Verdict:
-    """Check the form of each state: places and velocities of all nodes, the root where it is led, and pulls only."""
+    """Check the form of each state: places and velocities of all nodes, the prescribed root, and tension only."""
     assert isinstance(case, RopeCase)
     found, answer = Findings(), exam.solve(case)
     found.faults += answer.facts["faults"]
@@ -89,7 +89,7 @@ def _of_rope(found: Findings, case: RopeCase, at: float, state: Mapping[str, Arr
 
 
 def placement(exam: Examination, case: Problem) -> Verdict:
-    """Check that the rope turned about the vertical and shifted moves as it did, turned and shifted."""
+    """Check that the rope, turned about the vertical and shifted, has the turned and shifted motion."""
     assert isinstance(case, RopeCase)
     words = []
     for angle in (TURN, HALF_TURN):
@@ -116,7 +116,7 @@ def placement(exam: Examination, case: Problem) -> Verdict:
 
 
 def units(exam: Examination, case: Problem) -> Verdict:
-    """Check that the rope in millimetres and grams moves as in metres and kilograms."""
+    """Check that the rope in millimetres and grams has the same motion as in metres and kilograms."""
     assert isinstance(case, RopeCase)
     other = converted(case)
     if other is None:
@@ -137,7 +137,7 @@ def units(exam: Examination, case: Problem) -> Verdict:
 
 
 def energy(exam: Examination, case: Problem) -> Verdict:
-    """Check that a rope whose root stands still gains no energy without wind, at quarters of its time too."""
+    """Check that a rope with a fixed root and without wind gains no energy, also at quarters of its time."""
     assert isinstance(case, RopeCase)
     if case.rope is None or case.wind or any(isinstance(formula, str) for formula in case.rope.root):
         return not_applicable("something works on its masses, or there is no rope")
@@ -158,7 +158,7 @@ def energy(exam: Examination, case: Problem) -> Verdict:
 
 
 def at_quarters(case: RopeCase) -> RopeCase:
-    """Return the case with its energy asked at quarters of its time, so that states are kept where it moves fast."""
+    """Return the case with energies at quarters of its time, so that states are also kept during fast motion."""
     data = case.model_dump(mode="json", exclude_unset=True)
     times = [case.states[-1] * part for part in (0.25, 0.5, 0.75)]
     data["quantities"] += [
@@ -174,7 +174,7 @@ def about_the_vertical(angle: float) -> Array:
 
 
 def _movable(case: RopeCase) -> dict[str, Any] | None:
-    """Return a rope's data with its start node by node; None if something stands about it, or formulas lead it."""
+    """Return a rope's data with its start node by node; None if it has obstacles or formulas."""
     if case.rope is None or case.wind or case.obstacles or any(isinstance(f, str) for f in case.rope.root):
         return None
     data = case.model_dump(mode="json", exclude_unset=True)
@@ -185,7 +185,7 @@ def _movable(case: RopeCase) -> dict[str, Any] | None:
 
 
 def placed(case: RopeCase, turn: Array, shift: Array) -> RopeCase | None:
-    """Return the rope turned about the vertical and shifted; None if that is not made of it."""
+    """Return the rope turned about the vertical and shifted; None if it can't be derived."""
     data = _movable(case)
     if data is None:
         return None
@@ -198,7 +198,7 @@ def placed(case: RopeCase, turn: Array, shift: Array) -> RopeCase | None:
 
 
 def converted(case: RopeCase) -> RopeCase | None:
-    """Return the rope in millimetres and grams; None if that is not made of it. Times are what they were."""
+    """Return the rope in millimetres and grams, with the same times; None if it can't be derived."""
     data = _movable(case)
     if data is None or case.rope is None:
         return None

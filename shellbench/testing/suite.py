@@ -1,7 +1,4 @@
-"""The list of checks, and how it is gone through.
-
-What `shellbench check-solver` prints, and what it ends with.
-"""
+"""The list of checks and their execution, and the output and exit code of `shellbench check-solver`."""
 
 from __future__ import annotations
 
@@ -122,14 +119,14 @@ class CheckOptions:
 def examine(
     entry: SolverEntry, options: CheckOptions, tell: Tell = lambda _: None, start: Start | None = None
 ) -> Iterator[Line]:
-    """Go through the checks of a solver, one line each.
+    """Make the checks of a solver, one line each.
 
     Parameters
     ----------
     tell
-        Is told what is being asked.
+        Receives the name of the current check.
     start
-        Starts the solver; in a process of its own unless another way is given.
+        Starts the solver; by default in a process of its own.
 
     Raises
     ------
@@ -199,14 +196,14 @@ def _of_cases(exam: Examination, options: CheckOptions, tell: Tell) -> Iterator[
 
 
 def checks_of(case: Problem) -> Mapping[str, AskOfProblem]:
-    """Return the checks that are made of a case: those of its kind."""
+    """Return the checks of a case: those of its kind."""
     if isinstance(case, Case):
         return cast(Mapping[str, AskOfProblem], OF_CASE)
     return OF_ROPE if isinstance(case, RopeCase) else {name: OF_ROPE[name] for name in OF_ANY}
 
 
 def _asked(ask: Callable[[], Verdict]) -> Verdict:
-    """Return a check's verdict; a solver that does not answer has failed it."""
+    """Return a check's verdict; it is failed if the solver does not answer."""
     try:
         return ask()
     except AlreadyReported as trouble:
@@ -218,7 +215,7 @@ def _asked(ask: Callable[[], Verdict]) -> Verdict:
 def _cheap(exam: Examination) -> tuple[Problem, ...]:
     """Return the first cheap case of each kind that the solver takes.
 
-    Of shells it is a static one, a motion cut short, or else any static one.
+    For shells it is a static one, a shortened motion, or else any static one.
     """
     kinds = dict.fromkeys(case.kind for case in exam.cases)
     others = (case for case in shells() if case.dynamics is None)
@@ -257,15 +254,15 @@ def check_solver(
     console: Console | None = None,
     exam: ExamOptions | None = None,
 ) -> int:
-    """Examine a solver, print what was found, and return the exit code.
+    """Check a solver, print the results, and return the exit code.
 
-    It is 1 if a check failed, or a stranger that is graded holds no class; 2 if an exam was held that judged nothing.
-    What the checks found with default settings is kept in the store of the exam, where the gate looks for it.
+    It is 1 if a check failed, or if a graded third-party solver reaches no class; 2 if the exam judged nothing. Results
+    of the checks with default settings are kept in the store of the exam, for the gate.
 
     Parameters
     ----------
     exam
-        The exam by which it is graded, with default settings; None for no grade, and nothing is kept.
+        The exam that grades it, with default settings; None for no grade and no stored results.
 
     Raises
     ------
@@ -303,7 +300,7 @@ def check_solver(
 
 
 def _gone_through(entry: SolverEntry, options: CheckOptions, out: Console, silent: bool) -> list[Line]:
-    """Make the checks, and print each line as it comes unless all is to be `silent`."""
+    """Make the checks, and print each line immediately unless `silent`."""
     if silent:
         return list(examine(entry, options))
     if not out.is_terminal:
@@ -343,7 +340,7 @@ def as_data(line: Line) -> dict[str, Any]:
 
 
 def given_settings(name: str, texts: Sequence[str]) -> dict[str, Any]:
-    """Read ``SOLVER.KEY=VALUE`` of the one solver that is examined."""
+    """Read ``SOLVER.KEY=VALUE`` of the checked solver."""
     given = {}
     for text in texts:
         solver, key, value = parse_setting(text)

@@ -50,7 +50,7 @@ def test_a_variant_is_judged_by_its_cases_values() -> None:
 
 
 def test_a_case_of_ones_own_is_judged_by_nothing(tmp_path: Path) -> None:
-    """Not even if it has the name of one of ours."""
+    """Its name may be that of a built-in one."""
     path = tmp_path / "scordelis_lo.toml"
     text = (ROOT / "cases" / "scordelis_lo.toml").read_text(encoding="utf-8")
     path.write_text(text.replace("thickness = 0.25", "thickness = 0.5"), encoding="utf-8")

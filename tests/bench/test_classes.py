@@ -36,7 +36,7 @@ def judged(store: Store, *suites: str) -> Verdict:
 
 
 def figure(error: float, uncertainty: float = 0.0, reference: float = 2.0, **more: object) -> Row:
-    """Return a row of a stranger's answer to the plate."""
+    """Return a row of a third-party solver's answer to the plate."""
     about = {"case": "square_plate", "suite": None, "solver": "mine", "settings": {}, "seed": None, "quantity": "q"}
     value = reference * (1 + error)
     found = {"value": value, "reference": reference, "relative_error": error, "absolute_error": value - reference}

@@ -163,7 +163,7 @@ def test_a_suite_of_ours_is_extended_and_a_case_of_ours_is_asked(here: Path) -> 
 
 
 def test_a_study_is_judged_only_if_it_is_named(here: Path, tmp_path: Path) -> None:
-    """Its solvers may stand on what is not installed: whoever lacks it is judged without them."""
+    """Its solvers may need packages that are not installed; the judgement then omits them."""
     findings(Store(tmp_path), "fem", "square_plate")
 
     def solvers(*suites: str) -> set[str]:

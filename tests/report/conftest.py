@@ -227,7 +227,7 @@ def headline(case: Problem, solver: str, value: float | None, **facts: Any) -> R
 
 
 def headline_of(record: Record, value: float | None, **facts: Any) -> Row:
-    """The headline row of a record: its settings, seed and cost are told."""
+    """The headline row of a record, with its settings, seed and cost."""
     told = {"settings": record.identity.settings, "seed": record.identity.seed}
     told |= {name: getattr(record, name) for name in RECORDED}
     return headline(catalog.named_case(record.case_name), record.identity.solver, value, **told | facts)

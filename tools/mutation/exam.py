@@ -1,6 +1,6 @@
-"""One exam in a process of its own: cases are solved, recorded and judged as a stranger's are, until a row is red.
+"""One exam in a process of its own: cases are solved, recorded and judged like a third-party solver's until a row is red.
 
-Nothing here imports shellbench before a mutant is planted.
+This module does not import shellbench before a mutant is in place.
 """
 
 from __future__ import annotations

@@ -56,8 +56,8 @@ def words(run: Entry) -> str:
 def add(run: Entry, path: Path = SCORE) -> None:
     """Put the score of an unseen draw into the file that the report reads, a line a draw.
 
-    A draw that is there stays: its score was unseen once alone. Whoever finds a survivor to be equivalent moves it from
-    `holes` to `equivalent` there, with the reason in the commit.
+    An existing draw stays, because its score can be unseen only once. A survivor that proves to be equivalent is moved
+    from `holes` to `equivalent` there, with the reason in the commit.
     """
     draws = json.loads(path.read_text(encoding="utf-8"))["draws"] if path.is_file() else []
     name = {"target": run["target"], "seed": run["seed"]}

@@ -1,20 +1,19 @@
-"""Where mutants are made: the mechanics of the solvers and of the question, and what is left out of it by rule.
+"""Code that is mutated: the mechanics of the solvers and of the question, without the exclusions of these rules.
 
-Whole modules are left out that hold settings, files, checks, training, or choose how fine and in which steps to solve:
-a mistake there shows as cost or as a refusal. So does one in the choice of trial functions. Of the other modules these statements are left out:
+Modules with settings, files, checks, training, or the choice of resolution and steps are excluded: a mistake there appears
+as cost or as a refusal. The same holds for the choice of trial functions. In the other modules these statements are excluded:
 
-- docstrings, messages, `raise`, `assert`, and the condition under which a `raise` is all that follows;
-- what tells of progress; `isinstance`;
+- docstrings, messages, `raise`, `assert`, and a condition with nothing but a `raise`;
+- progress reports; `isinstance`;
 - fields of classes, defaults of arguments, decorators, annotations;
 - numbers and types with a name of their own at the top of a module: tolerances, limits, numbers of points;
 - functions that return text, check input, or read and write files.
 
-These rules name modules, and functions do other things beside the mechanics of theirs: a module of meshes holds basis
-functions and chooses lines. `KINDS` applies the same rules function by function: by what a function is, whatever became
-of its mutants. It was written when seeds 1 to 6 had been seen, and before seed 7 was drawn. Up to seed 7 mutants were
-drawn of all statements. The score is told of all of them, of those that are mechanics, and of those that state how sure
-an answer is: these are part of the answer, and are examined by calibration. From seed 8 on they are drawn of mechanics
-alone (`--kind mechanics`).
+These rules name modules, but some modules mix mechanics with other tasks: a module of meshes has basis functions and
+chooses lines. `KINDS` applies the same rules to functions, by their task and not by the results of their mutants. It was
+written when seeds 1 to 6 had been seen, and before seed 7 was drawn. Up to seed 7 mutants were drawn from all statements.
+The score is given for all of them, for mechanics, and for uncertainties, which are part of the answer and are judged by
+calibration. From seed 8 on mutants are drawn from mechanics only (`--kind mechanics`).
 """
 
 from __future__ import annotations

@@ -174,7 +174,7 @@ def conditions_of(case: Case, shape: tuple[int, int]) -> Conditions:
 def held_by(part: Part, number: int, mirrors: tuple[Mirror, ...], shape: tuple[int, int]) -> Mask:
     """Tell which components (3, n1, n2) a support of the whole acts on, on the copy of the part to which mirrors lead.
 
-    Where two supports share a control point the one that the case names first is said to act.
+    If two supports share a control point, its force is assigned to the support that the case names first.
     """
     acting = np.zeros((len(part.whole.supports), 3, *shape), dtype=bool)
     for other, support, place in part.supported(mirrors):

@@ -90,7 +90,7 @@ class KratosIgaSolver(ShellSolver):
         return iga_solving.solve(case, settings, progress)
 
     def load(self, path: Path) -> IgaSolution:
-        """Read a solution that `save` wrote; InputError in one sentence if it is none."""
+        """Read a solution that `save` wrote; InputError in one sentence for other files."""
         from shellbench_kratos.iga_solution import IgaSolution
 
         return IgaSolution.load(path)

@@ -67,7 +67,7 @@ class IgaState:
 def equilibrium(
     model: IgaModel, part: Part, mark: float, factor: float, displacements: Array, kept: bool, iterations: int
 ) -> IgaState:
-    """Return a state with its energy, held against the balance of forces.
+    """Return a state with its energy, after a check of the balance of forces.
 
     Raises
     ------

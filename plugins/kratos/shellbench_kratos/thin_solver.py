@@ -97,7 +97,7 @@ class KratosThinSolver(ShellSolver):
         return thin_solving.solve(case, settings, progress)
 
     def load(self, path: Path) -> ThinSolution:
-        """Read a solution that `save` wrote; InputError in one sentence if it is none."""
+        """Read a solution that `save` wrote; InputError in one sentence for other files."""
         from shellbench_kratos.thin_solution import ThinSolution
 
         return ThinSolution.load(path)

@@ -90,7 +90,7 @@ class MujocoFlexSolver(ShellSolver):
         return solving.solve(case, settings, progress)
 
     def load(self, path: Path) -> FlexSolution:
-        """Read a solution that `save` wrote; InputError in one sentence if it is none."""
+        """Read a solution that `save` wrote; InputError in one sentence for other files."""
         from shellbench_mujoco.solution import FlexSolution
 
         return FlexSolution.load(path)

@@ -1,6 +1,6 @@
-"""Variants ask the same question: the same shell in space, the same loads and supports on it, in another guise.
+"""Variants ask the same question: the same shell in space, with the same loads and supports, in another form.
 
-Nothing is solved here. What a variant says is held against the case at the same material points.
+Nothing is solved here. The data of a variant are compared with the case at the same material points.
 """
 
 import numpy as np

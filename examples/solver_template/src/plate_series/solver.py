@@ -50,8 +50,8 @@ class PlateSeriesSolver(ShellSolver):
     ) -> PlateSolution:
         """Solve the case with half of the terms and with all: the difference is the estimate of the error.
 
-        `settings` are of `settings_type`; `start` is refused by the base unless `uses_start` is true; `progress` is told
-        how far the solve is.
+        `settings` are of `settings_type`. The base class refuses `start` unless `uses_start` is true. `progress` receives
+        the state of the solve.
         """
         plate = reading.plate_of(case)
         counts = sorted({max(1, settings.terms // 2), settings.terms})
