@@ -112,8 +112,8 @@ def at_equal_error() -> list[str]:
         for level in LEVELS
     )
     made = (
-        "Fewest bytes that keep a solution within an error, in all finer runs of its sweep too, and the seconds of that"
-        f" solve: kept runs of commit {summary.made.commit[:12]}, {summary.made.date}."
+        "Fewest bytes of a solution within the error, and the seconds of that solve. All finer runs of its sweep are within"
+        f" the error, too. Kept runs of commit {summary.made.commit[:12]}."
     )
     return [made, "", *table(["shell, error", *(f"`{solver}`" for solver in solvers)], rows)]
 

@@ -388,7 +388,7 @@ def motions():
         figures(newton, 4), figures(stationary, 4), figures(stationary / newton, 3),
         figures(trained, 4), figures(trained / newton, 3),
     )  # fmt: skip
-    yield "a body in free fall has fallen {} times too far at half time", figures(stationary / newton, 3)
+    yield "at half time a body in free fall has fallen {} times the right distance", figures(stationary / newton, 3)
     newton, stationary, trained = (float(end[k]) for k in ("newton", "stationary", "ndf-published"))
     yield (
         "| fallen at T | {} m | {} m, and at rest | {} m ({} times) |",
