@@ -89,7 +89,9 @@ def here(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_table_prints_in_all_formats(solved, format_: str) -> None:
     code, out, err = solved("table", "--format", format_)
     assert (code, err) == (0, "")
-    assert ("suite 'toys' declares 4 more" in out) == (format_ in {"text", "markdown"})  # others are for programs
+    assert ("Left out: 4 other runs of suite 'toys'" in out) == (
+        format_ in {"text", "markdown"}
+    )  # others are for programs
     assert "Strip" in out or "strip" in out
 
 
@@ -118,13 +120,13 @@ def test_the_obvious_path_is_green(shellbench) -> None:
     code, out, err = shellbench("gate")
     assert code == 0
     assert "accuracy: 2 ok" in out
-    assert "suite 'toys' declares 4 more" in out
+    assert "Left out: 4 other runs of suite 'toys'" in out
     assert err == ""
     code, out, err = shellbench("report", "--no-print")
     assert (code, err) == (0, "")
     page = Path("reports/latest/report.md").read_text(encoding="utf-8")
     assert "All 2 gated figures hold." in page
-    assert "declares 4 more" in page
+    assert "4 other runs" in page
     assert shellbench("gate", "--suite", "toys")[0] == 1
 
 

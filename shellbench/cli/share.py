@@ -21,9 +21,7 @@ def pack(
     ] = None,
     install: Annotated[
         str,
-        typer.Option(
-            "--install", metavar="COMMAND", help="How to install the solver; said by its package if not given."
-        ),
+        typer.Option("--install", metavar="COMMAND", help="How to install the solver. Default: from its repository."),
     ] = "",
 ) -> None:
     """Pack a solver's records into one file, to submit them to a board.
@@ -49,7 +47,7 @@ def pack(
     runs = len(manifest.runs)
     typer.echo(
         f"written to {file}: {runs} run{'' if runs == 1 else 's'} of {solver} {manifest.version}\n"
-        f"install:  {manifest.install}\n"
+        f"install:  {manifest.install or 'not stated; --install COMMAND states it'}\n"
         f"checksum: {manifest.checksum}"
     )
 

@@ -301,7 +301,9 @@ def _solver_lines(solver: Data) -> Iterator[str]:
     if solver["available"]:
         yield from _headed("Settings")
         for setting in solver["settings"]:
-            yield from _entry(f"{setting['name']} = {json.dumps(setting['default'])}", setting["description"] or "no description")
+            yield from _entry(
+                f"{setting['name']} = {json.dumps(setting['default'])}", setting["description"] or "no description"
+            )
         yield from _headed(f"Declined, {len(solver['declines'])} of {len(catalog.case_names())} cases")
         reasons: dict[str, list[str]] = {}
         for case, reason in solver["declines"].items():

@@ -106,24 +106,18 @@ def asked_cases(cases: Sequence[str], suites: Sequence[str]) -> set[tuple[str, b
 
 
 def beyond(found: Sequence[Row]) -> str:
-    """Describe in one sentence the declared runs that the rows do not have; empty if there are none."""
+    """Return one line on the runs that the suites of these rows declare besides them; empty if there are none."""
     runs = {(row.case, row.solver, json.dumps(row.overrides, sort_keys=True), row.seed): row for row in found}
     begun = list(dict.fromkeys(row.suites[0] for row in found if row.declared))
     members = {name: catalog.suites_named_by(name) for name in catalog.case_names()} if begun else {}
-    more = []
+    more: dict[str, int] = {}
     for name in begun:
-        lines = [
-            run
-            for run in catalog.find_suite(name).runs
-            for case in (*(case for case in members if name in members[case]), *catalog.variants_asked(name))
-            if run.is_for(case)
-        ]
-        left = sum(len(run.seeds) for run in lines) - sum(row.declared and name in row.suites for row in runs.values())
-        more += [f"suite '{name}' declares {left} more"] if left > 0 else []
-    others = len(set(catalog.suite_names()) - set(begun))
-    if others:
-        more.append(f"{others} other suite{'s declare others' if others > 1 else ' declares others'}")
-    return f"Beside these runs {' and '.join(more)}: --suite NAME asks for a whole suite." if more else ""
+        cases = (*(case for case in members if name in members[case]), *catalog.variants_asked(name))
+        declared = sum(len(run.seeds) for run in catalog.find_suite(name).runs for case in cases if run.is_for(case))
+        left = declared - sum(row.declared and name in row.suites for row in runs.values())
+        more |= {name: left} if left > 0 else {}
+    of = f"suite '{next(iter(more))}'" if len(more) == 1 else f"{len(more)} suites"
+    return f"Left out: {sum(more.values())} other runs of {of}; --suite NAME takes them in." if more else ""
 
 
 def rows_of(current: CurrentRuns, planned: Sequence[Task] = ()) -> list[Row]:

@@ -35,7 +35,8 @@ MOST_RUNS = 20_000
 LARGEST_PACK = 1_000_000_000  # bytes of all records together, unpacked
 WRITTEN_AT = (2000, 1, 1, 0, 0, 0)  # of each member, so that equal records make equal packs
 
-Line = Annotated[str, Field(min_length=1, max_length=500, pattern=r"^[^\n\r]*$")]
+Words = Annotated[str, Field(max_length=500, pattern=r"^[^\n\r]*$")]
+Line = Annotated[Words, Field(min_length=1)]
 
 
 class Setting(Model):
@@ -55,7 +56,7 @@ class Manifest(Model):
     distribution, version
         The package that provides the solver.
     install
-        A command that installs it.
+        A command that installs it; empty if not stated.
     shellbench
         Version of shellbench that made the pack.
     made
@@ -79,7 +80,7 @@ class Manifest(Model):
     label: Line
     distribution: Line
     version: Line
-    install: Line
+    install: Words
     shellbench: Line
     made: Time
     defaults: Plain
@@ -117,7 +118,7 @@ def write_pack(
     suites
         Only runs that these suites declare; all if none is named.
     install
-        A command that installs the solver; derived from the installed package if empty.
+        A command that installs the solver. If empty: that of the Git address that the installer recorded, if any.
 
     Returns
     -------
@@ -212,16 +213,15 @@ def _summary(records: Sequence[Record]) -> dict[str, Any]:
 
 
 def _install(entry: SolverEntry) -> str:
-    """Return a command that installs the package of a solver: from its repository, if it was installed from there."""
+    """Return the command that installs a solver's package from the repository that it came from; empty if unknown."""
     try:
         came_from = json.loads(distribution(entry.distribution).read_text("direct_url.json") or "{}")
     except (PackageNotFoundError, ValueError):
-        came_from = {}
+        return ""
     vcs = came_from.get("vcs_info", {})
-    if vcs and "@" not in came_from["url"]:  # an address with a user's name, and maybe a password, is not passed on
-        where = f"{vcs['vcs']}+{came_from['url']}@{vcs['commit_id']}"
-        return f'python -m pip install "{entry.distribution} @ {where}"'
-    return f"python -m pip install {entry.distribution}=={entry.version}"
+    if not vcs or "@" in came_from["url"]:  # an address with a user's name, and maybe a password, is not passed on
+        return ""
+    return f'python -m pip install "{entry.distribution} @ {vcs["vcs"]}+{came_from["url"]}@{vcs["commit_id"]}"'
 
 
 def read_pack(path: Path) -> Pack:
