@@ -25,7 +25,13 @@ ROOT = Path(__file__).parents[1]
 FINDINGS = ROOT / "docs/findings"
 INDEX = FINDINGS / "index.md"
 NUMBER = re.compile(r"(?<![A-Za-z])\d[\d.e-]*(?<![.-])")
-PAGES = (ROOT / "README.md", ROOT / "docs/using.md", ROOT / "docs/verdict.md", *sorted(FINDINGS.glob("*.md")))
+PAGES = (
+    ROOT / "README.md",
+    ROOT / "docs/index.md",
+    ROOT / "docs/using.md",
+    ROOT / "docs/verdict.md",
+    *sorted(FINDINGS.glob("*.md")),
+)
 TABLES = {"obstacle_course": FINDINGS / "course.md"}  # pages that show the whole table of a suite
 LINEAR = ("square_plate", "scordelis_lo", "pinched_cylinder_diaphragm", "pinched_cylinder_free")
 MADE = re.compile(r"<!-- table \w+ -->.*?<!-- end -->", re.DOTALL)  # tests/test_course_page.py holds them
@@ -666,15 +672,14 @@ def test_a_figure_that_is_changed_is_seen(monkeypatch):
 
 
 def write():
-    """Write the whole tables, and that of the README, anew."""
+    """Write the whole tables, and those of the README and of the start page, anew."""
     for suite, path in TABLES.items():
         path.write_text(read(path).replace(printed_table(read(path)), whole_table(suite)), encoding="utf-8")
-    readme = ROOT / "README.md"
     lines = {values[0]: template.format(*values) for template, values in sentences(the_course)}
-    old = read(readme).splitlines()
-    readme.write_text(
-        "\n".join(lines.get(line[1:].partition("|")[0].strip(), line) for line in old) + "\n", encoding="utf-8"
-    )
+    for page in PAGES[:2]:
+        old = read(page).splitlines()
+        new = (lines.get(line[1:].partition("|")[0].strip(), line) for line in old)
+        page.write_text("\n".join(new) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
