@@ -27,7 +27,7 @@ Line = dict[str, Any]
 
 
 def lines_of(name: str) -> list[Line]:
-    """Return what is kept of a study's runs: numbers as numbers, settings by name."""
+    """Return the kept lines of a study: numbers as numbers, settings by name."""
     with (ROOT / f"reports/studies/{name}.csv").open(newline="") as file:
         return [{key: number(value) for key, value in line.items()} for line in csv.DictReader(file)]
 
@@ -87,7 +87,7 @@ def finest(lines: list[Line], solver: str) -> str:
 
 
 def times() -> list[str]:
-    """Return how far the functional of a free fall is above the least, and the scatter of its loss, by samples in time."""
+    """Return the surplus of the functional of a free fall over the least, and the scatter of its loss, by samples in time."""
     rows = []
     falls = [line for line in lines_of("times") if line["case"] == "free_fall"]
     for count, of_one in by("count", [{**line, "count": line["settings"]["times"]} for line in falls]):
