@@ -270,7 +270,7 @@ def section_of(evidence: Evidence) -> Section:
             Column("Name", lambda line, notation: notation.escape(line["name"]), right=False),
             Column("Count", lambda line, notation: f"{line['count']:.0f}", key="count"),
         ),
-        notes=(Note("Origin", "A formula.", "kairanda2024"),),
+        notes=(Note("Origin", "A formula.", "kairanda2023"),),
     )
     exhibit = Exhibit("synthetic_drawing", "Drawing", "A line.", "A line that rises to four", figure, (run,), True)
     return Section("synthetic", "A synthetic section", ("First & last words.",), (table,), (exhibit,))
@@ -311,7 +311,7 @@ def test_a_section_of_evidence_stands_in_all_files(evident, store):
     assert "](figures/synthetic_drawing.svg)" in markdown
     assert f"| all | {count} |" in markdown
     assert (evident.parent / "figures" / "synthetic_drawing.svg").is_file()
-    assert 'id="source-kairanda2024"' in text
+    assert 'id="source-kairanda2023"' in text
 
 
 def test_runs_of_studies_alone_are_not_compared(evident, store):
