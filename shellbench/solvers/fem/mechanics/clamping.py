@@ -95,7 +95,7 @@ class ClampedEdge:
         cls, case: Case, mesh: TensorMesh, support: Support, edge: Edge, states: Sequence[float]
     ) -> ClampedEdge | None:
         """Integrate along an edge; None where its normal keeps its direction."""
-        # 1. Find Gauss points on the edge, and the geometry there. An edge whose normal keeps its direction needs no terms.
+        # 1. Find Gauss points on the edge, and the geometry there. If the normal keeps its direction, return None.
         # 2. theta = n^a u,a . a3 and m = B H^{abcd} kappa_cd n_a n_b, as rows on the derivatives of u.
         # 3. theta0, the same rotation of the prescribed motion.
         # 4. Convert both to rows on the cells' degrees of freedom, with the length of edge and the spring k.
@@ -249,7 +249,7 @@ class FiniteClamp:
     def on_edge(cls, case: Case, mesh: TensorMesh, support: Support, edge: Edge) -> FiniteClamp | None:
         """Integrate along an edge; None where its normal keeps its direction."""
         # As in `ClampedEdge`, but with the derivatives of u kept apart from the strains: these are not linear here.
-        # 1. Find Gauss points on the edge, and the geometry there. An edge whose normal keeps its direction needs no terms.
+        # 1. Find Gauss points on the edge, and the geometry there. If the normal keeps its direction, return None.
         # 2. n^a for theta, and B H^{abcd} n_a n_b for m: both refer to the undeformed edge.
         # 3. Length of edge, and the spring k by the cell's extent across the edge.
         if kept_normal(case, mesh, edge) is not None:
