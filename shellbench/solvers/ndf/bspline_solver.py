@@ -1,4 +1,4 @@
-"""The solver `bspline-ritz`; what solves is `bspline`, which is imported when it is called."""
+"""The solver `bspline-ritz`; the module `bspline`, which solves, is imported when it is called."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class SplineSolver(FieldSolver):
         return self.declines(case)
 
     def load(self, path: Path) -> SplineSolution:
-        """Read a solution of this solver; InputError in one sentence if it is none."""
+        """Read a file of this solver; InputError in one sentence if it is no such file."""
         from shellbench.solvers.ndf.bspline.bspline_solution import SplineSolution
 
         return SplineSolution.load(path)

@@ -1,4 +1,4 @@
-"""Solvers that hold shells by a field with boundary factors, and the quantities that such a field can't give."""
+"""Solvers whose answer is a field with boundary factors, and the quantities that such a field can't give."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Cases that a field declines: supports that boundary factors can't hold, paths and motions that it can't follow.
 
-What boundary factors hold is found out by trying a random field.
+A random field is used to test what boundary factors hold.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def why_not_moved(case: Case) -> str | None:
 
 
 def violations(field: Field, support: EdgeSupport) -> tuple[float, float]:
-    """Return by how much a field misses the prescribed motion and slope on an edge, relative to its own size.
+    """Return the errors of a field in the prescribed motion and slope on an edge, relative to its own size.
 
     The ends of the edge are left out: there two supports may contradict each other.
     """
@@ -131,7 +131,7 @@ def _across(x: Tensor, axis: int) -> tuple[Tensor, Tensor]:
 
 
 def _tilt(u: Tensor, x: Tensor, normal: Tensor, axis: int) -> Tensor:
-    """u,n . normal along an edge, n the unit conormal (the direction across the edge within the surface)."""
+    """Return u,n . normal along an edge, n the unit conormal (the direction across the edge within the surface)."""
     du, dv = (u[D1], u[D2]) if axis == 0 else (u[D2], u[D1])
     share, conormal = _across(x, axis)
     tilt: Tensor = ((du - share * dv) * normal).sum(-1) / conormal.norm(dim=-1)

@@ -1,4 +1,4 @@
-"""Settings of `ndf-published` and of `ndf-material`, and which of them a training's course depends on."""
+"""Settings of `ndf-published` and of `ndf-material`, and the key of those that affect a training."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ OMEGA0, LEARNING_RATE = 15.0, 1e-4  # the paper's values (Kairanda et al., secti
 NDF_PUBLISHED = "ndf-published"  # of the solver, in records and files
 
 NOT_OF_THE_TRAINING = {"device", "checkpoint", "checkpoint_every"}
-OF_FIXED_LENGTH = "cosine"  # a schedule whose steps depend on the iterations asked for
+OF_FIXED_LENGTH = "cosine"  # a schedule whose steps depend on the number of iterations
 
 
 class PublishedSettings(SeededSettings):
@@ -86,7 +86,7 @@ def training_key(case: Case, settings: PublishedSettings) -> str:
 
 
 def own_checkpoint(case: Case, settings: PublishedSettings) -> Path | None:
-    """Return the file in which a training keeps its checkpoints; None if it keeps none."""
+    """Return the file of a training's checkpoints; None if it keeps none."""
     if settings.checkpoint is None:
         return None
     return Path(settings.checkpoint) / f"{case.name}-{training_key(case, settings)[:16]}.safetensors"
