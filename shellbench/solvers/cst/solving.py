@@ -324,6 +324,9 @@ def march(problem: TriangleProblem, until: float, steps: int, tolerance: float, 
     SolveFailure
         If Newton's method finds no minimum.
     """
+    # 1. Predict by the velocity, and move the held vertices.
+    # 2. Minimise the incremental potential of backward Euler.
+    # 3. Add the work of loads and of supports; update the velocity.
     dt, mass = until / steps, problem.loading.mass
     size = float(np.ptp(problem.elastic.rest, axis=0).max())
     u = np.zeros_like(problem.elastic.rest)

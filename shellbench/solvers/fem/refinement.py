@@ -160,6 +160,11 @@ def levels(
     The first `forgiven` meshes may fail, and `MOVING` more whose paths end at another load than on the mesh before. The
     energy converges at most at the rate `slowest`.
     """
+    # 1. Solve on the next mesh and measure; skip a mesh that is no finer than the last one.
+    # 2. Start the sequences again if the path reaches other quantities than before.
+    # 3. Observe the rate of the energy, and extrapolate each quantity with at most this rate.
+    # 4. Raise an uncertainty to the least values for small changes of fields and for contact; add rounding.
+    # 5. Divide by the scale of each quantity.
     # A limit point of the shell is at the same load on every mesh. A spurious one of a mesh, which does not resolve a
     # travelling fold, moves as the mesh is refined.
     values: dict[str, list[float]] = {}

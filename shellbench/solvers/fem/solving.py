@@ -91,6 +91,10 @@ def _moved(case: Case, chosen: FemSettings, progress: ProgressCallback) -> Motio
 
 
 def _refined(case: Case, chosen: FemSettings, start: FemSolution | None, progress: ProgressCallback) -> FemSolution:
+    # 1. Choose gradings, tolerance and the largest mesh, and let trials share out the cells.
+    # 2. Solve on ever finer meshes; record each one in the history.
+    # 3. Stop when the largest uncertainty is within the tolerance, or the next mesh would be too large.
+    # 4. Refuse an answer whose uncertainty exceeds `MOST_UNCERTAIN` after several meshes.
     began = time.perf_counter()
     # Meshes of the non-linear theory are not graded toward edges: this would slow down their steps.
     graded = case.linear and chosen.grading != 1 and not case.prescribed
@@ -191,6 +195,10 @@ def _solves(
 
     If a coarse mesh can't follow the path to its end, a trial in linear theory decides.
     """
+    # 1. A case with a prescribed field is interpolated; one for modes is solved for modes; a linear one is solved once.
+    # 2. A non-linear case follows its path on each mesh, guided by the states of the mesh before (`trail`).
+    # 3. Its trial follows the path to the end alone; if that fails, the linear case at full load decides. Contact takes
+    #    the path itself as the trial. Buckling has no trial, since its wave pattern depends on the mesh.
     degree = case_degree(case, settings)
 
     def linear(of: Case) -> OnMesh:

@@ -143,6 +143,11 @@ def least(sampled: Sampled, start: Array, span: Sparse) -> Iterator[tuple[float,
     SolveFailure
         If steps do not lower the energy, it has not settled, or the final state is no minimum.
     """
+    # 1. Take energy, gradient and Hessian; solve for the Newton step of the free unknowns.
+    # 2. If the exact Hessian is indefinite, take the convex one, damped, instead.
+    # 3. Stop if the predicted gain is at rounding; refuse a saddle.
+    # 4. Limit the step with a body, halve it until the energy falls, and return to the exact Hessian near the minimum.
+    # The textbook shifts the Hessian until it is definite. Here a convex part of the energy's own Hessian replaces it.
     axes, meets = sampled.axes, sampled.body is not None
     convex, coefficients = meets, start
     most, small = (MOST_FOLDING, SMALL_FOLDING) if meets else (MOST_STEPS, SMALL)
@@ -243,6 +248,9 @@ def minimised(
     It starts from a coarser grid's answer, if there is one. `count` is the number of Gauss points of a cell along a
     side; None for that of its degree.
     """
+    # 1. Prepare Gauss points, pinned coefficients, and the map from free (or symmetric) unknowns.
+    # 2. Weigh the samples by the density, and minimise by Newton's method from the last coefficients.
+    # 3. With a density, set it by the new losses, and repeat until it is steady.
     assert case.cloth is not None
     began, history = time.perf_counter(), list[Step]()
     points, areas = gauss(cells, count or GAUSS[degree])

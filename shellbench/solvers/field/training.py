@@ -289,6 +289,10 @@ def train(case: FieldCase, choice: Choice, progress: ProgressCallback) -> Layere
     SolveFailure
         If the loss is not finite any more.
     """
+    # 1. With the adaptive sampler, sample the losses by cell, and mix them into the density.
+    # 2. Draw points, and take a step of Adam on the losses there.
+    # 3. Record the case's quantities at some epochs, without counting the time.
+    # 4. State the change over the last records as the uncertainty.
     began = time.perf_counter()
     random, weights = np.random.default_rng(choice.seed), Weights(choice)
     optimiser = Adam(list(weights.tensors.values()), choice.rate)

@@ -152,6 +152,10 @@ class XpbdSolver(PbdSolver):
 
 def followed(case: RopeCase, settings: Any, rate: float, watch: Watch) -> list[RopeState]:
     """Return the states at the case's times; SolveFailure, with the earlier states, if the motion diverges."""
+    # 1. Move all masses freely by a substep, and the root as prescribed.
+    # 2. Correct the links and push masses out of obstacles, `iterations` times.
+    # 3. Take velocities from the differences of places; record stretch and depth.
+    # 4. Keep a state at each of the case's times; pulls over h^2 are the tensions.
     rope, chains = case.rope, case.chains or len(case.masses)
     nodes, velocities = (np.array(by_node(each, chains)) for each in start_of(case))
     inverse = by_node(1.0 / case.masses, chains)

@@ -172,6 +172,11 @@ def stepped(
     block
         First chain, and the one after the last.
     """
+    # For each chain, two halves, with the position update (and impulses if `again`) before the second one:
+    # 1. Find directions, lengths and taut links, and external accelerations.
+    # 2. Fill the rows of tensions and solve them by elimination along the links.
+    # 3. Add half a velocity update by external forces and tensions.
+    # 4. Apply impulses so that no taut link grows.
     (step, gravity, drag, room), (printed, turns, again) = numbers, choices
     m = lengths.shape[1]
     e, found, external = np.empty((m, 3)), np.empty(m), np.empty((m, 3))

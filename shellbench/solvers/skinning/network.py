@@ -117,6 +117,9 @@ def train_recurrent(
     case: SkinningCase, solver: str, settings: RecurrentSettings, progress: ProgressCallback
 ) -> Skinned:
     """Train a gated recurrent unit (Cho et al. 2014) from the body's motion to coefficients, clip by clip."""
+    # 1. Normalise the inputs by mean and spread of the training frames; mask the held-out frames.
+    # 2. Draw the unit's weights from the seed, and train by Adam with a cosine schedule.
+    # 3. Each step takes whole clips; the loss is the mean square over the training frames in them.
     training = Training(case, solver, recurrent_skin, settings.modes, progress)
     frames, count = case.cape.frames, len(training.basis["modes"])
     motion = course(training.clips)

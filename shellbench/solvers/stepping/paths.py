@@ -65,9 +65,11 @@ def load_steps(
     PathEndsError
         If a step can't be cut further, or a state is no minimum.
     """
-    # Equal parts of at most `step` up to the next mark. They are longer after an easy step, and half after a failure.
-    # A state that is found but not stable counts as a failure: a shorter step may stay on the stable branch. Growth is
-    # judged by the step made, not by the one wanted. A short one before a mark leaves `step` as it is.
+    # 1. Take equal steps of at most `step` to the next mark.
+    # 2. After a failure, cut the step; a state that is found but not stable counts as a failure, since a shorter step
+    #    may stay on the stable branch.
+    # 3. After an easy step, let `step` grow; the growth is judged by the step made, so that a short step before a mark
+    #    leaves `step` unchanged.
     state, step = start, first
     for mark in marks:
         while state.t < mark:

@@ -74,6 +74,13 @@ def solve(
     SolveFailure
         If the loads are not in balance with the removed rigid motions, or the linear solve fails.
     """
+    # 1. Integrate the loads, resolve the supports to ties, and pin free rigid motions.
+    # 2. Assemble K with springs and the terms of clamps between nodes.
+    # 3. Reduce K and the forces by the ties, and solve; with obstacles, `settle` calls this solve repeatedly.
+    # 4. Compute the energy, and the reactions as internal forces less loads, contact forces and gap terms of clamps.
+    # 5. Remove the mean rigid motion, and divide the forces among supports.
+    # Textbooks take internal forces from K q. If the solve had to refine by strains, they come from strains here, which
+    # have less rounding.
     quadrature = Quadrature.of_order(mesh, quadrature_order)
     loading = Loading.on_mesh(case, mesh, quadrature, states)
     ties = support_ties(case, mesh, states)

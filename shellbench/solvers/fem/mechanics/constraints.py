@@ -60,6 +60,9 @@ def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterato
     InputError
         If a clamp can't be a condition at nodes.
     """
+    # 1. State the held components at the nodes, with their derivative along an edge.
+    # 2. Add rows of the slope, or of the mirror, and rows of bubbles on edges.
+    # 3. Scale all rows to length one, and mark the degrees of freedom on which the support acts.
     for number, support in enumerate(case.supports):
         for name in support.on:
             place = case.places[name]
@@ -235,6 +238,10 @@ def _slope(
     edge: Edge, x: Mapping[Derivative, Array], support: Support, motion: Motion, turn: Array, carried: int
 ) -> tuple[Array, Array]:
     """Prescribe the rotation about an edge, and its derivative along the edge; `turn` carries its normal along."""
+    # 1. Compute the geometry on the edge, with the normal turned by the support.
+    # 2. Form c(u), and its derivative along the edge, as factors of derivatives of u.
+    # 3. Refuse if they need a derivative that is no degree of freedom.
+    # 4. Fill the rows, with c of the prescribed motion as right-hand side.
     fixed, running = ((1, 0), (0, 1)) if edge.axis == 0 else ((0, 1), (1, 0))
     # c(u) and its derivative along the edge, by the product rule, in the degrees of freedom u,k u,t u,kt (and u,tt).
     # c'(u) = (a_tt u,k - a_kt u,t) . N' + (a_tt' u,k + a_tt u,kt - a_kt' u,t - a_kt u,tt) . N.

@@ -94,6 +94,10 @@ def axis_lines(
     or toward none. The longest of these gets `cells` cells, and shorter ones fewer, so that the cells on either side of
     a singular point are alike.
     """
+    # 1. Collect the places of grading with their exponents, and merge coinciding ones.
+    # 2. Divide the coordinate at them; a closed one begins at its first place.
+    # 3. Give each part cells in proportion to its reach, and grade it toward its ends.
+    # 4. Add lines where stiffness varies quickly.
     domain = case.surface.domain
     lower, upper = domain.lower[axis], domain.upper[axis]
     slack = SAME * domain.size[axis]

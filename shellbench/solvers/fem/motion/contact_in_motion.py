@@ -247,7 +247,11 @@ class StepContact:
         NotConvergedError
             If no set of points in contact is found.
         """
-        # Candidates are points that were pressed, points that would be inside, and points that the others push in.
+        # 1. Choose candidates: points that were pressed, points that would be inside, and points that the others push
+        #    in.
+        # 2. Extend the compliance by new candidates.
+        # 3. Find the forces of the candidates from the small dual problem (`Balance`).
+        # 4. Add the response to the step; repeat until no further point enters.
         gap, normal, nearest = self.gap(u)
         obstacles = self.points.case.obstacles
         friction = np.array([o.friction for o in obstacles])[nearest]

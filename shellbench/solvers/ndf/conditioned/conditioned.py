@@ -219,6 +219,13 @@ class _Build:
         self.asked = asked_row(self.ansatz, self.features)
 
     def field(self) -> ConditionedField:
+        # 1. Integrate the four matrices of the features, and solve for fields at chosen materials, with and without
+        #    challengers.
+        # 2. Integrate the four matrices of these fields on the rule of the solves and on the finer one.
+        # 3. Reduce: orthonormal combinations of the fields, once of those with challengers and once of those without.
+        # 4. State uncertainties at the held-out materials, and refuse a field that exploits its quadrature.
+        # The textbook's reduced basis has its matrices on one quadrature. Here the finer one serves for answers, and
+        # the difference of the two is the gap.
         rule = area_rule(self.shell.surface.domain, self.focal, self.chosen.rule)
         check_balance(self.shell, rule, self.chosen.rule, self.focal)
         self.progress(Progress(0, None, "integrating the energy of the features"))

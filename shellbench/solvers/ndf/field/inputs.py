@@ -288,6 +288,9 @@ class Inputs:
 
     def _candidates(self, points: Array, placement: Placement) -> list[tuple[Callable[[], Tensor], bool]]:
         """Return for each candidate a function of its jet (6, N) without mirrors, and True if it is stretched."""
+        # 1. Plain coordinates: cosine and sine of a periodic one, else the coordinate scaled to [-1, 1].
+        # 2. Distances from edges, kinks and lines of quick stiffness, stretched.
+        # 3. Distances from foci, stretched: along the tangents, or along the coordinates if inputs have to be even.
         domain = self.case.surface.domain
 
         @cache

@@ -130,6 +130,9 @@ def solve(
     SolveFailure
         If a field is no answer (see `shellbench.solvers.ndf.linear.signs`), or the forces of obstacles are not found.
     """
+    # 1. Choose two resolutions, the second one wider and on finer rules.
+    # 2. Solve on each; the edges of contact found first are the creases of the second.
+    # 3. State the second answer with their difference as its uncertainty, and refuse it if its signs are bad.
     begin = time.perf_counter()
     fixed = settings.neurons is not None, settings.panels is not None
     # Paths have no features of edge layers: those of linear theory are too fine for Newton's method.
@@ -344,6 +347,9 @@ def drawn(
 def _answer(
     case: Case, spec: FieldSpec, settings: RitzSettings, resolution: Resolution, seed: int, finer: float
 ) -> Touching:
+    # 1. Draw features, integrate the normal equations, and factorise them with the supports held.
+    # 2. Find the contact forces and the output layer (`_settled`).
+    # 3. Certify the energy on the finer rule, and collect the signs.
     ansatz, features, (rule_spec, fine_spec), focal = drawn(case, spec, settings, resolution, seed)
     placement = features.placement
     rule, fine = (area_rule(case.surface.domain, focal, one) for one in (rule_spec, fine_spec))

@@ -39,6 +39,10 @@ def contact_points(case: Case, creases: tuple[Crease, ...], finer: float, ends: 
 
     `ends` are True if there are rows on the edges of the shell as well.
     """
+    # 1. Choose the numbers of rows: more across edges of contact, few along them.
+    # 2. Along each coordinate, place a row on each edge of contact (and on the shell's edges with `ends`), and even
+    #    rows between.
+    # 3. Form the grid of both coordinates, with the lengths that each point represents.
     domain, sides = case.surface.domain, np.asarray(side_lengths(case))
     if creases:
         across = {axis for axis, _, _ in creases}

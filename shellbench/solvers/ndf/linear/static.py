@@ -202,6 +202,15 @@ def _unrecovered(solution: NdfSolution) -> Miss:
 def _solve_level(
     case: Case, spec: FieldSpec, settings: RitzSettings, level: Level, begin: float, balances: Balances
 ) -> SolvedLevel:
+    # 1. Draw the level's features, and integrate the normal equations on its rule; soft supports join as springs.
+    # 2. Choose nested parts of the features: parts of the usual ones, all of them, and those with challengers, the last
+    #    ones with three levels of regularisation.
+    # 3. Solve for the output layer of each part from the same matrix, and certify all energies on the finer rule at
+    #    once.
+    # 4. Scale each answer by its best multiple if nothing moves, remove its rigid motion, and collect its signs and
+    #    history.
+    # Textbooks solve one Ritz basis. Here nested bases of one matrix show the error at the cost of further
+    # factorisations.
     spec = spec.model_copy(update={"detail": level.detail})
     placement, focal, chosen = Placement.on(settings.device), graded_points(case, spec), level.resolution
     ansatz, inputs = build_ansatz(case, spec), build_inputs(case, spec)
@@ -215,7 +224,6 @@ def _solve_level(
     if springs:
         equations = Springs.from_spec(ansatz, chosen.rule, focal, weight).join(equations, ansatz, features)
 
-    # Nested bases: parts of the usual features, all of them, and those with challengers.
     hidden, former = network.width, np.logical_or(features.fixed.former(), level.number > 1)
     plain, powers = hidden + np.nonzero(former)[0], hidden + np.nonzero(~former)[0]
     shares = NESTED if level.number == 0 and not level.repeated else NESTED[-1:]

@@ -61,6 +61,9 @@ def integrate(
     StuckError
         If a step can't be cut further, or too many were taken.
     """
+    # 1. Bound the step by stability, and by the distance to the next mark.
+    # 2. Step by DOP853 until the mark, and record each accepted step.
+    # 3. Change to equations of motion with more features if `finer` returns them.
     # z = (y, y', work). The work of loads and supports is integrated too, for the balance of energy.
     evaluations = 0
 

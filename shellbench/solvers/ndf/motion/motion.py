@@ -268,6 +268,10 @@ class _Run:
         return grown(self.case, motion.spec, self.level, self.points, self.degree)
 
     def _kept(self, track: Track) -> MotionSolution:
+        # 1. Compute output weights with two derivatives at all accepted steps, extended to the features of the last
+        #    step.
+        # 2. Compute the energies on the rule of the motion, and the drift of their balance.
+        # 3. Certify energies on the finer rule at the marks.
         motion, placement = track.motions[-1], self.motion.features.placement
         # Keep weights, rates and accelerations at each step for quintic Hermite interpolation in time.
         outputs = [

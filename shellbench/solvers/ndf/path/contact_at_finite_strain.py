@@ -163,6 +163,9 @@ def answer(
     SolveFailure
         If the path ends early.
     """
+    # 1. Draw features, and choose the points of contact.
+    # 2. Follow load steps with contact from rest.
+    # 3. Certify the energy of each kept state on the finer rule.
     ansatz, features, (rule, fine), focal = drawn(case, spec, settings, resolution, seed)
     level = PathLevel(features, rule, fine, focal, resolution)
     problem = PathProblem(spec, ansatz, features, rule, focal).independent()

@@ -61,6 +61,10 @@ def solve(
     InputError
         If the loads are not in balance.
     """
+    # 1. Follow the path on the next level, with the states of the level before as guesses.
+    # 2. Compare the certified energies of the two levels at the end of the path.
+    # 3. Stop when their change is small; a failed coarse level is skipped.
+    # 4. Let challengers state the uncertainty.
     began = time.perf_counter()
     history: list[Step] = []
     before: float | None = None

@@ -247,6 +247,13 @@ def edge_reaction(
     returns further forces per area (N, 3) at points (N, 2), such as those of inertia; `touch` are the contact forces.
     At finite strain the arms of forces are those of the deformed shell.
     """
+    # 1. Choose virtual motions that are rigid on the support's edges and vanish on all others.
+    # 2. Sum over the area a(u, v) less the work of loads, springs and following pressures.
+    # 3. Subtract the work of concentrated forces, contact forces and point supports.
+    # 4. Subtract the work of edge moments.
+    # 5. Return NaN for components that can't be separated from another support.
+    # The textbook integrates stresses along the edge. Virtual work needs no stress there, and its error is of second
+    # order.
     case, placement, t = field.ansatz.case, field.features.placement, field.ansatz.t
     virtual = Virtual.from_support(case, support)
     edges = virtual.edges

@@ -105,7 +105,7 @@ class Sketch:
 
 
 def shared(directions: int, shapes: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Return (a, b) for each layer of a shape (m, n): a b directions of its m n, at most as many as requested in all."""
+    """Return (a, b) for each layer of a shape (m, n): a b directions of its m n, in all at most `directions`."""
     # The smallest layers come first: the directions that they can't use go to the others.
     left, result = directions, dict.fromkeys(range(len(shapes)), (0, 0))
     for rest, k in zip(range(len(shapes), 0, -1), sorted(result, key=lambda k: math.prod(shapes[k])), strict=True):

@@ -98,6 +98,10 @@ def follow(
     SolveFailure
         If the path ends early for the widest, or its field exploits the quadrature.
     """
+    # 1. For each width, draw a deep network and train its hidden layers on the linear problem at full load, if
+    #    possible.
+    # 2. Follow the path with these layers kept, level by level (`large_displacement.solve`).
+    # 3. With `begin`, take the hidden layers of the earlier path, and start from its states.
     full = case.path.until if case.path.control == "load" else 1.0
     linear = case.model_copy(update={"theory": "kirchhoff-love-linear"})
     problem = TrainingProblem.from_case(
