@@ -276,8 +276,6 @@ def read_states(
     InputError
         In one sentence, if the file is not a complete and consistent solution.
     """
-    # 1. Read the case, the features and the output layers, and check their sizes.
-    # 2. Make a solution of each state, with its supports built in at its load factor.
     with telling_damage(path):
         case = header.read_case()
         features = features_of(case, header, tensors)
