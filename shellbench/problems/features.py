@@ -34,13 +34,13 @@ Group = tuple[Sequence[Expression], float]
 TOLERANCES: dict[Measure, float] = {"integral": 1e-5, "curvature": 1e-3}
 """Shares of the whole: a tenth of the finest class of accuracy (1e-4) that answers are judged by. Of the second
 derivatives of a surface, which layers average over their length, a thousandth."""
-MOST_CELLS = 20_000  # of a formula: more take seconds, and what needs them no mesh would follow
+MOST_CELLS = 20_000  # of a formula: more take seconds, and no mesh would resolve such a formula
 FIRST = 8  # cells a side, at first
 ORDER = 6  # of the polynomials: cells and panels have as many Gauss points a side
 AT_ONCE = 0.01  # of the largest share: cells that are halved together have no less
-AT_A_TIME = 1024  # cells: what their series take stays in the cache
+AT_A_TIME = 1024  # cells: their series fit into the cache
 SHORTEST = 1e-12  # of the side: a shorter cell holds a jump, a kink or a pole
-NARROW = 1 / 64  # of the side: samples of all meshes and rules are denser than what is wider
+NARROW = 1 / 64  # of the side: samples of all meshes and rules resolve wider features
 STRAIGHT = 1e-4  # curvature, in units of slope over side, of a surface that counts as none
 POINTLIKE, MOST_PEAKS = NARROW / 16, 8  # of the side: cells that count as a point, and the largest number of these
 ALIKE = 1e-6  # relative: longer cells are longer

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-ROUNDED = 2.0**-52  # relative: what one operation may round away, to either side
+ROUNDED = 2.0**-52  # relative: rounding of one operation, to either side
 APPROXIMATED = 2.0**-49  # relative: the same of functions whose last digits are the library's choice
 
 
@@ -37,7 +37,7 @@ class Interval(NDArrayOperatorsMixin):
     ndim = 1
 
     def __init__(self, low: Array, high: Array) -> None:
-        # what is no number is a bound that is not known
+        # NaN is an unknown bound
         unknown = np.isnan(low) | np.isnan(high)
         self.low, self.high = (low, high) if not unknown.any() else _without(low, high)
 
@@ -136,7 +136,7 @@ def _multiply(a: Any, b: Any) -> Interval:
         ends = (a.low * b.low, a.low * b.high, a.high * b.low, a.high * b.high)
         low = np.fmin(np.fmin(ends[0], ends[1]), np.fmin(ends[2], ends[3]))
         high = np.fmax(np.fmax(ends[0], ends[1]), np.fmax(ends[2], ends[3]))
-    # a product of zero and what has no bound is zero: the bound is none of the values
+    # a product of zero and an infinite bound is zero: the bound itself is not a value
     if (nothing := np.isnan(low)).any():
         low, high = np.where(nothing, 0.0, low), np.where(nothing, 0.0, high)
     return _outward(low, high)

@@ -15,7 +15,7 @@ def silent(progress: Progress) -> None:
 
 
 class CheckedSolver(ABC):
-    """A solver that answers what it does not decline; see `shellbench.problem.Solver` for the protocol.
+    """A solver that answers all cases that it does not decline; see `shellbench.problem.Solver` for the protocol.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class CheckedSolver(ABC):
         start: Solution | Path | None = None,
         progress: ProgressCallback | None = None,
     ) -> Solution:
-        """Solve a case with settings, or what makes some.
+        """Solve a case with settings, or with data from which settings are made.
 
         Raises
         ------

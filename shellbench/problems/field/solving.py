@@ -12,7 +12,7 @@ from shellbench.problems.field.case import FieldCase
 from shellbench.problems.field.solution import FieldAnswer
 from shellbench.problems.solving import FreshSolver
 
-LEVEL_ROUNDING = 1e-14  # relative: what no level tells
+LEVEL_ROUNDING = 1e-14  # relative: rounding, which no level shows
 
 
 class FieldSolver(FreshSolver):

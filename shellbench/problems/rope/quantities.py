@@ -135,7 +135,7 @@ class Share(Quantity):
         return float(np.mean(nodes[:, AXES.index(self.axis)] > self.beyond))
 
 
-STILL = (NodePosition, LinkTension)  # what a chain between two ends can be asked
+STILL = (NodePosition, LinkTension)  # quantities of a chain between two ends
 RopeQuantity = Annotated[
     NodePosition | LinkTension | NodeSpeed | AngularSpeed | Stretch | Penetration | Momentum | Energy | Share,
     Field(discriminator="kind"),

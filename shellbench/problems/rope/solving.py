@@ -27,7 +27,7 @@ from shellbench.problems.solving import FreshSolver
 Array = NDArray[np.float64]
 
 HALVINGS = (4, 2, 1)  # steps in time of the levels, so many times as long as the finest
-LEVEL_ROUNDING = 1e-14  # relative: what no level tells
+LEVEL_ROUNDING = 1e-14  # relative: rounding, which no level shows
 WHOLE = 1e-9  # of a step: by how much a time may miss a whole number of them
 FRAMES, FRAME = 120, 1 / 60  # most frames that are kept for pictures, and the shortest time between two, s
 DRAWN = 200  # most nodes of a frame

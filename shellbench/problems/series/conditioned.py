@@ -21,7 +21,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.protocol.schema import Finite, Model, Name, Positive, Vector
 
 Ratio = Annotated[Finite, Field(ge=0, lt=0.5)]
-SLACK = 1e-12  # relative: what rounding may put beyond the end of a range
+SLACK = 1e-12  # relative: allowed excess of a range by rounding
 ASKED = "asked"  # name of the quantity that each shell is asked
 
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 FOLDER = "SHELLBENCH_DATA"
-MAKERS = (body, cape, motion)  # modules that decide what is simulated
+MAKERS = (body, cape, motion)  # modules that determine the simulation
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def _made(cape: Cape, body: tuple[Capsule, ...], margin: float, moves: BodyMotio
     return {"rest": rest.astype(np.float32), "meshes": meshes.astype(np.float32)}
 
 
-LONG = 100_000  # vertices times frames beyond which progress is told
+LONG = 100_000  # vertices times frames beyond which progress is reported
 
 
 def kept_at(cape: Cape, body: tuple[Capsule, ...], margin: float) -> Path:

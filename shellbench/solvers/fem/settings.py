@@ -68,7 +68,7 @@ def takes_bubbles(case: Case) -> bool:
     """Return True if a case can be solved in degree 4 and 5."""
     if case.dynamics is not None:
         return False
-    if case.prescribed:  # interpolated; what follows the deformed shell is known in cubics alone
+    if case.prescribed:  # interpolated; following loads are known in cubics only
         return case.linear or not (case.following or any(isinstance(load, MomentLoad) for load in case.loads))
     if not case.linear:
         return False

@@ -36,7 +36,7 @@ DIRECTIONS = 6  # of edges in a triangle: two structures, a sixth of a turn apar
 CORNERS = 6  # of a structure that collide
 DAMPING, FARTHEST, NEAR, SMALL, MOST = 1e-7, 0.1, 3e-4, 1e-10, 200
 EPSILON = 64 * float(np.finfo(float).eps)  # relative error of a place, with a margin
-ANCHOR = 1e-12  # stiffness by which what no pin holds is held while pins are extended
+ANCHOR = 1e-12  # stiffness that holds free vertices while pins are extended
 INDEFINITE = 1e-9  # relative size of a negative pivot that is not rounding
 
 
@@ -235,7 +235,7 @@ class Mesh:
             rows, columns = np.concatenate([i, j, i, j]), np.concatenate([i, j, j, i])
             stiffness = stiffness + coo_matrix((entries, (rows, columns)), shape=(len(points),) * 2)
         whole = kron(stiffness.tocsr(), identity(3))
-        anchor = ANCHOR * identity(span.shape[1])  # of what no pin moves
+        anchor = ANCHOR * identity(span.shape[1])  # of vertices that no pin moves
         found = factorised(span.T @ whole @ span + anchor).solve(-(span.T @ (whole @ values.ravel())))
         return np.asarray(self.rest + values + (span @ found).reshape(-1, 3))
 

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class MeshField(FieldSolution):
-    """A field by the displacement (n, 3) of `vertices`, linear in triangles; `form` is what the mesh is made with."""
+    """A field by the displacement (n, 3) of `vertices`, linear in triangles; `form` has the data that rebuild it."""
 
     @cached_property
     def mesh(self) -> Any:

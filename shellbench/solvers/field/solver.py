@@ -29,7 +29,7 @@ VERTICES = 127  # cells of a grid that has as many coefficients as the paper's m
 MATCHING, MINIMISING, FOLDING = 64, 16, 48  # cells along a side
 FEWEST = 12  # of the grids that a sheet folds on first
 HIDDEN = 3  # layers beside the last
-SPENT = {"epochs": 200, "samples": 64}  # by what is trained if the case does not say
+SPENT = {"epochs": 200, "samples": 64}  # by trainings if the case states no limits
 LOOKS = 10  # at the figures of a training
 
 

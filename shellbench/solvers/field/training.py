@@ -62,7 +62,7 @@ class Choice:
 
 
 class Weights:
-    """The weights of a field as tensors that learn; `displacement` is what `LayeredField` computes of them.
+    """The weights of a field as tensors that learn; `displacement` is that of `LayeredField` with these weights.
 
     Gradients are propagated through the layers by hand, in reused memory: PyTorch's graph, and fresh memory for each of
     its results, cost more than the products. Only the losses as functions of places use the graph.
@@ -99,7 +99,7 @@ class Weights:
 
     @torch.no_grad()
     def displacement(self, points: Array) -> Tensor:
-        """Return the displacement (n, 3) at points (n, 2), and keep what `slopes` needs of the way."""
+        """Return the displacement (n, 3) at points (n, 2), and keep the intermediate values for `slopes`."""
         form = self.form
         if self.pinned is not None:
             shares = self.tensor(pin_shares(points, self.pinned))

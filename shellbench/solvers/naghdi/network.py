@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 REACH = 4.0  # of inputs on either side of zero: by certified energy on the roof, against 1 and 2
 ALONG_EDGE = 33  # points of an edge at which its frame is looked at
-STRAIGHT = 1e-9  # by which a frame may miss what a support needs
+STRAIGHT = 1e-9  # allowed error of a frame in a support's condition
 
 
 def held_fields(case: Case) -> list[set[Edge]]:

@@ -11,7 +11,7 @@ from shellbench.solvers.rope.pulls import dot
 
 Array = NDArray[np.float64]
 Placing = Literal["rotation", "projection"]
-TINY = 1e-300  # keeps directions of what does not move finite
+TINY = 1e-300  # keeps directions of nodes at rest finite
 
 
 def unit(vectors: Array) -> Array:

@@ -17,10 +17,10 @@ GROWTH, CUT = 2.0, 0.5  # of a step after an easy one, and after one that did no
 ARC_GROWTH, ARC_CUT = GROWTH**0.5, CUT**0.5  # of an arc after an easy step, and after a slow one that converged
 SMALLEST_STEP = 1e-4  # of the whole path: where a shorter one were needed, the path ends
 SAME = 1e-9  # relative difference of two load factors or displacements that is rounding
-UNMOVED = 1e-12  # rate of a displacement, relative to what it could be, that is rounding
+UNMOVED = 1e-12  # rate of a displacement, relative to its bound, that counts as rounding
 LONGEST_ARC = 1.5  # in units of the first one
 STRAIGHT = 0.7  # cosine between a step and the tangent it started along: less may lead to another branch
-CLOSE, CLOSER = 1 / 8, 1 / 4  # of the longest step: one over a turning point, and what it is cut to if it is longer
+CLOSE, CLOSER = 1 / 8, 1 / 4  # of the longest step: largest step over a turning point, and the cut of a longer one
 
 
 class NotConvergedError(ArithmeticError):

@@ -1,4 +1,4 @@
-"""Triangle meshes with texture coordinates from OBJ (v, vt, f), ASCII PLY and what meshio reads.
+"""Triangle meshes with texture coordinates from OBJ (v, vt, f), ASCII PLY and the formats of meshio.
 
 The reader is strict: if the file lacks something that a surface needs, it is refused in one sentence with the line.
 Data that a surface does not use (normals, materials, groups, colours) are ignored. Polygons become fans of triangles.

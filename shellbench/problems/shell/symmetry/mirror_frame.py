@@ -20,7 +20,7 @@ from shellbench.problems.shell.variants.placing import follows, placed_data
 
 Array = NDArray[np.float64]
 
-NOTHING = 1e-12  # entry of a rotation that is rounding: what planes may be turned by, and still be seen as mirrors
+NOTHING = 1e-12  # entry of a rotation that counts as rounding: planes turned by less are still found as mirrors
 
 
 def in_frame_of_mirrors(case: Case) -> tuple[Case, Array] | None:

@@ -37,7 +37,7 @@ CAREFUL = 1e-7
 # The same in degree 4 and 5: their K has more rounding; a residual by K itself shows only 1 to 15 % of it.
 CAREFUL_CELLS = 1e-9
 CAREFUL_REFINEMENTS = 4  # at most, as long as each change is smaller than half the one before
-# Change of the answer by a refinement that ends them: a thousandth of what `CAREFUL` lets pass.
+# Change of the answer by a refinement that ends them: a thousandth of `CAREFUL`.
 REFINED = 1e-10
 ALIGNED = 0.5  # cosine between two such changes above which they are no rounding
 CONJUGATE_STEPS = 20  # at most, where such refinements do not lead to the answer

@@ -18,7 +18,7 @@ Apply = Callable[[Array], Array]
 BLOCK = 8  # vectors at a time: no eigenvalue may occur more often
 MOST_BLOCKS = 60
 PAIR_FOUND = 1e-6  # residual of a pair relative to mu: the error of mu itself is its square over a gap
-# Squared length of what orthogonalisation leaves, relative, that is rounding.
+# Relative squared length of a vector after orthogonalisation that counts as rounding.
 LOST = 1e-12
 
 

@@ -85,7 +85,7 @@ class _Modes:
 
     @cached_property
     def loose(self) -> Array:
-        """(6, n): rigid motions that nothing holds."""
+        """(6, n): free rigid motions."""
         return free_motions(self.case)
 
     @cached_property

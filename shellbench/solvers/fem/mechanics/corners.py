@@ -255,7 +255,7 @@ def _corners(case: Case) -> Iterator[tuple[tuple[Side, Side], float]]:
         # theta runs from the first edge to the second
         normal = np.cross(along[0], along[1])
         normal /= np.linalg.norm(normal)
-        # what holds each edge beside the corner
+        # the supports of each edge beside the corner
         beside = (
             corner[0, 1 - edge.axis] + inward[1 - edge.axis] * NEARBY * domain.size[1 - edge.axis] for edge in edges
         )

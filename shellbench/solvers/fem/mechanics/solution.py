@@ -47,7 +47,7 @@ Integers = NDArray[np.int64]
 EnergyRule = list[tuple[Integers, Midsurface, Array]]  # see `FemSolution.energy_rule`
 
 FORMATS = ("fem, format 1", 1)  # of files; the second is the older name of the first format
-INTEGRATED = ("_energies", "area", "energy_rule")  # what belongs to the field, and to nothing that is said about it
+INTEGRATED = ("_energies", "area", "energy_rule")  # cached data of the displacement field alone
 POINTS = 1024  # at which a field is evaluated at once
 
 

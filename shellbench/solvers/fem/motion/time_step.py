@@ -180,7 +180,7 @@ class MovingShell:
             lost += contact.work(forces) - h * float(np.sum(nodal * (start.v + h / 2 * push)))
             # the equation of x contains impulses `share` times, and reactions contain them once
             residual = residual + (minimum.share - 1) * (self.momentum(push) - nodal)
-        for clamp in problem.clamps:  # the part of its terms without dm is what its support exerts
+        for clamp in problem.clamps:  # the part of its terms without dm is the force of its support
             clamped = clamp.at(x, middle)
             residual = residual + clamped.gradient(len(x)) - clamped.gap_forces(len(x))
         a = (q - coast - h**2 * push) / (s.beta * h**2)

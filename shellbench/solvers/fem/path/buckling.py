@@ -171,7 +171,7 @@ class Buckling:
         return self.problem.tangent(state.q, state.t, state.strained, state.strained.stresses)
 
     def stiffness(self, tangent: BlockMatrix, t: float, mu: float = 0.0) -> Factor:
-        """Return the factorised K + mu M on what the supports leave free at a load factor.
+        """Return the factorised K + mu M on the free unknowns at a load factor.
 
         Raises
         ------

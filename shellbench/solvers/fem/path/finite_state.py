@@ -21,7 +21,7 @@ KRYLOV = 60  # products of a step; a longer iteration is stopped, which makes Ne
 
 @dataclass(frozen=True)
 class PressedFactor:
-    """The tangent K - A on what the supports leave free, K factorised.
+    """The tangent K - A on the free unknowns, with K factorised.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class TurnedFactor:
     Attributes
     ----------
     factor
-        The tangent on what the supports leave free at the state.
+        The tangent on the free unknowns at the state.
     before, ties
         The supports at the state, and at the place of use.
     """

@@ -249,7 +249,7 @@ class FiniteProblem:
         stresses: tuple[Array, ...],
         contact: tuple[Pressing, Pressed] | None = None,
     ) -> TangentFactor:
-        """Return the factorised tangent on what the supports leave free; NotPositiveDefiniteError if it is singular."""
+        """Return the factorised tangent on the free unknowns; NotPositiveDefiniteError if it is singular."""
         ties, matrix = self.ties(t), self.tangent(q, t, strained, stresses)
         if contact:
             contact[0].add_stiffness(matrix, contact[1])
@@ -259,7 +259,7 @@ class FiniteProblem:
         return PressedFactor.on_free(symmetric, self.pressure.skew(q, t), ties)
 
     def reduced_factor(self, ties: Ties, matrix: BlockMatrix) -> Factor:
-        """Return a symmetric matrix factorised on what supports leave free; NotPositiveDefiniteError if singular."""
+        """Return a symmetric matrix factorised on the free unknowns; NotPositiveDefiniteError if singular."""
         reduced = ties.reduce(matrix)
         if not np.all(np.isfinite(reduced.blocks)):
             raise NotPositiveDefiniteError

@@ -64,7 +64,7 @@ PROBE = 21  # points a side at which motions are compared
 MORE_GAUSS = 8  # Gauss points a side: few are not enough for waves of a low degree
 FIRST_DEGREE = 13  # of products that follow a motion, and the growth of their degree at a time
 DEGREE_GROWTH = 1.3  # as from one of `DEGREES` to the next
-TOP = 0.8  # of the degree: what varies more quickly is the tail; neighbours are not on record
+TOP = 0.8  # of the degree: higher degrees are the tail; neighbours are not on record
 # Of the displacement, over the longest side: threshold for more features, which falls with a power of the degree.
 TAIL = SETTLED_MOTION / 40
 REFERENCE, TAIL_POWER = 30, 4.0
