@@ -26,7 +26,7 @@ from shellbench.testing.examination import (
     Examination,
     Findings,
     Verdict,
-    apart,
+    deviation,
     failed,
     fingerprint,
     grid,
@@ -235,9 +235,9 @@ def batching(exam: Examination, case: Case) -> Verdict:
     points = np.concatenate([scattered(case, 60, seed=2), grid(case, 4)])
     together = answer.displacement(points)
     order = np.random.default_rng(3).permutation(len(points))
-    shuffled = apart(answer.displacement(points[order]), together[order])
-    alone = apart(np.stack([answer.displacement(p) for p in points[:20]]), together[:20])
-    again = apart(answer.displacement(points), together)
+    shuffled = deviation(answer.displacement(points[order]), together[order])
+    alone = deviation(np.stack([answer.displacement(p) for p in points[:20]]), together[:20])
+    again = deviation(answer.displacement(points), together)
     for words, difference in (("in another order", shuffled), ("one by one", alone), ("asked again", again)):
         found.hold(difference <= SUMMATION, f"{words}, points move by {difference:.1e} of the largest displacement")
     found.figures.append(f"largest relative difference {max(shuffled, alone, again):.1e}")
@@ -277,7 +277,7 @@ def determinism(exam: Examination, case: Problem) -> Verdict:
     """Check that two processes with one seed give the same numbers, and another seed different but near ones."""
     found, first = Findings(), fingerprint(exam.solve(case))
     with exam.fresh() as other:
-        again = apart(first, fingerprint(solve_in(other, "again", case, exam.settings)))
+        again = deviation(first, fingerprint(solve_in(other, "again", case, exam.settings)))
     found.hold(again <= SAME, f"solved again in another process, it differs by {again:.1e}", f"again: {again:.1e}")
     if not exam.facts["seeded"]:
         found.figures.append("no seed")

@@ -15,7 +15,7 @@ from typing import Any, get_args
 import numpy as np
 from pydantic import ValidationError
 
-from shellbench.bench.plugins.inside import said, serve
+from shellbench.bench.plugins.inside import error_line, serve
 from shellbench.bench.plugins.kinds import find_kind, kind_entries, problem_of
 from shellbench.bench.plugins.registry import SolverEntry, load_solver
 from shellbench.errors import InputError
@@ -162,7 +162,7 @@ class Child:
                 if not isinstance(answer, str | None):
                     kind, answer = "raised", f"returned {type(answer).__name__}, not a text or None"
             except Exception as error:
-                kind, answer = "raised", f"raised {said(error)}"
+                kind, answer = "raised", f"raised {error_line(error)}"
             answers.append((kind, answer, _worked() - start))
         return answers
 

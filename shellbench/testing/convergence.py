@@ -41,15 +41,15 @@ class Refinement:
 
 def convergence(exam: Examination, case: Problem) -> Verdict:
     """Check that the headline's error falls under refinement; without a known value, that its steps fall."""
-    levels = refined(exam, case)
+    levels = solve_refinements(exam, case)
     if isinstance(levels, str):
         return not_applicable(levels)
     known = catalog.known_values(case.name).judge(case.primary.name, case.theory)
     of_shell = isinstance(case, Case)
-    return judged(levels, known.value if known else None, *(UNKNOWNS if of_shell else STEPS))
+    return judge(levels, known.value if known else None, *(UNKNOWNS if of_shell else STEPS))
 
 
-def refined(exam: Examination, case: Problem) -> list[Refinement] | str:
+def solve_refinements(exam: Examination, case: Problem) -> list[Refinement] | str:
     """Solve a case at each refinement, from few unknowns to many; or return the reason why this is impossible."""
     chosen, words = refinements(exam, case)
     if len(chosen) < FEWEST:
@@ -109,7 +109,7 @@ def _swept(solver: str, case: str) -> list[Mapping[str, Any]]:
     return max(sweeps.values(), key=len, default=[])
 
 
-def judged(levels: Sequence[Refinement], known: float | None, what: str = "unknowns", dimension: int = 2) -> Verdict:
+def judge(levels: Sequence[Refinement], known: float | None, what: str = "unknowns", dimension: int = 2) -> Verdict:
     """Judge a sequence of refinements.
 
     Parameters

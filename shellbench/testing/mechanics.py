@@ -31,13 +31,13 @@ from shellbench.testing.examination import (
     Examination,
     Findings,
     Verdict,
-    admissible,
-    apart,
+    allowed_deviation,
+    deviation,
     grid,
     not_applicable,
     scattered,
 )
-from shellbench.testing.made_cases import FALL, SHORT, carried, converted, louder, placed, short_motion, slid
+from shellbench.testing.made_cases import FALL, SHORT, amplified, relocated, rescaled, rotated, shifted, short_motion
 from shellbench.testing.subject import RemoteSolution
 
 TOGETHER = 1e-6  # of how far it falls, by which points of what falls may differ
@@ -61,10 +61,10 @@ EDGE_POINTS = 64  # of the rule along an edge
 
 def units(exam: Examination, case: Case) -> Verdict:
     """Check that the case in other units has the same physical displacement."""
-    other = converted(case, MILLIMETRES_KILONEWTONS)
+    other = rescaled(case, MILLIMETRES_KILONEWTONS)
     if reason := exam.declined(other):
         return not_applicable(f"it declines the case in {MILLIMETRES_KILONEWTONS.words}: {reason}")
-    points, limit = grid(case), admissible(exam, case)
+    points, limit = grid(case), allowed_deviation(exam, case)
     u = (
         exam.solve(other).displacement(converted_points(case, MILLIMETRES_KILONEWTONS, points))
         / MILLIMETRES_KILONEWTONS.length
@@ -76,10 +76,10 @@ def linearity(exam: Examination, case: Case) -> Verdict:
     """Check that in linear theory twice the load gives twice the answer."""
     if not case.linear:
         return not_applicable("the case is not linear")
-    twice = louder(case, 2.0)
+    twice = amplified(case, 2.0)
     if reason := exam.declined(twice):
         return not_applicable(f"it declines the case with twice the load: {reason}")
-    limit = admissible(exam, case)
+    limit = allowed_deviation(exam, case)
     return _same(exam, case, exam.solve(twice).displacement(grid(case)) / 2, limit, "half the answer to twice the load")
 
 
@@ -89,14 +89,14 @@ def placement(exam: Examination, case: Case) -> Verdict:
     A solver of plane shells only, which declines this case, gets the case moved along its plane.
     """
     rotation, shift = turning(case), [part * size(case) for part in SHIFT]
-    other = placed(case, rotation, shift)
+    other = relocated(case, rotation, shift)
     if reason := exam.declined(other):
-        along = slid(case, shift[:2])
+        along = shifted(case, shift[:2])
         if along is None or exam.declined(along):
             return not_applicable(f"it declines the turned case: {reason}")
         u = exam.solve(along).displacement(grid(along))
-        return _same(exam, case, u, admissible(exam, case), "moved along its plane")
-    limit = admissible(exam, case)
+        return _same(exam, case, u, allowed_deviation(exam, case), "moved along its plane")
+    limit = allowed_deviation(exam, case)
     return _same(
         exam, case, exam.solve(other).displacement(grid(case)) @ np.array(rotation), limit, "turned and shifted"
     )
@@ -104,7 +104,7 @@ def placement(exam: Examination, case: Case) -> Verdict:
 
 def _same(exam: Examination, case: Case, displacement: np.ndarray, limit: float, words: str) -> Verdict:
     found = Findings()
-    difference = apart(displacement, exam.solve(case).displacement(grid(case)))
+    difference = deviation(displacement, exam.solve(case).displacement(grid(case)))
     found.hold(
         difference <= limit,
         f"{words}, it differs by {difference:.1e} of the largest displacement; at most {limit:.1e} may be",
@@ -117,7 +117,7 @@ def rigid_motion(exam: Examination, case: Case) -> Verdict:
     """Check that a shell that its supports carry, or that falls freely, moves as a rigid body without strains."""
     if case.dynamics is not None:
         return _fall(exam)
-    moved = carried(case)
+    moved = rotated(case)
     if moved is None:
         return not_applicable("the case's supports can't carry it as a rigid body")
     if reason := exam.declined(moved):
@@ -125,8 +125,8 @@ def rigid_motion(exam: Examination, case: Case) -> Verdict:
     answer, points = exam.solve(moved), grid(moved)
     support, place = next(moved.supported_places())
     expected = moved.motion(support, place, points, moved.states[-1])[0, 0]
-    found, difference = Findings(), apart(answer.displacement(points), expected)
-    limit = admissible(exam, moved)
+    found, difference = Findings(), deviation(answer.displacement(points), expected)
+    limit = allowed_deviation(exam, moved)
     found.hold(
         difference <= limit,
         f"it departs from the rigid motion by {difference:.1e} of it; at most {limit:.1e} may be",
@@ -179,7 +179,7 @@ def differences(field: Callable[[Array], Array], points: Array, steps: Array) ->
     }
 
 
-def forms(x: Derivatives) -> tuple[Array, Array]:
+def fundamental_forms(x: Derivatives) -> tuple[Array, Array]:
     """Return metric and curvature tensor (n, 3) each, components 11, 22, 12, of derivatives of a surface."""
     tangents = (x[1, 0], x[0, 1])
     normal = np.cross(*tangents)
@@ -194,7 +194,7 @@ def strains(case: Case, points: Array, u: Derivatives) -> tuple[Array, Array]:
     x = case.surface.derivatives(points, order=2)
 
     def moved(factor: float) -> tuple[Array, Array]:
-        return forms({key: x[key] + factor * u[key] for key in u})
+        return fundamental_forms({key: x[key] + factor * u[key] for key in u})
 
     if not case.linear:
         (a, b), (abar, bbar) = moved(1.0), moved(0.0)
@@ -205,7 +205,7 @@ def strains(case: Case, points: Array, u: Derivatives) -> tuple[Array, Array]:
     return (a - less_a) / (4 * s), (less_b - b) / (2 * s)
 
 
-def lengths(case: Case, points: Array) -> Array:
+def base_lengths(case: Case, points: Array) -> Array:
     """Return (n, 3): products of the base vectors' lengths, by which covariant components become physical ones."""
     x = case.surface.derivatives(points, order=1)
     a1, a2 = np.linalg.norm(x[1, 0], axis=-1), np.linalg.norm(x[0, 1], axis=-1)
@@ -214,7 +214,7 @@ def lengths(case: Case, points: Array) -> Array:
 
 def energy_densities(case: Case, points: Array, membrane: Array, bending: Array) -> tuple[Array, Array]:
     """Return membrane and bending energy density (n,), J/m^2, of strains (n, 3) (Kairanda et al., eqs. (17)-(19))."""
-    metric, _ = forms(case.surface.derivatives(points, order=2))
+    metric, _ = fundamental_forms(case.surface.derivatives(points, order=2))
     full = metric[:, [[0, 2], [2, 1]]]
     upper = np.linalg.inv(full)
     material = case.material
@@ -261,7 +261,7 @@ def energies(exam: Examination, case: Case) -> Verdict:
     return found.verdict()
 
 
-def rule(case: Case, panels: int) -> tuple[np.ndarray, np.ndarray]:
+def gauss_rule(case: Case, panels: int) -> tuple[np.ndarray, np.ndarray]:
     """Return points (n, 2) and weights (n,), m^2: Gauss's rule on equal panels."""
     domain = case.surface.domain
     x, w = np.polynomial.legendre.leggauss(RULE)
@@ -275,7 +275,7 @@ def rule(case: Case, panels: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _integral(answer: RemoteSolution, name: str, panels: int) -> float:
-    points, weights = rule(answer.case, panels)
+    points, weights = gauss_rule(answer.case, panels)
     return float(weights @ answer.field(name, points))
 
 
@@ -303,7 +303,7 @@ def work(exam: Examination, case: Case) -> Verdict:
 def loads_work(answer: RemoteSolution) -> float:
     """Return the work of a linear case's loads on the displacement, J."""
     case, at = answer.case, answer.case.states[-1]
-    points, weights = rule(case, PANELS)
+    points, weights = gauss_rule(case, PANELS)
     total = float(weights @ np.sum(load_density(case, points, at) * answer.displacement(points), axis=-1))
     for load in case.loads:
         for place in (case.places[name] for name in load.on) if isinstance(load, PointLoad | EdgeLoad) else ():
@@ -333,7 +333,7 @@ def strain_fields(exam: Examination, case: Case) -> Verdict:
     """Check that strains at points are those of the displacement's differences there."""
     found, answer = Findings(), exam.solve(case)
     points, sides = scattered(case, POINTS, seed=7, margin=MARGIN), np.asarray(case.surface.domain.size)
-    physical = lengths(case, points)
+    physical = base_lengths(case, points)
     parts = (("membrane", 1.0, CLOSER, STRETCH_STEPS), ("bending", case.material.thickness / 2, CLOSE, BEND_STEPS))
     felt = {}  # by part: what is stated, and what differences over a fine and a coarse step give, as strains
     for number, (part, factor, _, steps) in enumerate(parts):

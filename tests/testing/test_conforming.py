@@ -23,7 +23,7 @@ from shellbench.bench.store.store import Store
 from shellbench.problem import Problem
 from shellbench.testing import suite
 from shellbench.testing.between import POINTS, between_points
-from shellbench.testing.conforming import OF_FIELD, Line, lacking, needed_checks, note
+from shellbench.testing.conforming import OF_FIELD, Line, needed_checks, store_results, unmet_checks
 from shellbench.testing.examination import Verdict as Outcome
 from shellbench.testing.grading import ExamOptions
 from shellbench.testing.suite import CheckOptions, examine
@@ -73,7 +73,7 @@ def test_check_solver_finds_the_cheat_out() -> None:
 
 
 def test_the_gate_says_which_check_is_not_passed(cheated: Store) -> None:
-    note(cheated, entry := find_solver("cheat"), checked(entry, catalog.named_case("strip")))
+    store_results(cheated, entry := find_solver("cheat"), checked(entry, catalog.named_case("strip")))
     (grade,) = judged(cheated, "cheat").grades
     assert (grade.held, grade.unchecked.partition(":")[0]) == (None, "its check 'continuity' is not passed")
 
@@ -107,13 +107,13 @@ def lines_of(**status: str) -> list[Line]:
 @pytest.mark.parametrize("check", OF_FIELD)
 @pytest.mark.parametrize("status", ["failed", "not shown", "not applicable"])
 def test_each_check_of_a_field_is_needed(check: str, status: str) -> None:
-    (why,) = lacking(lines_of(**{check: status}))
+    (why,) = unmet_checks(lines_of(**{check: status}))
     assert f"'{check}'" in why
-    assert lacking([*lines_of(**{check: status}), *lines_of()]) == ((why,) if status == "failed" else ())
+    assert unmet_checks([*lines_of(**{check: status}), *lines_of()]) == ((why,) if status == "failed" else ())
 
 
 def test_what_is_no_check_of_a_field_is_not_needed() -> None:
-    assert lacking(lines_of(storage="failed")) == ()
+    assert unmet_checks(lines_of(storage="failed")) == ()
     assert needed_checks(SHELL, ["kirchhoff-love-linear"]) == OF_FIELD
     assert set(needed_checks(SHELL, ["kirchhoff-love-nonlinear"])) == {"continuity", "energies", "placement"}
 

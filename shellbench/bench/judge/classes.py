@@ -77,7 +77,7 @@ class Grade:
         )
 
 
-def strangers(named: Iterable[str]) -> set[str]:
+def third_party_solvers(named: Iterable[str]) -> set[str]:
     """Return the solvers without tolerances that are judged by class: those of other distributions, and named ones."""
     frozen = catalog.tolerances().keys()
     others = {name for name, entry in solver_entries().items() if _is_foreign(entry)}

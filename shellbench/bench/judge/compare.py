@@ -56,7 +56,7 @@ def rows_and_notes(
     wanted = asked_cases(cases, suites)
     # Records that count, and plans that no record has ended. Suites narrow a row to those of its suites that were asked
     # for.
-    current, planned = as_files_say(current or current_runs(store.read()), cases), read_planned(store)
+    current, planned = with_cases_of_files(current or current_runs(store.read()), cases), read_planned(store)
     if cases:
         current = current.narrowed(wanted)
     found = rows_of(current, not_ended(planned, (run.record for run in current.runs)))
@@ -66,7 +66,7 @@ def rows_and_notes(
     return found, (*current.notes, *planned.damaged)
 
 
-def as_files_say(current: CurrentRuns, cases: Sequence[str]) -> CurrentRuns:
+def with_cases_of_files(current: CurrentRuns, cases: Sequence[str]) -> CurrentRuns:
     """Return the runs with the cases of the named files; runs whose physics has changed are stale.
 
     Known values in a file are not physics, and may have changed since the run.
@@ -105,7 +105,7 @@ def asked_cases(cases: Sequence[str], suites: Sequence[str]) -> set[tuple[str, b
     return asked
 
 
-def beyond(found: Sequence[Row]) -> str:
+def missing_runs(found: Sequence[Row]) -> str:
     """Return one line on the runs that the suites of these rows declare besides them; empty if there are none."""
     runs = {(row.case, row.solver, json.dumps(row.overrides, sort_keys=True), row.seed): row for row in found}
     begun = list(dict.fromkeys(row.suites[0] for row in found if row.declared))
@@ -141,7 +141,7 @@ def rows_of(current: CurrentRuns, planned: Sequence[Task] = ()) -> list[Row]:
     errors = {(run.case.name, q.name) for run in current.runs for q in run.case.quantities if q.is_an_error}
     alone = [row for row in found if (row.case, row.quantity) in errors]
     return sorted(
-        [*alone, *held_against_each_other(row for row in found if (row.case, row.quantity) not in errors)],
+        [*alone, *with_mutual_differences(row for row in found if (row.case, row.quantity) not in errors)],
         key=lambda row: _position(row, order[row.case, row.quantity], places.get((row.suite or "", row.case), ())),
     )
 
@@ -331,7 +331,7 @@ def near_zero(judge: KnownValue, quantity: Quantity) -> bool:
     return quantity.absolute or abs(judge.value) <= (judge.uncertainty or 0.0)
 
 
-def held_against_each_other(found: Iterable[Row]) -> list[Row]:
+def with_mutual_differences(found: Iterable[Row]) -> list[Row]:
     """Return the rows; those without a known value get their difference from another solver.
 
     The comparison is with the deterministic solver. If there are none or several, it is with the median of all.

@@ -14,7 +14,7 @@ from shellbench.bench.catalogue.listing import gated_quantities
 from shellbench.bench.judge.classes import judged_by_class, judged_quantities
 from shellbench.bench.judge.compare import row_of, without_record
 from shellbench.bench.judge.row import Row
-from shellbench.bench.plugins.outside import asked, declines
+from shellbench.bench.plugins.outside import declines, resolve_solver
 from shellbench.bench.plugins.registry import find_solver
 from shellbench.bench.run.plan import FIRST_SEED
 from shellbench.bench.store.current import CurrentRun, CurrentRuns
@@ -120,10 +120,10 @@ def expected_of_strangers(scope: Scope, solvers: set[str], current: CurrentRuns)
                 for seed in scope.seeds or declared or (FIRST_SEED,):
                     if (case.name, seed) not in seen:
                         seen.add((case.name, seed))
-                        yield expected_of_stranger(suite, case, solver, seed, current)
+                        yield expected_of_third_party(suite, case, solver, seed, current)
 
 
-def expected_of_stranger(suite: str, case: Problem, solver: str, seed: int, current: CurrentRuns) -> Expected:
+def expected_of_third_party(suite: str, case: Problem, solver: str, seed: int, current: CurrentRuns) -> Expected:
     """Return the expected result of a third-party solver on a case: an answer, or its reason to decline."""
     found = current.find(case.name, solver, {}, seed)
     lack = NOTHING_LACKS if found else _lack(current, case, solver, seed)
@@ -138,7 +138,7 @@ def _suites_that_compare() -> list[str]:
 def _lack(current: CurrentRuns, case: Problem, solver: str, seed: int) -> Lack:
     """Return the reason why there is no valid record; only now is the solver imported, to find out if it declines."""
     try:
-        reason = declines(asked(find_solver(solver)), case)
+        reason = declines(resolve_solver(find_solver(solver)), case)
     except (InputError, PluginError) as error:
         return "missing", f"no record: {error}"
     if reason is not None:

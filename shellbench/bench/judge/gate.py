@@ -19,8 +19,8 @@ from shellbench.bench.catalogue.listing import gated_quantities
 from shellbench.bench.catalogue.reference import Tolerances
 from shellbench.bench.judge.baseline import Baseline, cost_findings, make_baseline, regression_finding
 from shellbench.bench.judge.calibration import Calibration, calibration_findings, calibrations
-from shellbench.bench.judge.classes import Grade, grades, judged_by_class, strangers
-from shellbench.bench.judge.compare import asked_cases, beyond, rows_and_notes, without_record
+from shellbench.bench.judge.classes import Grade, grades, judged_by_class, third_party_solvers
+from shellbench.bench.judge.compare import asked_cases, missing_runs, rows_and_notes, without_record
 from shellbench.bench.judge.expected import Scope, expected_of_strangers, expected_runs
 from shellbench.bench.judge.lock import LockCheck, check_lock
 from shellbench.bench.judge.row import Finding, Row
@@ -113,13 +113,13 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
     check_filled(store)
     current = current_runs(store.read())
     found, notes = rows_and_notes(store, scope.suites, scope.cases, current)
-    more = "" if scope.suites else beyond(found)
+    more = "" if scope.suites else missing_runs(found)
     known = {run.record.run_id for run in current.runs if run.installed}
     shown = [row for row in found if _in_scope(row, scope, cases)]
     claims, bad_claims = _claims(shown)
     calibrated = calibrations(row for row in shown if row.run_id in known)
     unfinished = [row for row in found if _is_unfinished(row)]
-    graded = strangers(scope.solvers)
+    graded = third_party_solvers(scope.solvers)
     if scope.suites:
         others = [row for expected in expected_runs(scope, current) for row in expected.rows()]
         others += [row for expected in expected_of_strangers(scope, graded, current) for row in expected.rows()]

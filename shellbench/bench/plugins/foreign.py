@@ -35,7 +35,7 @@ class Described(BaseModel):
 
 
 class Told(BaseModel):
-    """Data that describe a problem; see `shellbench.bench.plugins.inside.told`."""
+    """Data that describe a problem; see `shellbench.bench.plugins.inside.problem_facts`."""
 
     model_config = ConfigDict(strict=True)
 
@@ -90,7 +90,7 @@ class ForeignProblem(Problem):
     def model_validate(cls, obj: Any, **_: Any) -> Self:
         """Make a problem again of its data."""
         data = dict(obj)
-        told = outsider("kind", cls.entry).ask(Told, "again", data)
+        told = outsider("kind", cls.entry).ask(Told, "rebuild", data)
         return cls._of(told, str(data.get("name", "")), data, f"problem of kind '{cls.entry.name}'")
 
     @classmethod

@@ -28,7 +28,7 @@ LONGEST_EVENT = 65536  # bytes
 MOST_WAITED = 20.0  # times the limit by the clock, that a process may compute for on the busiest machine
 
 
-def worked(pid: int | None) -> float:
+def cpu_time(pid: int | None) -> float:
     """Return the processor time, s, of a process and its children; 0 if it has ended."""
     total = 0.0
     with contextlib.suppress(psutil.Error):
@@ -172,7 +172,7 @@ class ServerProcess:
         assert self.process.stdout is not None
         return self.process.stdout.fileno()
 
-    def give(self, folder: Path) -> bool:
+    def send_task(self, folder: Path) -> bool:
         """Send the task of a folder; return False if the server has died."""
         assert self.process.stdin is not None
         try:
@@ -182,7 +182,7 @@ class ServerProcess:
             return False
         return True
 
-    def hear(self) -> list[dict[str, Any]]:
+    def read_events(self) -> list[dict[str, Any]]:
         """Return the new events; one ``{"event": "died"}`` if the server has ended.
 
         The current run shares the stream. If the run wrote to it, the last event is "garbled": after that, events of
@@ -206,9 +206,9 @@ class ServerProcess:
             self.ready = self.ready or event["event"] == "ready"
         return events if chunk else [*events, {"event": "died"}]
 
-    def worked(self) -> float:
+    def cpu_time(self) -> float:
         """Return the processor time of the current run, s."""
-        return worked(self.run_pid)
+        return cpu_time(self.run_pid)
 
     def kill_run(self) -> None:
         """Kill the current run and all processes that it started; the server sends ``ended``."""

@@ -212,7 +212,7 @@ def _executed(
                     case Progressed(task, progress):
                         observer.progressed(task, progress)
                     case Ended():
-                        outcome = kept(event, store)
+                        outcome = store_run(event, store)
                         note_ended(event.task, store)
                         yield outcome
     except InputError:  # what can't be begun at all is bad input, and no plan
@@ -221,7 +221,7 @@ def _executed(
         raise
 
 
-def kept(ended: Ended, store: Store) -> Outcome:
+def store_run(ended: Ended, store: Store) -> Outcome:
     """Move the files of a run into the store, or remove them if its input was refused."""
     if ended.record is None:
         store.discard(ended.folder)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from shellbench.bench.plugins.process import GARBLED, STARTING, ServerProcess, is_overdue, worked
+from shellbench.bench.plugins.process import GARBLED, STARTING, ServerProcess, cpu_time, is_overdue
 from shellbench.bench.run.execute import Ended, Event, Progressed, Started
 from shellbench.bench.run.worker import DISK_FULL, RECORD, REFUSED
 from shellbench.bench.store.record import LARGEST_RECORD, Record, read_document
@@ -159,10 +159,10 @@ class _Runs:
         with selectors.DefaultSelector() as selector:
             selector.register(server.fileno(), selectors.EVENT_READ)
             began = time.monotonic()
-            while not server.ready and {"event": "died"} not in (heard := server.hear()):
+            while not server.ready and {"event": "died"} not in (heard := server.read_events()):
                 self._stop_if_unwanted()
-                waited = time.monotonic() - began
-                if GARBLED in heard or (waited > STARTING and is_overdue(STARTING, waited, worked(server.process.pid))):
+                took = time.monotonic() - began
+                if GARBLED in heard or (took > STARTING and is_overdue(STARTING, took, cpu_time(server.process.pid))):
                     server.hung = True
                     server.end()
                     return
@@ -190,7 +190,7 @@ class _Runs:
             raise StoreError(f"store {self.store.folder}: can't be written ({error.strerror})") from None
         yield Started(task)
         # The server has died since: the run ends as one whose process was killed, and is not lost.
-        if not server.give(folder):
+        if not server.send_task(folder):
             yield from self._end(run, None)
 
     def _wait(self) -> Iterator[Event]:
@@ -204,7 +204,7 @@ class _Runs:
                 waited = now - run.began
                 if waited < self.how.timeout:
                     wait = min(wait, self.how.timeout - waited)
-                elif run.timed_out or is_overdue(self.how.timeout, waited, run.server.worked()):
+                elif run.timed_out or is_overdue(self.how.timeout, waited, run.server.cpu_time()):
                     run.timed_out = True
                     run.server.kill_run()  # again until it has ended: at first its process may not be known yet
                     wait = LEAST_WAIT
@@ -213,7 +213,7 @@ class _Runs:
                 selector.register(run.server.fileno(), selectors.EVENT_READ, run)
             heard: list[_Running] = [key.data for key, _ in selector.select(wait)]
         for run in heard:
-            for event in run.server.hear():
+            for event in run.server.read_events():
                 yield from self._react(run, event)
         # A server that was killed may say nothing. Without this its run would go on for ever.
         for run in [run for run in self.running if run.server.process.poll() is not None]:
