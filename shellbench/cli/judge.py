@@ -29,7 +29,7 @@ from shellbench.cli.options import (
 )
 from shellbench.errors import InputError
 
-FRAMES = 49  # of a series, unless told
+FRAMES = 49  # default number of states of a series
 
 if TYPE_CHECKING:
     pass

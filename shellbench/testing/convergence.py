@@ -13,13 +13,13 @@ from shellbench.problem import Problem
 from shellbench.problems.shell.case import Case
 from shellbench.testing.examination import Examination, Findings, Verdict, not_applicable, not_shown
 
-FEWEST, MOST = 3, 5  # levels by which a rate is told, and that are solved at most
-FLOOR = 1e-9  # relative error below which rounding and the known value's own digits are seen
-FALLS = 0.5  # the last difference or error of a sequence that converges, of its largest
-ELSEWHERE = 3.0  # times what is still missing: an error beyond it is no lack of resolution
+FEWEST, MOST = 3, 5  # least and largest number of levels for a rate
+FLOOR = 1e-9  # relative error below which rounding and the known value's digits dominate
+FALLS = 0.5  # largest ratio of the last difference or error to the largest one in a converging sequence
+ELSEWHERE = 3.0  # multiple of the remaining difference; a larger error is no lack of resolution
 RATES = np.linspace(0.2, 12, 2361)  # that a limit is looked for with
 STUDY = "resolution"
-UNKNOWNS, STEPS = ("unknowns", 2), ("steps", 1)  # what refinement makes more of: on a surface, and in time
+UNKNOWNS, STEPS = ("unknowns", 2), ("steps", 1)  # numbers that refinement increases, on a surface and in time
 
 
 @dataclass(frozen=True)

@@ -28,9 +28,9 @@ Array = NDArray[np.float64]
 Setting = Mapping[str, Any]
 
 SAMPLE = 17  # points a side of the grid on which displacements are compared
-SAME = 1e-6  # relative difference that counts as none
-OWN = 3.0  # times the solver's own stated uncertainty, or what another seed changes
-MOST_EXCUSED = 0.1  # relative difference that no uncertainty excuses: beyond, it says that it knows no answer
+SAME = 1e-6  # relative difference that counts as zero
+OWN = 3.0  # multiple of the solver's own stated uncertainty, or of the change by another seed
+MOST_EXCUSED = 0.1  # largest relative difference for any stated uncertainty
 
 
 def asked_kinds(theories: Iterable[str]) -> tuple[Problem, ...]:

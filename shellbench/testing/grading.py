@@ -61,7 +61,7 @@ class ExamOptions:
             return ()
         if self.suites is not None:
             for suite in self.suites:
-                catalog.find_suite(suite)  # said before any check is made
+                catalog.find_suite(suite)  # printed before the checks
             return self.suites
         return suites_for(map(str, resolve_solver(entry).capabilities.theories), quick=self.quick)
 
@@ -233,7 +233,7 @@ def start_exam(
             with display(console, len(runs.tasks)) as observer:
                 later.show(observer)
                 sitting = held.result()
-            if sitting is not None:  # only now: the checks were made beside the runs
+            if sitting is not None:  # only now, because the checks ran in parallel
                 runs_of = (run.record for run in sitting.answers)
                 unchecked = why_unchecked(solver, runs_of, read_conformance(store).found)
                 sitting = replace(sitting, grade=replace(sitting.grade, unchecked=unchecked))

@@ -41,10 +41,10 @@ SAFETENSORS = {
 
 REALS = "fc"  # NumPy's kinds of real and complex numbers
 NUMBERS = REALS + "iub"
-NUDGE = 1e-3  # relative change of real numbers that matter: displacements follow
+NUDGE = 1e-3  # relative change of real numbers; displacements follow if they matter
 HARDEST = 9  # zlib's level
 SIDES = 9  # points a side, at edges and corners too, at which a kept displacement is looked at
-MOST_SLICES = 12  # along an axis, that are altered one by one: components, not nodes
+MOST_SLICES = 12  # longest axis whose slices are altered one by one: components, not nodes
 
 Part = tuple[slice | int, ...]
 """An index: which part of an array."""
@@ -168,7 +168,7 @@ def compressed_size(array: NDArray[Any]) -> int:
 
 
 SAME = 1e-12  # relative difference of a displacement that was saved and loaded
-COUNTED = 0.9  # of the compressed bytes that matter: what storage_bytes must state at least
+COUNTED = 0.9  # least storage_bytes, as a share of the compressed bytes that matter
 
 
 def saving(exam: Examination, case: Problem) -> Verdict:

@@ -32,7 +32,7 @@ MOVING = ("napkin_fixed_edges", "napkin_plane", "napkin_soft_pin", "napkin_corne
 CLOSED = ("sleeve_torque", "pinched_cylinder_diaphragm", "sleeve_twist", "sleeve_compression")
 """Cases on a closed surface, for the seam."""
 
-SHORT = 0.1  # s: of a motion, long enough that a napkin under gravity has moved by 5 cm
+SHORT = 0.1  # duration of a motion, s, in which a napkin falls by 5 cm
 CARRIED = 0.01  # of the shell's size: distance of the centre of the supports' rotation from the middle
 TURNED, TURNED_FAR = 0.5, 20.0  # degrees that supports turn the shell by, in the linear and the non-linear theory
 FALL = "free_fall"

@@ -40,22 +40,22 @@ from shellbench.testing.examination import (
 from shellbench.testing.made_cases import FALL, SHORT, amplified, relocated, rescaled, rotated, shifted, short_motion
 from shellbench.testing.subject import RemoteSolution
 
-TOGETHER = 1e-6  # of how far it falls, by which points of what falls may differ
-UNSTRETCHED, UNBENT = 1e-6, 1e-2  # of the energies of stretching and bending as far: formulas that are wrong have 1
+TOGETHER = 1e-6  # largest difference between points of a falling body, relative to its fall
+UNSTRETCHED, UNBENT = 1e-6, 1e-2  # relative to energies of the same displacement: wrong formulas give 1
 Array = NDArray[np.float64]
 Derivatives = dict[tuple[int, int], Array]
 PAIRS = ((0, 0), (1, 1), (0, 1))  # of the components 11, 22, 12
 SMALL = 1e-4  # strain of the scaled displacement, whose part of third order is then 1e-8 of it
-PANELS, OTHER_PANELS, RULE = 48, 37, 4  # a side, of two rules that share no lines: they differ by what they miss
-SAME = 1e-6  # relative difference that counts as none
-MISSED = 3.0  # times the difference of the two rules, which an integral may be off
-WORK = 0.01  # relative: by which loads on a coarse mesh may do another work than the exact ones
-POINTS = 200  # at random, at which strains are compared
-MARGIN = 0.02  # of the side, by which they keep off the edges
-MUST_AGREE = 0.9  # of the points must agree: at the others a difference may cross a line of the mesh
+PANELS, OTHER_PANELS, RULE = 48, 37, 4  # panels a side of two rules without common lines: they estimate the error
+SAME = 1e-6  # relative difference that counts as zero
+MISSED = 3.0  # largest error of an integral, as a multiple of the difference of the two rules
+WORK = 0.01  # largest relative difference between the work of loads on a coarse mesh and of exact loads
+POINTS = 200  # random points at which strains are compared
+MARGIN = 0.02  # their distance from the edges, relative to the side
+MUST_AGREE = 0.9  # share of the points that must agree: at others a difference may cross a line of the mesh
 STRETCH_STEPS, BEND_STEPS = (1e-5, 1e-4), (1e-3, 1e-2)  # of the side: for first and for second differences
-CLOSE, CLOSER = 0.05, 0.01  # of the largest strain: what bending and membrane strains may be off
-UNSTRAINED = 1e-8  # of the displacement over the size: below, differences of a rigid motion are rounding
+CLOSE, CLOSER = 0.05, 0.01  # largest errors of bending and membrane strains, relative to the largest strain
+UNSTRAINED = 1e-8  # of the displacement over the size: smaller differences of a rigid motion are rounding
 EDGE_POINTS = 64  # of the rule along an edge
 
 
@@ -335,11 +335,11 @@ def strain_fields(exam: Examination, case: Case) -> Verdict:
     points, sides = scattered(case, POINTS, seed=7, margin=MARGIN), np.asarray(case.surface.domain.size)
     physical = base_lengths(case, points)
     parts = (("membrane", 1.0, CLOSER, STRETCH_STEPS), ("bending", case.material.thickness / 2, CLOSE, BEND_STEPS))
-    felt = {}  # by part: what is stated, and what differences over a fine and a coarse step give, as strains
+    felt = {}  # by part: stated strains, and strains from differences with a fine and a coarse step
     for number, (part, factor, _, steps) in enumerate(parts):
         measured = (strains(case, points, differences(answer.displacement, points, s * sides))[number] for s in steps)
         felt[part] = [factor * f / physical for f in (answer.field(f"{part}_strain", points), *measured)]
-    # differences across a kink are as large as their step is small, and must not set the scale
+    # differences across a kink grow as their step shrinks, and must not set the scale
     scale = max(max(np.abs(f[0]).max(), np.median(np.abs(f[1]).max(axis=-1))) for f in felt.values())
     if scale <= UNSTRAINED * np.abs(answer.displacement(points)).max() / size(case):
         found.figures.append("unstrained, and says so")
@@ -348,7 +348,7 @@ def strain_fields(exam: Examination, case: Case) -> Verdict:
         theirs, mine, rough = (f / scale for f in felt[part])
         there = (
             np.max(np.abs([theirs, mine, rough]), axis=(0, 2)) > close
-        )  # elsewhere all agree by being next to nothing
+        )  # elsewhere all values agree because they are near zero
         off, kinks = (np.abs(mine - other).max(axis=-1)[there] for other in (theirs, rough))
         if not off.size:
             found.figures.append(f"{part} strains are next to nothing, and say so")

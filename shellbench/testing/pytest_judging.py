@@ -172,7 +172,7 @@ class Answers:
                 return self._solved(request)
         except ShellbenchError as error:
             return CaseOutcome(trouble=" ".join(str(error).split()))
-        except Exception as error:  # a plug-in may raise anything when it is asked whether it takes a case
+        except Exception as error:  # a plug-in's `declines` may raise anything
             said = " ".join(str(error).split())
             return CaseOutcome(
                 trouble=f"the solver could not be asked: {type(error).__name__}{f': {said}' if said else ''}"
@@ -218,7 +218,7 @@ def named_lock(folder: Path, name: str) -> Iterator[None]:
         yield
 
 
-DIGITS = ".9g"  # of a value and of the known value beside it
+DIGITS = ".9g"  # digits of a value and of its known value
 HEAD = ("case", "solver", "quantity", "value", "known", "error", "tolerance", "seconds", "verdict")
 LEFT = {"case", "solver", "quantity", "verdict"}  # columns of words
 NOTHING = "-"

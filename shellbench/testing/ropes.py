@@ -26,10 +26,10 @@ CHEAP = ("rope_pendulum", "rope_nine_links", "hanging_chain", "rope_drop", "rope
 """Cases of which a solver is examined on the first that it takes."""
 
 REPEATED = 1e-9  # relative: lengths and places that a state repeats
-TURN, HALF_TURN = 0.7, np.pi  # about the vertical, rad; the other one leaves the plane (x, z) where it is
+TURN, HALF_TURN = 0.7, np.pi  # about the vertical, rad; the other one keeps the plane (x, z)
 SHIFT = np.array([0.3, -0.2, 0.5])  # m; solvers of a plane are given no y
 LENGTHS, MASSES = 1000.0, 1000.0  # mm in a metre, g in a kilogram
-GAINED = 0.01  # of the weight times the length: energy that a chain without wind may gain
+GAINED = 0.01  # largest gain of energy of a chain without wind, relative to weight times length
 FIELDS = ("nodes", "velocities", "tensions", "stretch")
 
 
@@ -191,7 +191,7 @@ def relocated(case: RopeCase, turn: Array, shift: Array) -> RopeCase | None:
         return None
     places, velocities = start_of(case)
     there, going = places @ turn.T + shift, velocities @ turn.T
-    there[:, 1][np.abs(there[:, 1]) < REPEATED] = 0.0  # a half turn leaves the plane where it is
+    there[:, 1][np.abs(there[:, 1]) < REPEATED] = 0.0  # a half turn keeps the plane
     going[:, 1][np.abs(going[:, 1]) < REPEATED] = 0.0
     data["rope"] |= {"root": there[0].tolist(), "start": there[1:].tolist(), "velocities": going[1:].tolist()}
     return RopeCase.model_validate(data | {"name": f"{case.name[:60]}_turned", "suites": []})

@@ -276,12 +276,12 @@ def check_solver(
     out = console or Console(highlight=False, soft_wrap=True)
     suites = exam.asked_of(entry) if exam is not None else ()
     with contextlib.ExitStack() as stack:
-        # The checks mostly wait for the solver's process. The exam has the other cores meanwhile, and is shown later.
+        # The checks mostly wait for the solver's process. The exam uses the other cores meanwhile, and is shown later.
         grading = None
         if exam is not None and exam.grade and not options.settings:
             grading = stack.enter_context(start_exam(name, options.cases, suites, exam, seconds))
         lines = _gone_through(entry, options, out, as_json)
-        if exam is not None and not options.settings:  # what is kept is of default settings, as a class is
+        if exam is not None and not options.settings:  # stored results are for default settings, like a class
             store_results(Store(exam.store), entry, lines)
         grade = grading and grading(Console(stderr=True) if as_json else out)
     begin = partial(subject_of, seconds=seconds)

@@ -135,7 +135,7 @@ def about_suite(name: str) -> Data:
 def about_solver(entry: SolverEntry) -> Data:
     """Return the description of a solver: its settings, the suite's cases that it declines, and its tolerances."""
     if not entry.own:
-        describe_solver(entry)  # a plug-in that does not answer is bad input here
+        describe_solver(entry)  # an unresponsive plug-in counts as bad input here
     data = {"what": "solver", **list_solver(entry)}
     runs = [name for name in catalog.suite_names() if entry.name in {r.solver for r in catalog.find_suite(name).runs}]
     data |= {

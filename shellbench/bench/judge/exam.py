@@ -84,7 +84,7 @@ def hold_exam(
     StoreError
         If the store can't be written.
     """
-    # Suites go from cheap to dear. From their end on, no long run is left over for one core while the others wait.
+    # Suites are sorted from cheap to expensive. The reverse order starts long runs first, so that no core stays idle.
     with contextlib.closing(executor):
         outcomes = execute(plan.tasks[::-1], store, observer, executor, plan.seen)
     current = current_runs(store.read())

@@ -95,7 +95,7 @@ class ForeignProblem(Problem):
 
     @classmethod
     def _of(cls, told: Told, name: str, data: Mapping[str, Any], where: str) -> Self:
-        # What judges is taken from the file itself: names of the case and known values.
+        # Name and known values are taken from the file itself, because they judge.
         quantities = [
             one | {"stated_mark": one.pop("mark", None), "stated_error": one.pop("is_an_error", False)}
             for one in map(dict, told.quantities)

@@ -19,7 +19,7 @@ import numpy as np
 HEADER = struct.Struct("<Q")
 LONGEST = 1 << 30  # bytes of a message
 CHUNK = 1 << 20
-LOOK = 0.2  # seconds between two looks
+LOOK = 0.2  # seconds between two checks
 ARRAY = "$array"
 PLAIN = re.compile(r"[<>|=]?(b1|[iu][1248]|f(2|4|8|16)|c(8|16|32)|[SU]\d{1,9})")  # types of numbers and of text
 

@@ -33,10 +33,10 @@ from shellbench.problem import Capabilities, Device, Problem, SeededSettings, Se
 from shellbench.protocol.sample import Sample
 from shellbench.protocol.schema import one_sentence
 
-SECONDS = 60.0  # in which it has to be imported, and to answer each question
-MEMORY = 8e9  # bytes that it may take for that
-MOST_FILES = 20000  # of a package, of which it is looked at whether they have changed
-REFUSE = ("settings", "build", "rebuild", "variant", "sample")  # questions that may be refused, for what they ask about
+SECONDS = 60.0  # limit in seconds for the import, and for each answer
+MEMORY = 8e9  # limit of memory in bytes
+MOST_FILES = 20000  # largest number of a package's files that are checked for changes
+REFUSE = ("settings", "build", "rebuild", "variant", "sample")  # questions whose arguments may be refused
 MOST_WORDS = 300  # letters of a reason
 
 T = TypeVar("T", bound=BaseModel)
@@ -128,7 +128,7 @@ class Outsider:
 
     def call(self, operation: str, *arguments: Any) -> Any:
         """Return the answer in any form; see `ask`."""
-        if self.trouble:  # it is not waited for again
+        if self.trouble:  # do not wait for it again
             raise PluginError(self.trouble)
         try:
             if self.subject is None or not self.subject.alive:
@@ -145,7 +145,7 @@ class Outsider:
             subject = Subject.start(
                 "shellbench.bench.plugins.inside", self.what, entry.name, entry.target, seconds=SECONDS, memory=memory
             )
-        except Refused as refusal:  # it says itself what can't be used
+        except Refused as refusal:  # the solver itself reports unusable settings
             words = str(refusal).removeprefix("the import refused: ").removeprefix(f"{self.name}: ")
             raise self.failed(words) from None
         imported = subject.greeting if isinstance(subject.greeting, list) else []

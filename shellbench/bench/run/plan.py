@@ -198,7 +198,7 @@ def make_plan(
     _check_start(request.start, solvers)
     notes = _check_device(request, solvers)
     answered = {} if force else {key: r for key, r in newest(contents).items() if r.status in ANSWERED}
-    place, exam = cache(environment), catalog.exam_version()  # looked at once a plan: git is asked each time
+    place, exam = cache(environment), catalog.exam_version()  # computed once for a plan, because each call runs git
     tasks: dict[str, Task] = {}
     kept: dict[str, Record] = {}
     declined: dict[tuple[str, str], Declined] = {}

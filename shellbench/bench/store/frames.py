@@ -36,7 +36,7 @@ def export_series(series: Iterable[Sample], path: Path, scale: float = 1.0) -> i
         export(one, numbered_file(path, number, ".vtu" if path.suffix == ".pvd" else None), scale)
         marks.append(one.at)
     if path.suffix == ".pvd":
-        write(path, as_pvd(path, marks))  # last: what it lists is there
+        write(path, as_pvd(path, marks))  # written last, so that all listed files exist
     return len(marks)
 
 
