@@ -134,7 +134,7 @@ def asked(quantity: Data) -> tuple[str, ...]:
 
 
 def known(data: Data) -> Iterator[tuple[str, ...]]:
-    """Yield the rows of what is known; what judges is in bold."""
+    """Yield the rows of known values; those that judge are in bold."""
     for quantity in data["quantities"]:
         for value in quantity["known"]:
             sure = f" ± {value['uncertainty']:.2g}" if value.get("uncertainty") is not None else ""
@@ -146,7 +146,7 @@ def known(data: Data) -> Iterator[tuple[str, ...]]:
 
 
 def cited(data: Data) -> list[str]:
-    """Return the keys of what a case cites, each once."""
+    """Return the keys of a case's sources, each once."""
     keys = [value["source"] for quantity in data["quantities"] for value in quantity["known"]]
     return list(dict.fromkeys([*keys, *(curve["source"] for curve in data["curves"])]))
 
@@ -224,7 +224,7 @@ def remarks(data: Data) -> Iterator[str]:
 
 
 def picture(case: Problem, store: Store | None) -> Figure | None:
-    """Draw the reference surface, and beside it the deformed one if a run kept it; None if nothing can be drawn."""
+    """Draw the reference surface and, if a run kept it, the deformed one; None if nothing can be drawn."""
     surface, scene = getattr(case, "surface", None), portrait_of_named(case).scene
     if surface is None or scene is None:
         return None
@@ -287,7 +287,7 @@ def write(names: Sequence[str], store: Store | None, folder: Path) -> None:
 
 
 def main() -> None:
-    """Write what the command line asks for."""
+    """Write the pages that the command line asks for."""
     parser = argparse.ArgumentParser(description="Write a page and a figure for each case.")
     parser.add_argument("cases", nargs="*", help="names of cases; all if none")
     parser.add_argument("--store", type=Path, help="folder of records, for results and deformed shapes")

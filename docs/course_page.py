@@ -79,7 +79,7 @@ def asked(row: Row) -> str:
 
 
 def known(row: Row) -> str:
-    """Return the known value of a row with the digits that are sure, and its unit."""
+    """Return the known value of a row with its certain digits, and its unit."""
     digits = rounded(row["reference"], row["reference_uncertainty"])
     return f"{digits.mantissa}{f'e{digits.exponent}' if digits.exponent else ''} {row['unit']}"
 

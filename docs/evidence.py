@@ -63,7 +63,7 @@ SHOWN = {
 
 
 def is_kept(row: Mapping[str, Any]) -> bool:
-    """Tell whether a row of a built table is committed."""
+    """Return True if a row of a built table is committed."""
     suites = set(row["suites"])
     return bool(suites & WHOLE_SUITES) or (row["primary"] and bool(suites & HEADLINE_SUITES))
 
@@ -89,7 +89,7 @@ def keep_few_colours(source: Path) -> None:
 
 
 def keep_resolution(store: str = "reports/runs", remark: str = "") -> None:
-    """Replace the summary of the suite `resolution` by that of a store's runs; a remark is for its readers."""
+    """Replace the summary of the suite `resolution` by that of a store's runs, with a remark for readers."""
     from shellbench.bench.catalogue import catalog
     from shellbench.bench.store.store import Store
     from shellbench.report.sections.kept_resolution import as_text, of_store

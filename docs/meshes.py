@@ -42,7 +42,7 @@ SHAPES: dict[str, tuple[Callable[[Array, Array], Array], bool]] = {
 
 
 def obj(shape: Callable[[Array, Array], Array], n: int, closed: bool, noise: float = 0.0, digits: int = DIGITS) -> str:
-    """Return an OBJ of n x n points as quadrangles; of a closed one the n + 1 texture vertices share those of the seam.
+    """Return an OBJ of n x n points as quadrangles; for a closed surface the n + 1 texture vertices share the seam's points.
 
     `noise` is the standard deviation of every coordinate, relative to the mesh's largest extent.
     """

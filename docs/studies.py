@@ -207,7 +207,7 @@ def processor_seconds() -> float:
 
 
 def share_of(run_id: str) -> float:
-    """Return the share of a processor that a run had when it was made: later lines are of runs that found its record."""
+    """Return the share of a processor that a run had; later lines belong to commands that found its record."""
     lines = map(json.loads, SHARES.read_text().splitlines())
     return next((line["share"] for line in lines if line["run_id"] == run_id), math.nan)
 
@@ -308,8 +308,8 @@ def brief(value: Any) -> Any:
 def fit() -> None:
     """Fit fields of random sines of (xi, t), of the same size for each duration, to the napkins of `long` by `fem`.
 
-    The output layer is that of least squares at random places and times; the error is that at other random ones. The
-    frequency in time with the least error there is kept.
+    The output layer is fitted by least squares at random places and times. The error is measured at other random ones,
+    and the frequency in time with the least error is kept.
     """
     lines = []
     for run in (one for one in long() if one.yardstick):

@@ -33,7 +33,7 @@ def lines_of(name: str) -> list[Line]:
 
 
 def number(text: str) -> Any:
-    """Return a cell as what it is; None if it is empty."""
+    """Return a cell as a number or text; None if it is empty."""
     if text.startswith("{"):
         return json.loads(text)
     try:
@@ -43,7 +43,7 @@ def number(text: str) -> Any:
 
 
 def short(value: Any, digits: int = 2) -> str:
-    """Write a number with so many digits; a dash for none, words as they are."""
+    """Write a number with limited digits; a dash for None, and text unchanged."""
     return "–" if value is None else value if isinstance(value, str) else f"{value:.{digits}g}"
 
 
@@ -131,7 +131,7 @@ ARC = "roof_by_arc_length"
 
 
 def basis_of(line: Line) -> str:
-    """Say which components the output layer gives."""
+    """Return the name of the output layer's components."""
     return BASES[line["settings"]["components"]] + (", by arc length" if line["case"] == ARC else "")
 
 

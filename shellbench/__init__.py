@@ -20,7 +20,7 @@ except PackageNotFoundError:  # a source tree that was never installed
 
 def __getattr__(name: str) -> Any:
     if name in ASKED:
-        # By a name that is put together: how runs are asked for is no part of the code whose digest a record keeps.
+        # The name is computed, so that this module is no part of the code whose digest a record keeps.
         return getattr(import_module(f"{__name__}.interface"), name)
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-LONGEST_QUOTE = 200  # characters of what was found that a sentence quotes
+LONGEST_QUOTE = 200  # characters of a found value in a sentence
 
 
 def without_middle(text: str, most: int = LONGEST_QUOTE) -> str:
@@ -32,7 +32,7 @@ class PluginError(ShellbenchError):
 class Interrupted(ShellbenchError):
     """The user, or a signal, ended a command."""
 
-    exit_code = 130  # as shells say of a program that Ctrl-C has ended
+    exit_code = 130  # the shells' exit code of a program that Ctrl-C has ended
 
 
 class SolveFailure(ShellbenchError):

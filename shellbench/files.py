@@ -50,7 +50,7 @@ def read_file(path: Path, most: int) -> bytes:
             data = file.read(most + 1)
     except OSError as error:
         raise InputError(f"it can't be read ({_why(error)})") from None
-    if len(data) > most:  # it grew, or its size was not said
+    if len(data) > most:  # it grew, or its size was not known
         raise InputError(f"it has more than the {most} bytes allowed")
     return data
 

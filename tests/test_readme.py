@@ -219,10 +219,7 @@ COMPARED = {"ablations", "strain_ablation", "obstacle_course", "nonlinear", "clo
 def quoted_figures():
     values = [one(v["value"] for v in known(case) if v["role"] == "literature") for case in LINEAR[1:]]
     said = [text_of(quoted(value)) for value in values]
-    yield (
-        "roof's {} mixes theories, the diaphragm cylinder's {} is a truncated series, the free cylinder's {}",
-        *said,
-    )
+    yield ("roof's {} mixes theories, the diaphragm cylinder's {} is a truncated series, the free cylinder's {}", *said)
 
 
 CIRCULATING = {

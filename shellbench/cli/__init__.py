@@ -92,7 +92,7 @@ def main() -> None:
                 found = f"argument {number}, {without_middle(argument)!r}, has {len(argument)} characters"
                 raise InputError(f"{found}; it may have at most {LONGEST_ARGUMENT}")
         code = app(prog_name="shellbench", standalone_mode=False)
-        if code == Interrupted.exit_code:  # wherever Ctrl-C was caught: while arguments are read, too
+        if code == Interrupted.exit_code:  # wherever Ctrl-C was caught, even while arguments are read
             say("interrupted")
         sys.exit(code)
     except USAGE_ERROR as error:

@@ -80,7 +80,7 @@ def _as_command(found: Any) -> Any:
 
 def _one_sentence(name: str, error: Exception) -> NoReturn:
     """Turn the exceptions of a command into one sentence; its exits and errors of usage are unchanged."""
-    # Typer gives its error of usage no public name: it is the base of that of a bad parameter.
+    # Typer's error of usage has no public name: it is the base class of the error of a bad parameter.
     passed = (ShellbenchError, typer.Exit, typer.Abort, typer.BadParameter.__base__)
     if isinstance(error, passed):  # type: ignore[arg-type]
         raise error

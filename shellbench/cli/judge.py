@@ -29,7 +29,7 @@ from shellbench.cli.options import (
 )
 from shellbench.errors import InputError
 
-FRAMES = 49  # of a series, unless told
+FRAMES = 49  # default number of states of a series
 
 if TYPE_CHECKING:
     pass
@@ -65,7 +65,7 @@ def table(
         say(f"store {store} has no records that count of what was asked for: make some by `shellbench run`")
     shown = tables.render(rows, cast(Any, format.value), store=Store(store), whole=bool(suite), width=text_width(wide))
     typer.echo(shown, nl=False)
-    if rows and format in {Format.text, Format.markdown} and not suite and (more := compare.beyond(rows)):
+    if rows and format in {Format.text, Format.markdown} and not suite and (more := compare.missing_runs(rows)):
         typer.echo(f"\n{more}")
 
 
@@ -258,4 +258,4 @@ def export(
         return
     states = exports.samples(where, stored, resolution, exports.marks_of(stored, frames or FRAMES))
     count = series.export_series(states, out, scale)
-    typer.echo(f"written to {out if out.suffix in series.SERIES else series.numbered(out, 0)}: {count} states")
+    typer.echo(f"written to {out if out.suffix in series.SERIES else series.numbered_file(out, 0)}: {count} states")

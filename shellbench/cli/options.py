@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-LEAST_WIDTH = 60  # letters: less than that no table can be
+LEAST_WIDTH = 60  # smallest width of a table, in characters
 LARGEST_SEED = 2**31 - 1
 DEFAULT_STORE = Path("reports/runs")
 DEFAULT_REPORT = Path("reports/latest")
@@ -58,7 +58,7 @@ def _complete_names(incomplete: str) -> list[str]:
     return [*_complete_cases(incomplete), *_complete_suites(incomplete), *_complete_solvers(incomplete)]
 
 
-# What shells offer on the tabulator key (`shellbench --install-completion`).
+# Completions for the tabulator key (`shellbench --install-completion`).
 CASES, SUITES, SOLVERS, NAMES = (
     {"autocompletion": complete} for complete in (_complete_cases, _complete_suites, _complete_solvers, _complete_names)
 )

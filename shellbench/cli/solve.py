@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from shellbench.bench.store.store import Store
 
 
-QUICK_SOLVERS = ("fem", "ndf-ritz")  # of either kind the one that takes seconds
+QUICK_SOLVERS = ("fem", "ndf-ritz")  # the solver of each kind that takes seconds
 
 
 def list_command(

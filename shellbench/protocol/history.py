@@ -14,7 +14,7 @@ from shellbench.protocol.schema import LARGEST, Model
 
 Phase = Literal["solve", "path", "critical", "time"]
 
-LARGEST_COUNT = 2**63 - 1  # of a count: what fits 64 bits
+LARGEST_COUNT = 2**63 - 1  # largest count: 64 bits
 LONGEST_RUN = 1e10  # seconds: three centuries
 
 

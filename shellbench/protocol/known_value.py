@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from shellbench.protocol.schema import Finite, Flag, Model, Name, Positive
 
-SHARPER = 3.0  # a tolerance is so many uncertainties of its known value at least, or the value could not judge
+SHARPER = 3.0  # least tolerance in uncertainties of its known value; with less the value could not judge
 
 
 class Known(Model):

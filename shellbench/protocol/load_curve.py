@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 FEWEST = 4  # points through which a cubic spline without further conditions is drawn
 SAME_DISPLACEMENT = 1e-9  # relative
-TOGETHER = 1e-6  # relative distance of two states below which only one counts: a spline would turn over their errors
+TOGETHER = 1e-6  # relative distance of two states below which only one counts: a spline would follow their errors
 
 
 @dataclass(frozen=True)
@@ -111,6 +111,6 @@ class Curve:
 
 
 def _cubic_spline(x: Array, y: Array) -> CubicSpline:
-    from scipy.interpolate import CubicSpline  # here, for what draws no curve should not wait for its import
+    from scipy.interpolate import CubicSpline  # imported here, so that code without curves does not wait for the import
 
     return CubicSpline(x, y)

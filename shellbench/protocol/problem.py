@@ -131,7 +131,7 @@ class Problem(Model):
         for quantity in data["quantities"]:
             for name in self.not_physics_of_a_quantity:
                 quantity.pop(name, None)
-            if quantity["factor"] == 1.0:  # as in every case that was recorded before there were factors
+            if quantity["factor"] == 1.0:  # for the digests of cases that were recorded before factors existed
                 del quantity["factor"]
         return data
 

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from shellbench.protocol.schema import Finite, Flag, Model, Name, Positive
 
-FULL = 1.0  # the mark of a figure of which nothing else is said
+FULL = 1.0  # the default mark of a value
 
 
 class Quantity(Model):

@@ -17,14 +17,14 @@ from shellbench.protocol.spelling import did_you_mean
 
 LONGEST_TITLE = 200  # characters
 MAX_BYTES = 1_000_000  # a case or reference file is a page of text; anything larger is a mistake
-MOST_PARTS = 100  # of a dotted key: `tomllib` takes the square of their number in time
+MOST_PARTS = 100  # parts of a dotted key: the time of `tomllib` is the square of their number
 LARGEST_WHOLE = 2**63 - 1  # of TOML
 LONGEST_VALUE = 60  # characters of a value, or of a field's name, that a sentence quotes
 
 NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]*$"
 
-LARGEST = 1e100  # of a value: none in SI units is larger, and its square is still a double
-SMALLEST = 1 / LARGEST  # of what is positive, so that it can be divided by
+LARGEST = 1e100  # largest value: none in SI units is larger, and its square is still a double
+SMALLEST = 1 / LARGEST  # smallest positive value, so that division is possible
 
 
 def _not_tiny(value: float) -> float:
@@ -33,7 +33,7 @@ def _not_tiny(value: float) -> float:
     return value
 
 
-# `LARGEST` is no bound of these: a field with bounds of its own would lose them. See `check_sizes`.
+# `LARGEST` is not a bound of these types: fields with their own bounds would lose them. See `check_sizes`.
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False), AfterValidator(_not_tiny)]
 Vector = tuple[Finite, Finite, Finite]
@@ -251,9 +251,9 @@ ALLOWED = {
 """What a field must be, by the type of pydantic's problem: its own words name classes and parsers, not fields."""
 
 
-CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")  # a terminal obeys them; not tabs and ends of lines
+CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")  # control characters, without tabs and ends of lines
 
-# A bare or quoted key of too many parts, where a key may begin. Possessive quantifiers give nothing back, so that it is
+# A bare or quoted key of too many parts, where a key may begin. Possessive quantifiers do not backtrack, so that it is
 # found in linear time.
 PART = r"""(?:[A-Za-z0-9_-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
 LONG_KEY = re.compile(rf"(?:^|[\[{{,])[ \t]*+{PART}(?:[ \t]*+\.[ \t]*+{PART}){{{MOST_PARTS}}}", re.MULTILINE)

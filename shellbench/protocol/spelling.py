@@ -5,8 +5,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
-LIKE = 0.6  # of `difflib`: how much two names must have in common
-MOST_OFFERED = 3  # names that are offered
+LIKE = 0.6  # least similarity of two names, as in `difflib`
+MOST_OFFERED = 3  # largest number of suggestions
 
 
 def nearest(name: str, names: Iterable[str]) -> list[str]:

@@ -26,7 +26,7 @@ from shellbench.testing.examination import (
     Examination,
     Findings,
     Verdict,
-    apart,
+    deviation,
     failed,
     fingerprint,
     grid,
@@ -36,26 +36,26 @@ from shellbench.testing.examination import (
 )
 from shellbench.testing.subject import RemoteSolution, solve_in
 
-SLOW = 10.0  # seconds of processor time to decline a case: it is asked of every pair of a table
+SLOW = 10.0  # seconds of processor time to decline a case, because a table asks for every pair
 LONGEST_CLAUSE = 300  # characters: it stands in a line of a list
 NO_SETTING = "no_solver_has_this_setting"
 NO_VALUE = {"no_setting": "takes this table"}
 NO_ENGINE = "an engine of another version 0.0"
 BOUNDS = {"exclusiveMinimum": 0.0, "minimum": -1.0, "exclusiveMaximum": 0.0, "maximum": 1.0}
 """Keys of a JSON schema that bound a number, each with the step from it that is out of bounds."""
-SUMMATION = 1e-9  # relative: what another order of summation may do, in single precision within a field too
+SUMMATION = 1e-9  # relative: effect of another order of summation, also in single precision within a field
 SHAPES: tuple[tuple[int, ...], ...] = ((), (7,), (4, 3), (0,))
 COMPONENTS = {name: (3,) if name.endswith("strain") else () for name in FIELDS}
 NO_MATERIAL = {"no_material_has_this_constant": 1.0}
 NO_FIELD = "no_solver_knows_this_field"
-SLACK = 1.5  # times the measured wall time of a solve, which its history may claim at most
+SLACK = 1.5  # largest time in a history, as a multiple of the solve's measured wall time
 SAME = 1e-10  # relative difference of two runs with one seed
-NEAR = 0.1  # of two runs with different seeds: beyond, they answer different questions
+NEAR = 0.1  # largest difference of two runs with different seeds; beyond it they answer different questions
 LINES = 12  # at random through the domain
 LINE_SAMPLES, TIMES = 257, 65  # points a line, and instants of a motion, at first
-ZOOM, LOOKS = 8, 4  # each closer look has so many points between two, around the largest jump
+ZOOM, LOOKS = 8, 4  # points between two neighbours in each refinement around the largest jump
 PROPORTION = 0.75  # exponent of the spacing with which jumps must fall: 1 in a Lipschitz field, 0 across a jump
-UNFELT = 1e-9  # of the largest displacement: jumps below are rounding
+UNFELT = 1e-9  # of the largest displacement: smaller jumps are rounding
 
 
 def protocol(exam: Examination) -> Verdict:
@@ -235,9 +235,9 @@ def batching(exam: Examination, case: Case) -> Verdict:
     points = np.concatenate([scattered(case, 60, seed=2), grid(case, 4)])
     together = answer.displacement(points)
     order = np.random.default_rng(3).permutation(len(points))
-    shuffled = apart(answer.displacement(points[order]), together[order])
-    alone = apart(np.stack([answer.displacement(p) for p in points[:20]]), together[:20])
-    again = apart(answer.displacement(points), together)
+    shuffled = deviation(answer.displacement(points[order]), together[order])
+    alone = deviation(np.stack([answer.displacement(p) for p in points[:20]]), together[:20])
+    again = deviation(answer.displacement(points), together)
     for words, difference in (("in another order", shuffled), ("one by one", alone), ("asked again", again)):
         found.hold(difference <= SUMMATION, f"{words}, points move by {difference:.1e} of the largest displacement")
     found.figures.append(f"largest relative difference {max(shuffled, alone, again):.1e}")
@@ -277,7 +277,7 @@ def determinism(exam: Examination, case: Problem) -> Verdict:
     """Check that two processes with one seed give the same numbers, and another seed different but near ones."""
     found, first = Findings(), fingerprint(exam.solve(case))
     with exam.fresh() as other:
-        again = apart(first, fingerprint(solve_in(other, "again", case, exam.settings)))
+        again = deviation(first, fingerprint(solve_in(other, "again", case, exam.settings)))
     found.hold(again <= SAME, f"solved again in another process, it differs by {again:.1e}", f"again: {again:.1e}")
     if not exam.facts["seeded"]:
         found.figures.append("no seed")

@@ -27,7 +27,7 @@ from shellbench.testing.examination import scattered
 from shellbench.testing.subject import load_in, solve_in
 
 YARDSTICK = "fem"
-CASES = 3  # that are drawn: each costs a solve of the other solver
+CASES = 3  # number of drawn answers: each costs a solve of the other solver
 POINTS = 200
 
 

@@ -15,7 +15,7 @@ from typing import Any, get_args
 import numpy as np
 from pydantic import ValidationError
 
-from shellbench.bench.plugins.inside import said, serve
+from shellbench.bench.plugins.inside import error_line, serve
 from shellbench.bench.plugins.kinds import find_kind, kind_entries, problem_of
 from shellbench.bench.plugins.registry import SolverEntry, load_solver
 from shellbench.errors import InputError
@@ -38,8 +38,8 @@ METHODS = {"shell": ("displacement", "velocity", "evaluate", "energies", "reacti
 
 VALUES = ("case", "history", "parameters", "storage_bytes", "diagnostics", "uncertainty", "extrapolated")
 OPTIONAL_SOLVER_PARTS = ("refinements",)
-FEWEST_REFINEMENTS = 3  # settings by which a rate of convergence can be told
-MOST_WORDS = 1000  # of progress that are kept of one solve
+FEWEST_REFINEMENTS = 3  # least number of settings for a rate of convergence
+MOST_WORDS = 1000  # progress reports that are kept of one solve
 PLAIN = (np.ndarray, np.generic, float, int, str, type(None))
 
 
@@ -85,7 +85,7 @@ def capability_faults(capabilities: Any) -> list[str]:
     faults = []
     theories: list[str] = []
     for name, entry in sorted(kind_entries().items(), key=lambda item: not item[1].own):
-        if entry.own or not set(capabilities.theories) <= set(theories):  # others' kinds only where they are needed
+        if entry.own or not set(capabilities.theories) <= set(theories):  # other packages' kinds only if needed
             theories += find_kind(name).theories
     if not capabilities.theories or not set(capabilities.theories) <= set(theories):
         faults.append(f"its theories are {list(capabilities.theories)}, but must be among {', '.join(theories)}")
@@ -162,7 +162,7 @@ class Child:
                 if not isinstance(answer, str | None):
                     kind, answer = "raised", f"returned {type(answer).__name__}, not a text or None"
             except Exception as error:
-                kind, answer = "raised", f"raised {said(error)}"
+                kind, answer = "raised", f"raised {error_line(error)}"
             answers.append((kind, answer, _worked() - start))
         return answers
 

@@ -46,7 +46,7 @@ def needed_checks(kind: str, theories: Iterable[str]) -> tuple[str, ...]:
     return tuple(name for name in OF_FIELD if linear or name not in OF_LINEAR)
 
 
-def note(store: Store, entry: SolverEntry, lines: Sequence[Line]) -> None:
+def store_results(store: Store, entry: SolverEntry, lines: Sequence[Line]) -> None:
     """Store the results of the checks, by kind of problem.
 
     Raises
@@ -57,10 +57,10 @@ def note(store: Store, entry: SolverEntry, lines: Sequence[Line]) -> None:
     for kind in dict.fromkeys(line.kind for line in lines if line.kind):
         of_kind = [line for line in lines if line.kind == kind]
         checks = {name: tuple(x.verdict.status for x in of_kind if x.check == name) for name in _names(of_kind)}
-        note_conformance(store, entry, kind, checks, lacking(of_kind))
+        note_conformance(store, entry, kind, checks, unmet_checks(of_kind))
 
 
-def lacking(lines: Sequence[Line]) -> tuple[str, ...]:
+def unmet_checks(lines: Sequence[Line]) -> tuple[str, ...]:
     """Return the reasons for which a solver gets no class, one clause for each check that failed or was not passed."""
     found = []
     for name in _names([line for line in lines if line.needed]):

@@ -13,13 +13,13 @@ from shellbench.problem import Problem
 from shellbench.problems.shell.case import Case
 from shellbench.testing.examination import Examination, Findings, Verdict, not_applicable, not_shown
 
-FEWEST, MOST = 3, 5  # levels by which a rate is told, and that are solved at most
-FLOOR = 1e-9  # relative error below which rounding and the known value's own digits are seen
-FALLS = 0.5  # the last difference or error of a sequence that converges, of its largest
-ELSEWHERE = 3.0  # times what is still missing: an error beyond it is no lack of resolution
+FEWEST, MOST = 3, 5  # least and largest number of levels for a rate
+FLOOR = 1e-9  # relative error below which rounding and the known value's digits dominate
+FALLS = 0.5  # largest ratio of the last difference or error to the largest one in a converging sequence
+ELSEWHERE = 3.0  # multiple of the remaining difference; a larger error is no lack of resolution
 RATES = np.linspace(0.2, 12, 2361)  # that a limit is looked for with
 STUDY = "resolution"
-UNKNOWNS, STEPS = ("unknowns", 2), ("steps", 1)  # what refinement makes more of: on a surface, and in time
+UNKNOWNS, STEPS = ("unknowns", 2), ("steps", 1)  # numbers that refinement increases, on a surface and in time
 
 
 @dataclass(frozen=True)
@@ -41,15 +41,15 @@ class Refinement:
 
 def convergence(exam: Examination, case: Problem) -> Verdict:
     """Check that the headline's error falls under refinement; without a known value, that its steps fall."""
-    levels = refined(exam, case)
+    levels = solve_refinements(exam, case)
     if isinstance(levels, str):
         return not_applicable(levels)
     known = catalog.known_values(case.name).judge(case.primary.name, case.theory)
     of_shell = isinstance(case, Case)
-    return judged(levels, known.value if known else None, *(UNKNOWNS if of_shell else STEPS))
+    return judge(levels, known.value if known else None, *(UNKNOWNS if of_shell else STEPS))
 
 
-def refined(exam: Examination, case: Problem) -> list[Refinement] | str:
+def solve_refinements(exam: Examination, case: Problem) -> list[Refinement] | str:
     """Solve a case at each refinement, from few unknowns to many; or return the reason why this is impossible."""
     chosen, words = refinements(exam, case)
     if len(chosen) < FEWEST:
@@ -109,7 +109,7 @@ def _swept(solver: str, case: str) -> list[Mapping[str, Any]]:
     return max(sweeps.values(), key=len, default=[])
 
 
-def judged(levels: Sequence[Refinement], known: float | None, what: str = "unknowns", dimension: int = 2) -> Verdict:
+def judge(levels: Sequence[Refinement], known: float | None, what: str = "unknowns", dimension: int = 2) -> Verdict:
     """Judge a sequence of refinements.
 
     Parameters

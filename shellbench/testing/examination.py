@@ -28,9 +28,9 @@ Array = NDArray[np.float64]
 Setting = Mapping[str, Any]
 
 SAMPLE = 17  # points a side of the grid on which displacements are compared
-SAME = 1e-6  # relative difference that counts as none
-OWN = 3.0  # times the solver's own stated uncertainty, or what another seed changes
-MOST_EXCUSED = 0.1  # relative difference that no uncertainty excuses: beyond, it says that it knows no answer
+SAME = 1e-6  # relative difference that counts as zero
+OWN = 3.0  # multiple of the solver's own stated uncertainty, or of the change by another seed
+MOST_EXCUSED = 0.1  # largest relative difference for any stated uncertainty
 
 
 def asked_kinds(theories: Iterable[str]) -> tuple[Problem, ...]:
@@ -161,7 +161,7 @@ def scattered(case: Case, count: int, seed: int = 0, margin: float = 0.0) -> Arr
     return np.asarray(domain.lower) + np.asarray(domain.size) * local
 
 
-def apart(first: Array, second: Array) -> float:
+def deviation(first: Array, second: Array) -> float:
     """Return the largest difference of two fields, relative to the larger of their largest magnitudes."""
     size = max(np.abs(first).max(initial=0.0), np.abs(second).max(initial=0.0))
     return 0.0 if size == 0 else float(np.abs(first - second).max() / size)
@@ -181,10 +181,10 @@ def seed_difference(exam: Examination, case: Problem) -> float:
     if not exam.facts["seeded"]:
         return 0.0
     other = exam.solve(case, {"seed": int(exam.settings.get("seed", exam.facts["defaults"]["seed"])) + 1})
-    return apart(fingerprint(exam.solve(case)), fingerprint(other))
+    return deviation(fingerprint(exam.solve(case)), fingerprint(other))
 
 
-def admissible(exam: Examination, case: Problem) -> float:
+def allowed_deviation(exam: Examination, case: Problem) -> float:
     """Return the admissible relative difference of two solves of one question."""
     return min(MOST_EXCUSED, max(SAME, OWN * own_uncertainty(exam.solve(case)), OWN * seed_difference(exam, case)))
 

@@ -13,9 +13,9 @@ from typing import Any
 from rich.console import Console
 
 from shellbench.bench.catalogue import catalog
-from shellbench.bench.judge.classes import CLASSES, strangers
-from shellbench.bench.judge.exam import Sitting, is_judged, missed_words, plan_of, questions, sit, suites_for
-from shellbench.bench.plugins.outside import asked
+from shellbench.bench.judge.classes import CLASSES, third_party_solvers
+from shellbench.bench.judge.exam import Sitting, hold_exam, is_judged, missed_words, plan_of, questions, suites_for
+from shellbench.bench.plugins.outside import resolve_solver
 from shellbench.bench.plugins.registry import SolverEntry
 from shellbench.bench.run.display import display
 from shellbench.bench.run.execute import Observer, Outcome
@@ -61,9 +61,9 @@ class ExamOptions:
             return ()
         if self.suites is not None:
             for suite in self.suites:
-                catalog.find_suite(suite)  # said before any check is made
+                catalog.find_suite(suite)  # printed before the checks
             return self.suites
-        return suites_for(map(str, asked(entry).capabilities.theories), quick=self.quick)
+        return suites_for(map(str, resolve_solver(entry).capabilities.theories), quick=self.quick)
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class Graded:
     def fell_short(self) -> bool:
         """True if a third-party solver gets no class; built-in solvers are gated by their tolerances instead."""
         graded = self.sitting is not None and not self.why
-        return graded and self.held is None and self.solver in strangers((self.solver,))
+        return graded and self.held is None and self.solver in third_party_solvers((self.solver,))
 
     @property
     def judged_nothing(self) -> bool:
@@ -177,7 +177,7 @@ class Later:
 
 
 @contextlib.contextmanager
-def begun(
+def start_exam(
     solver: str, cases: Sequence[Problem], suites: tuple[str, ...], options: ExamOptions, seconds: float
 ) -> Iterator[Callable[[Console], Graded]]:
     """Start the exam of a solver with default settings, beside the checks, which use one of its jobs.
@@ -221,7 +221,7 @@ def begun(
 
         def hold() -> Sitting | None:
             asked, runs = planned.result()
-            return None if runs is None else sit(solver, asked, store, runs, executor, later)
+            return None if runs is None else hold_exam(solver, asked, store, runs, executor, later)
 
         held = thread.submit(hold)
 
@@ -233,7 +233,7 @@ def begun(
             with display(console, len(runs.tasks)) as observer:
                 later.show(observer)
                 sitting = held.result()
-            if sitting is not None:  # only now: the checks were made beside the runs
+            if sitting is not None:  # only now, because the checks ran in parallel
                 runs_of = (run.record for run in sitting.answers)
                 unchecked = why_unchecked(solver, runs_of, read_conformance(store).found)
                 sitting = replace(sitting, grade=replace(sitting.grade, unchecked=unchecked))

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from shellbench.bench.catalogue import catalog
-from shellbench.bench.plugins.outside import asked, settings_of
+from shellbench.bench.plugins.outside import resolve_solver, settings_of
 from shellbench.bench.plugins.registry import find_solver
 from shellbench.bench.plugins.settings import parse_setting
 from shellbench.bench.run.plan import FIRST_SEED
@@ -77,7 +77,7 @@ class GateOptions:
             for name in solvers:
                 entry = find_solver(name)
                 if not hasattr(config, "workerinput"):  # the process that started this one has tried it
-                    settings_of(asked(entry), given.get(name, {}), FIRST_SEED, "cpu")
+                    settings_of(resolve_solver(entry), given.get(name, {}), FIRST_SEED, "cpu")
             return cls(
                 suites=tuple(suites),
                 solvers=tuple(solvers),

@@ -168,11 +168,11 @@ class Answers:
         given = {solver: self.settings[solver]} if solver in self.settings else {}
         request = Request(cases=(case,), solvers=(solver,), settings=given, seeds=seeds)
         try:
-            with locked(self.store.folder, f"{case}-{solver}"):
+            with named_lock(self.store.folder, f"{case}-{solver}"):
                 return self._solved(request)
         except ShellbenchError as error:
             return CaseOutcome(trouble=" ".join(str(error).split()))
-        except Exception as error:  # a plug-in may raise anything when it is asked whether it takes a case
+        except Exception as error:  # a plug-in's `declines` may raise anything
             said = " ".join(str(error).split())
             return CaseOutcome(
                 trouble=f"the solver could not be asked: {type(error).__name__}{f': {said}' if said else ''}"
@@ -192,21 +192,21 @@ class Answers:
                 kept.append(failed)
             else:
                 waiting.append(task)
-        outcomes = execute(waiting, self.store, Silent(), LocalProcesses(jobs=1, threads=share(), timeout=self.timeout))
+        outcomes = execute(waiting, self.store, Silent(), LocalProcesses(1, threads_of_a_run(), timeout=self.timeout))
         refused = [outcome.refused for outcome in outcomes if outcome.record is None]
         made = [outcome.record for outcome in outcomes if outcome.record is not None]
         records = {record.identity.seed: record for record in (*kept, *made)}
         return CaseOutcome(records, trouble=f"the solver refused its input: {refused[0]}" if refused else None)
 
 
-def share() -> int:
+def threads_of_a_run() -> int:
     """Return the threads of a run, so that the processes of pytest-xdist share the cores."""
     workers = int(os.environ.get(WORKERS, "1"))
     return max(1, min(threads(), cores() // workers))
 
 
 @contextlib.contextmanager
-def locked(folder: Path, name: str) -> Iterator[None]:
+def named_lock(folder: Path, name: str) -> Iterator[None]:
     """Hold a named lock among all processes of a folder; StoreError if it can't be written."""
     safe = re.sub(r"[^A-Za-z0-9_-]+", "_", name)
     with said_plainly(folder):
@@ -218,7 +218,7 @@ def locked(folder: Path, name: str) -> Iterator[None]:
         yield
 
 
-DIGITS = ".9g"  # of a value and of the known value beside it
+DIGITS = ".9g"  # digits of a value and of its known value
 HEAD = ("case", "solver", "quantity", "value", "known", "error", "tolerance", "seconds", "verdict")
 LEFT = {"case", "solver", "quantity", "verdict"}  # columns of words
 NOTHING = "-"

@@ -27,7 +27,7 @@ from shellbench.problems.rope.case import RopeCase
 from shellbench.problems.shell.case import Case
 from shellbench.testing import answers, convergence, keeping, mechanics, ropes
 from shellbench.testing.between import between_points
-from shellbench.testing.conforming import Line, needed_checks, note
+from shellbench.testing.conforming import Line, needed_checks, store_results
 from shellbench.testing.examination import (
     AlreadyReported,
     Examination,
@@ -38,7 +38,7 @@ from shellbench.testing.examination import (
     not_shown,
     shells,
 )
-from shellbench.testing.grading import ExamOptions, Graded, begun
+from shellbench.testing.grading import ExamOptions, Graded, start_exam
 from shellbench.testing.made_cases import CLOSED, MOVING, STATIC, short_motion
 from shellbench.testing.subject import subject_of
 
@@ -220,7 +220,7 @@ def _cheap(exam: Examination) -> tuple[Problem, ...]:
     kinds = dict.fromkeys(case.kind for case in exam.cases)
     others = (case for case in shells() if case.dynamics is None)
     of_shells = (*shells(STATIC), *map(short_motion, MOVING), *others) if DEFAULT in kinds else ()
-    cheap = (*of_shells, *(case for case in ropes.cheap() if case.kind in kinds))
+    cheap = (*of_shells, *(case for case in ropes.cheap_cases() if case.kind in kinds))
     found: dict[str, Problem] = {}
     for case in (*cheap, *(case for case in exam.cases if case.kind != DEFAULT)):
         if case.kind not in found and _takes(exam, case):
@@ -276,13 +276,13 @@ def check_solver(
     out = console or Console(highlight=False, soft_wrap=True)
     suites = exam.asked_of(entry) if exam is not None else ()
     with contextlib.ExitStack() as stack:
-        # The checks mostly wait for the solver's process. The exam has the other cores meanwhile, and is shown later.
+        # The checks mostly wait for the solver's process. The exam uses the other cores meanwhile, and is shown later.
         grading = None
         if exam is not None and exam.grade and not options.settings:
-            grading = stack.enter_context(begun(name, options.cases, suites, exam, seconds))
+            grading = stack.enter_context(start_exam(name, options.cases, suites, exam, seconds))
         lines = _gone_through(entry, options, out, as_json)
-        if exam is not None and not options.settings:  # what is kept is of default settings, as a class is
-            note(Store(exam.store), entry, lines)
+        if exam is not None and not options.settings:  # stored results are for default settings, like a class
+            store_results(Store(exam.store), entry, lines)
         grade = grading and grading(Console(stderr=True) if as_json else out)
     begin = partial(subject_of, seconds=seconds)
     if exam is not None and grade is not None and grade.sitting is not None:

@@ -105,12 +105,7 @@ def test_a_package_brings_all_that_it_can_and_leaves_nothing(
     assert shellbench("pull", "toy_spring", "--times", "2").stdout == "0.5 m\n"
 
     shutil.rmtree(site)
-    for asked in (
-        ("list", "hooke"),
-        ("pull", "toy_spring"),
-        ("run", "toy_spring"),
-        ("gate", "--suite", "toy_springs"),
-    ):
+    for asked in (("list", "hooke"), ("pull", "toy_spring"), ("run", "toy_spring"), ("gate", "--suite", "toy_springs")):
         done = shellbench(*asked)
         assert done.returncode == 2
         assert "Traceback" not in done.stderr

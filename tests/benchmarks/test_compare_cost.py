@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from shellbench.bench.judge.compare import held_against_each_other
+from shellbench.bench.judge.compare import with_mutual_differences
 from shellbench.bench.judge.row import Row
 
 FEW, MANY = 500, 5000
@@ -34,7 +34,7 @@ def answers(count):
 
 def seconds(rows):
     begin = time.perf_counter()
-    held_against_each_other(rows)
+    with_mutual_differences(rows)
     return time.perf_counter() - begin
 
 
@@ -47,5 +47,5 @@ def test_comparing(benchmark):
             short.append(seconds(few))
             long.append(seconds(many))
         benchmark.extra_info["ratio"] = min(long) / min(short)
-    found = benchmark.pedantic(held_against_each_other, args=(many,), rounds=ROUNDS, warmup_rounds=1)
+    found = benchmark.pedantic(with_mutual_differences, args=(many,), rounds=ROUNDS, warmup_rounds=1)
     assert all(row.disagreement_with == "median" for row in found)

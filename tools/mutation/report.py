@@ -33,7 +33,7 @@ def score(results: Sequence[Entry], kinds: Collection[str] = ()) -> Score:
 
 
 def interval(red: int, judged: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Return the bounds that a draw gives of the share that is red of all mutants (Clopper and Pearson 1934)."""
+    """Return the bounds of the share of red mutants among all, from a draw (Clopper and Pearson 1934)."""
     tail = (1 - confidence) / 2
     low = float(beta.ppf(tail, red, judged - red + 1)) if red else 0.0
     high = float(beta.ppf(1 - tail, red + 1, judged - red)) if red < judged else 1.0

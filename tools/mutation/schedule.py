@@ -69,21 +69,21 @@ def examined(
     processes: int,
     say: Say,
 ) -> dict[str, Any]:
-    """Draw mutants of a target, put each through the exam, and return what came of them.
+    """Draw mutants of a target, judge each by the exam, and return the results.
 
-    Results are appended to a file in `folder`, one line a mutant; those that are there already are not made again,
-    unless they stayed green in a shorter exam.
+    Results are appended to a file in `folder`, one line a mutant. Existing results are kept, unless they stayed green in
+    a shorter exam.
 
     Parameters
     ----------
     kinds
-        Of what mutants are drawn: see `targets.KINDS`.
+        Kinds of code of the drawn mutants: see `targets.KINDS`.
     longest
-        Seconds of the longest case that is asked.
+        Seconds of the longest case.
     patience
-        Seconds that the code as it is takes for the cases that are asked of one mutant.
+        Seconds of the unchanged code for all cases of one mutant.
     only
-        Cases that are asked, those of one solver as `solver:case`; all that are not too long if there are none.
+        Cases to solve, for one solver as `solver:case`; if empty, all that are not too long.
     """
     everything = all_mutants(target.modules())
     exam = [reach for solver in target.solvers for reach in reaches(solver, folder, longest, only, processes, say)]
@@ -159,7 +159,7 @@ def reaches(solver: str, folder: Path, longest: float, only: Collection[str], pr
 
 
 def _cases(solver: str, longest: float, only: Collection[str]) -> list[str]:
-    """Return the cases of the suites that hold a solver to a figure, without those that are known to take longer."""
+    """Return the cases of the suites that gate a solver, without those that are known to take longer."""
     # The baseline's machine knows what a case takes; of a variant, what its case takes.
     from shellbench.bench.catalogue import catalog
 
@@ -185,7 +185,7 @@ def _cases(solver: str, longest: float, only: Collection[str]) -> list[str]:
 
 
 def _in_order(exam: Sequence[Reach]) -> list[Reach]:
-    """Return cheap questions first; each further way to ask the same case counts as dearer."""
+    """Return cheap questions first; further variants of the same case count as more expensive."""
     ways: Counter[tuple[str, str]] = Counter()
     dear: dict[Question, float] = {}
     for reach in sorted(exam, key=lambda r: ("@" in r.question.case, r.seconds)):
@@ -196,7 +196,7 @@ def _in_order(exam: Sequence[Reach]) -> list[Reach]:
 
 
 def _within(exam: Sequence[Reach], patience: float) -> list[Reach]:
-    """Return the first questions of an exam that take so long together, at least one."""
+    """Return the first questions of an exam up to a total time, at least one."""
     ends = list(accumulate(reach.seconds for reach in exam))
     return [reach for reach, end in zip(exam, ends, strict=True) if end <= max(patience, ends[0])]
 
@@ -227,7 +227,7 @@ def _result(mutant: Mutant, exam: Sequence[Reach]) -> dict[str, Any]:
 def _answers(
     mutant: Mutant | None, questions: Sequence[Question], modules: Sequence[str], limit: Callable[[Question], float]
 ) -> tuple[list[Answered], str]:
-    """Examine in a process of its own; return what it answered, and why it stopped if it did not end by itself."""
+    """Judge in a process of its own; return its results, and the reason if it did not end by itself."""
     if not questions:
         return [], ""
     context = _context()
@@ -256,7 +256,7 @@ def _answers(
 
 
 def _waited(answers: Connection, pid: int, allowed: float) -> bool:
-    """Wait for an answer as long as the process has not taken so many seconds of its processor more; return whether."""
+    """Wait for an answer up to a limit of the process's processor time; return True if there is one."""
     # A process that waits for nothing takes none: the clock ends that, much later.
     process, start, begin = None, 0.0, time.monotonic()
     with contextlib.suppress(psutil.NoSuchProcess):  # it has ended: its last words may be there
@@ -271,7 +271,7 @@ def _waited(answers: Connection, pid: int, allowed: float) -> bool:
 
 
 def _context() -> Any:
-    """Return a context whose processes start with what takes long to import, and with nothing of shellbench."""
+    """Return a context whose processes start with slow imports done, and without shellbench."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")

@@ -29,12 +29,12 @@ ROOT = Path(__file__).parents[2]
 
 @dataclass(frozen=True)
 class Target:
-    """Modules of which mutants are made, and the solvers whose exam they go through.
+    """Modules that are mutated, and the solvers whose exam judges them.
 
     Attributes
     ----------
     folders
-        Of the package; modules in folders below are meant where it ends with `**`.
+        Folders of the package; `**` at the end includes the folders below.
     excluded
         Patterns of stems of modules that are left out, each with the reason.
     """
@@ -299,9 +299,9 @@ class Part:
     expressions
         Nodes in it that may be changed, in the order of the tree.
     lines
-        First and last line: whatever runs one of them reaches it.
+        First and last line: running one of them reaches the statement.
     function
-        In which it stands, `Class.method` of a method; functions within functions are part of these. Empty at the top.
+        Function around it, `Class.method` for a method; functions within functions are part of these. Empty at the top.
     """
 
     statement: ast.stmt
@@ -311,7 +311,7 @@ class Part:
 
 
 def parts(tree: ast.Module) -> Iterator[Part]:
-    """Yield what may be changed of a module, statement by statement."""
+    """Yield the changeable parts of a module, statement by statement."""
     for node in tree.body:
         if isinstance(node, ast.FunctionDef):
             yield from _named(node.name, _of_function(node))

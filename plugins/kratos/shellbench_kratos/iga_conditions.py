@@ -85,7 +85,7 @@ def tied_by(case: Case, support: Support, edge: Edge) -> tuple[int, ...] | None:
     Returns
     -------
     tuple or None
-        None if no components in Cartesian directions say it.
+        None if Cartesian components can't express it.
     """
     if not support.holds_slope:
         return ()
@@ -110,7 +110,7 @@ def _held_on(case: Case, edge: Edge) -> set[str]:
 
 
 def _at_right_angles(first: Array, second: Array) -> bool:
-    """Tell whether vectors (n, 3) are at right angles to others."""
+    """Return True if vectors (n, 3) are at right angles to others."""
     lengths = np.linalg.norm(first, axis=-1) * np.linalg.norm(second, axis=-1)
     return bool(np.all(np.abs(np.einsum("ni,ni->n", first, second)) <= ALONG * lengths))
 
@@ -172,7 +172,7 @@ def conditions_of(case: Case, shape: tuple[int, int]) -> Conditions:
 
 
 def held_by(part: Part, number: int, mirrors: tuple[Mirror, ...], shape: tuple[int, int]) -> Mask:
-    """Tell which components (3, n1, n2) a support of the whole acts on, on the copy of the part to which mirrors lead.
+    """Return the components (3, n1, n2) that a support of the whole shell holds, on the part's copy under mirrors.
 
     If two supports share a control point, its force is assigned to the support that the case names first.
     """

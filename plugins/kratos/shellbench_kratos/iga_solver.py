@@ -1,6 +1,6 @@
-"""The solver `kratos-iga`: Kirchhoff-Love NURBS shells of Kratos' IgaApplication, put to the questions of the suite.
+"""The solver `kratos-iga`: Kirchhoff-Love NURBS shells of Kratos' IgaApplication.
 
-What the solver on Kratos' shell element can't take, each with its reason.
+This module also has the reasons for which the solver declines cases.
 """
 
 from __future__ import annotations
@@ -82,8 +82,7 @@ class KratosIgaSolver(ShellSolver):
         Raises
         ------
         SolveFailure
-            If Kratos gives up, Newton's method fails, or forces are not in balance; the states that were found come
-            with it.
+            If Kratos gives up, Newton's method fails, or forces are not in balance; it carries the states found before.
         """
         from shellbench_kratos import iga_solving
 

@@ -49,7 +49,7 @@ class IgaState:
     iterations
         Newton's; of a linear case, solves.
     kept
-        Whether the case asks for it.
+        True if the case asks for it.
     rounding
         Relative error of the loads' work by rounding; None where it is not known.
     """
@@ -90,7 +90,7 @@ def equilibrium(
 
 
 def states(model: IgaModel, part: Part, load_steps: int, rounding: float) -> Iterator[IgaState]:
-    """Yield the states of a case's path in order; of a linear case those that it asks for.
+    """Yield the states of a case's path in order; for a linear case those that it asks for.
 
     `rounding` is the relative change of the loads' work by rounding above which a linear answer is corrected.
 
@@ -115,9 +115,9 @@ def states(model: IgaModel, part: Part, load_steps: int, rounding: float) -> Ite
 
 
 def _linear(model: IgaModel, part: Part, forces: Array, rounding: float) -> tuple[Array, int, float]:
-    """Solve a linear case, and again for what is out of balance while rounding changes the answer by too much.
+    """Solve a linear case, and solve again for the residual while rounding changes the answer by too much.
 
-    The work of the forces that are out of balance is the error, by rounding, of the work of the loads: f . e = u . K e.
+    The work of the residual forces is the error, by rounding, of the work of the loads: f . e = u . K e.
 
     Returns
     -------

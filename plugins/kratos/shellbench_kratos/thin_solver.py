@@ -6,10 +6,10 @@ flat elements see the change of curvature as that of the normal's turning alone,
 eps_11 / R is missing from kappa_11. This alters answers by a part of order h / R: 2e-4 on the Scordelis-Lo roof, where
 h / R = 0.01, 2e-5 where it is ten times thinner. test_thin_limit.py finds the roof's limit from a series.
 
-On a path the load is prescribed, and whether a state is stable is not looked at: beyond a limit point Newton's method
-may find a state far from the last one, which is in balance but not where the path from rest leads by equilibria.
+On a path the load is prescribed, and stability is not checked: beyond a limit point Newton's method may find a state
+far from the last one, which is in balance but not on the path of equilibria from rest.
 
-Also here: what Kratos' thin quadrilaterals can't take as they are set up here, each with its reason.
+This module also has the reasons for which the solver declines cases.
 """
 
 from __future__ import annotations

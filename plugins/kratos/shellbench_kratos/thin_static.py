@@ -173,7 +173,7 @@ def follow_path(
     tolerance
         Newton's last step, relative to the shell's size.
     tell
-        Is given each of the states as it is found.
+        Called with each new state.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The solver `mujoco-chain`: a chain of hinges of the physics engine MuJoCo, put to the questions of ropes."""
+"""The solver `mujoco-chain`: a chain of hinges of the physics engine MuJoCo, for ropes."""
 
 from __future__ import annotations
 

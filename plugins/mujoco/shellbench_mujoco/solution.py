@@ -50,12 +50,12 @@ class FlexSolution(ShellSolution):
 
     @property
     def case(self) -> Case:
-        """The case it answers."""
+        """The solved case."""
         return self.grid.case
 
     @cached_property
     def elasticity(self) -> Elasticity:
-        """The cloth's elastic energy, made anew where strains, energies or forces are asked for."""
+        """The cloth's elastic energy, for strains, energies and forces."""
         return Elasticity(self.grid)
 
     def _place(self, at: float | None) -> tuple[int, float, float]:
@@ -137,9 +137,8 @@ class FlexSolution(ShellSolution):
     def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the cloth.
 
-        It is what keeps its vertices at rest: their elastic forces less their loads. An obstacle presses on none of
-        them: the engine presses free vertices only. What damping adds, if a setting asks for any, is left out: the
-        engine has no name for it.
+        It keeps its vertices at rest: their elastic forces less their loads. No obstacle presses on them, because the
+        engine presses free vertices only. Forces of damping are left out, because the engine does not give them.
         """
         every = [self.grid.held_by(other) for other in range(len(self.case.supports))]
         share = every[number] / np.maximum(np.sum(every, axis=0), 1)
@@ -156,7 +155,7 @@ class FlexSolution(ShellSolution):
 
     @classmethod
     def restored(cls, case: Case, words: Words, arrays: Arrays) -> FlexSolution:
-        """Make a solution of what a file holds; ValueError or KeyError if it does not fit together."""
+        """Make a solution from the content of a file; ValueError or KeyError if it is inconsistent."""
         first, second = words["cells"]
         grid = Grid(case, (int(first), int(second)))
         frames, rates = arrays["frames"], arrays["rates"]

@@ -1,6 +1,6 @@
-"""The solver `mujoco-flex`: cloth of the physics engine MuJoCo, put to the questions of the suite.
+"""The solver `mujoco-flex`: cloth of the physics engine MuJoCo.
 
-What cloth of MuJoCo can't take, each with its reason.
+This module also has the reasons for which the solver declines cases.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class MujocoFlexSolver(ShellSolver):
         Raises
         ------
         SolveFailure
-            If the motion diverges; the frames before come with it.
+            If the motion diverges; it carries the frames before.
         InputError
             If the settings do not fit the case.
         """

@@ -12,7 +12,7 @@ from shellbench.bench.catalogue.brought import claimed
 from shellbench.bench.catalogue.listing import gated_quantities, list_solver, list_suite, run_words
 from shellbench.bench.catalogue.reference import KnownValue, Tolerance
 from shellbench.bench.plugins.kinds import find_kind
-from shellbench.bench.plugins.outside import asked, declines, described
+from shellbench.bench.plugins.outside import declines, describe_solver, resolve_solver
 from shellbench.bench.plugins.registry import OWN, SolverEntry, solver_entries
 from shellbench.errors import InputError
 from shellbench.problem import VARIANT, Problem, Quantity
@@ -135,7 +135,7 @@ def about_suite(name: str) -> Data:
 def about_solver(entry: SolverEntry) -> Data:
     """Return the description of a solver: its settings, the suite's cases that it declines, and its tolerances."""
     if not entry.own:
-        described(entry)  # a plug-in that does not answer is bad input here
+        describe_solver(entry)  # an unresponsive plug-in counts as bad input here
     data = {"what": "solver", **list_solver(entry)}
     runs = [name for name in catalog.suite_names() if entry.name in {r.solver for r in catalog.find_suite(name).runs}]
     data |= {
@@ -154,7 +154,7 @@ def _dumped(held: Mapping[str, Mapping[str, Tolerance]]) -> Data:
 
 def _declined(entry: SolverEntry) -> dict[str, str]:
     """Return the reasons for which a solver declines cases, by case."""
-    solver = asked(entry)
+    solver = resolve_solver(entry)
     found = {}
     for name in catalog.case_names():
         try:
@@ -300,10 +300,8 @@ def _solver_lines(solver: Data) -> Iterator[str]:
     yield from _entry("suites", _listed(solver["suites"]) or "none")
     if solver["available"]:
         yield from _headed("Settings")
-        for setting in solver["settings"]:
-            yield from _entry(
-                f"{setting['name']} = {json.dumps(setting['default'])}", setting["description"] or "no description"
-            )
+        for one in solver["settings"]:
+            yield from _entry(f"{one['name']} = {json.dumps(one['default'])}", one["description"] or "no description")
         yield from _headed(f"Declined, {len(solver['declines'])} of {len(catalog.case_names())} cases")
         reasons: dict[str, list[str]] = {}
         for case, reason in solver["declines"].items():

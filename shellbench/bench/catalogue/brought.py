@@ -64,7 +64,7 @@ def brought() -> tuple[Brought, ...]:
     return _brought(tuple(sys.path))
 
 
-@cache  # what is installed is looked for once
+@cache  # cached: the installed packages do not change
 def _brought(path: tuple[str, ...]) -> tuple[Brought, ...]:
     return tuple(_read(entry) for entry in registered(GROUP, "folder of data").values())
 

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.plugins.kinds import kinds_of_theories
-from shellbench.bench.plugins.outside import described
+from shellbench.bench.plugins.outside import describe_solver
 from shellbench.bench.plugins.registry import OWN, SolverEntry, solver_entries
 from shellbench.errors import InputError, ShellbenchError
 from shellbench.problem import Problem, Quantity
@@ -78,7 +78,7 @@ def list_solver(entry: SolverEntry) -> dict[str, Any]:
     """Return the description of a solver as JSON data; the reason if it can't be imported."""
     origin = {"name": entry.name, "package": entry.distribution, "version": entry.version}
     try:
-        facts = described(entry)
+        facts = describe_solver(entry)
     except ShellbenchError as error:
         return origin | {"available": False, "reason": str(error)}
     return origin | {"available": True, "reason": None} | facts

@@ -17,12 +17,12 @@ from shellbench.protocol.spelling import did_you_mean
 
 CASE = "hyperbolic_paraboloid.toml"
 SOLVER = "solver_template"
-NAME, PACKAGE, CLASS = "plate-series", "plate_series", "PlateSeriesSolver"  # what the template calls its own
+NAME, PACKAGE, CLASS = "plate-series", "plate_series", "PlateSeriesSolver"  # names in the template
 CASE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,79}")
 SOLVER_NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 SUITES = re.compile(r"^suites\s*=\s*\[.*?\][^\n]*\n", re.MULTILINE | re.DOTALL)
 OPENING = re.compile(r"\A(#[^\n]*\n)+")
-LINK = re.compile(r"\[([^\]]*)\]\(\.\./[^)]*\)")  # to what lies beside the template, and not beside a copy
+LINK = re.compile(r"\[([^\]]*)\]\(\.\./[^)]*\)")  # links to files beside the template, which a copy does not have
 MESH = re.compile(r'^mesh\s*=\s*"(.*?)"', re.MULTILINE)
 UNWANTED = shutil.ignore_patterns("__pycache__", "*.pyc", ".pytest_cache", ".ruff_cache", ".shellbench", "dist")
 

@@ -25,8 +25,8 @@ from shellbench.files import read_file
 from shellbench.problem import VARIANT
 from shellbench.protocol.schema import Finite, Model, Name, one_sentence
 
-REPEATS = 1e-6  # relative: what other processors and libraries change in the last digits stays far below
-ROOM = 5.0  # of the measured spread: a handful of conditions does not show the worst one
+REPEATS = 1e-6  # relative: changes of the last digits by other processors and libraries are far smaller
+ROOM = 5.0  # times the measured spread: a few conditions do not include the worst one
 DEVIATIONS = 5.0  # with three seeds the deviation itself is known to a factor of about two
 SLOWER = 1.5  # seconds of a run on the same processor vary by some ten per cent
 LARGER = 1.2  # likewise memory
@@ -146,7 +146,7 @@ def make_baseline(
     )
 
 
-@lru_cache(maxsize=4096)  # a gate asks for the band of each row, and many rows share one
+@lru_cache(maxsize=4096)  # cached: a gate needs the band of each row, and many rows share one
 def _deviation(values: tuple[float, ...]) -> float:
     return stdev(values) if len(values) > 1 else 0.0
 
@@ -195,7 +195,7 @@ def regression_finding(baseline: Baseline, row: Row) -> Finding | None:
     change = row.value - known.mean
     said = f"{change / abs(known.mean):+.2e}" if known.mean else f"{change:+.2e} {row.unit}"
     allowed = f"{known.band / abs(known.mean):.2g}" if known.mean else f"{known.band:.2g} {row.unit}"
-    if row.tolerance_is_absolute and row.tolerance:  # what is left of zero is rounding, and no property of the solver
+    if row.tolerance_is_absolute and row.tolerance:  # values near zero are rounding errors
         band = max(known.band, row.tolerance)
         said, allowed = f"{change:+.2e} {row.unit}", f"{band:.2g} {row.unit}"
     else:

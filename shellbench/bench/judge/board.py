@@ -27,8 +27,8 @@ from shellbench.bench.store.store import Contents, Store
 from shellbench.errors import InputError
 
 Mark = Literal["yes", "differs", "no"]
-AGREES = 1e-5  # relative to the known value: how much worse a run made again may be; the finest error that is ranked
-DIGITS = 6  # of a checksum, where two packs have the same solver and version
+AGREES = 1e-5  # relative to the known value: largest loss of a repeated run; the finest error that is ranked
+DIGITS = 6  # digits of a checksum that distinguish two packs of the same solver and version
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ def _made_again(
     ]
     try:
         compared = compare_sides(sides[0], sides[1], Limits(AGREES))
-    except InputError:  # no figure in common
+    except InputError:  # no value in common
         return {}, ()
     marks: dict[tuple[str, str], Mark] = {}
     differs = []

@@ -19,11 +19,11 @@ from shellbench.bench.judge.row import Finding, Row
 from shellbench.bench.store.identity import GATED_DTYPE
 from shellbench.bench.store.record import ANSWERED
 
-ASKED_SHARE = 0.95  # of the figures have to be
-WITHIN = 2.0  # so many times what is stated,
+ASKED_SHARE = 0.95  # share of the values that must be
+WITHIN = 2.0  # within this multiple of the stated uncertainty,
 MOST = 5.0  # and none beyond this
 TIMES = (1.0, WITHIN, MOST)
-ROUNDING = 1e-12  # of a figure's scale: in double precision nothing is known better
+ROUNDING = 1e-12  # of a value's scale: the limit of double precision
 
 
 @dataclass(frozen=True)

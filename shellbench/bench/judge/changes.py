@@ -28,8 +28,8 @@ from shellbench.bench.store.record import Record
 from shellbench.errors import InputError
 
 THRESHOLD = CLASSES[0]  # the tightest class of accuracy
-LEAST_SECONDS = 0.1  # shorter differences are what else the machine did
-ENDED = ("ok", "not settled")  # from good to bad; all else is worse
+LEAST_SECONDS = 0.1  # shorter differences come from the load of the machine
+ENDED = ("ok", "not settled")  # from good to bad; other statuses are worse
 Verdict = Literal["loss", "gain", "changed", "same"]
 
 
@@ -168,10 +168,10 @@ def compare_sides(before: Side, after: Side, limits: Limits) -> Comparison:
     InputError
         If they have no value in common.
     """
-    # 1. Group the rows of either side by what they answer: of solvers by the question, else by solver and settings too.
-    # 2. Where both sides have seeds in common, only these are compared.
-    # 3. The worst seed speaks for a side.
-    # 4. What is left of the runs is gone, or has appeared.
+    # 1. Group the rows of each side by the question and, unless solvers are compared, by solver and settings.
+    # 2. If the sides have common seeds, compare only these.
+    # 3. Compare the worst seed of each side.
+    # 4. Report the other runs as gone or new.
     solvers = after.what == "solver"
     left, right = _grouped(before.rows, solvers), _grouped(after.rows, solvers)
     physics = [{run.case_name: run.identity.case for run in side.records.values()} for side in (before, after)]
@@ -251,7 +251,7 @@ def _change(before: OneSide, after: OneSide, threshold: float, solvers: bool) ->
         why = after.worst.reason if now > was else before.worst.reason
         words = f"{before.worst.status} -> {after.worst.status}"
         return Change(before, after, "loss" if now > was else "gain", f"{words}{f': {why}' if why else ''}")
-    # Solvers have tolerances of their own, so that holding them says nothing of two of them.
+    # Each solver has its own tolerances, so that passing them can't rank two solvers.
     if not solvers and None not in (before.passed, after.passed) and before.passed != after.passed:
         tolerance = after.rows[0].tolerance
         held = f"its tolerance {'' if tolerance is None else f'{tolerance:g} '}"

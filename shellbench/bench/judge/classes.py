@@ -18,10 +18,10 @@ from shellbench.problem import VARIANT, Problem
 
 CLASSES = (1e-4, 1e-3, 1e-2)  # relative errors, the tightest first
 LOOSEST = CLASSES[-1]
-BLUNT = 3.0  # an error within so many uncertainties of its known value says nothing against a solver
-BLUNTEST = 0.99  # relative: however uncertain a known value is, the answer zero holds no class
-OWN = "shellbench"  # the distribution of our solvers
-MOST_NAMED = 8  # cases that are declined, in a sentence
+BLUNT = 3.0  # an error within this many uncertainties of the known value does not count
+BLUNTEST = 0.99  # relative: the answer zero must get no class, however uncertain the known value is
+OWN = "shellbench"  # the distribution of the built-in solvers
+MOST_NAMED = 8  # number of declined cases that a sentence lists
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Grade:
         )
 
 
-def strangers(named: Iterable[str]) -> set[str]:
+def third_party_solvers(named: Iterable[str]) -> set[str]:
     """Return the solvers without tolerances that are judged by class: those of other distributions, and named ones."""
     frozen = catalog.tolerances().keys()
     others = {name for name, entry in solver_entries().items() if _is_foreign(entry)}

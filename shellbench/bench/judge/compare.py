@@ -54,9 +54,9 @@ def rows_and_notes(
 ) -> tuple[list[Row], tuple[str, ...]]:
     """Return the rows of `rows`, and a sentence for each omission; `current` saves reading the store again."""
     wanted = asked_cases(cases, suites)
-    # Records that count, and plans that no record has ended. Suites narrow a row to those of its suites that were asked
+    # Valid records, and plans without a record. Suites narrow a row to those of its suites that were asked
     # for.
-    current, planned = as_files_say(current or current_runs(store.read()), cases), read_planned(store)
+    current, planned = with_cases_of_files(current or current_runs(store.read()), cases), read_planned(store)
     if cases:
         current = current.narrowed(wanted)
     found = rows_of(current, not_ended(planned, (run.record for run in current.runs)))
@@ -66,7 +66,7 @@ def rows_and_notes(
     return found, (*current.notes, *planned.damaged)
 
 
-def as_files_say(current: CurrentRuns, cases: Sequence[str]) -> CurrentRuns:
+def with_cases_of_files(current: CurrentRuns, cases: Sequence[str]) -> CurrentRuns:
     """Return the runs with the cases of the named files; runs whose physics has changed are stale.
 
     Known values in a file are not physics, and may have changed since the run.
@@ -105,7 +105,7 @@ def asked_cases(cases: Sequence[str], suites: Sequence[str]) -> set[tuple[str, b
     return asked
 
 
-def beyond(found: Sequence[Row]) -> str:
+def missing_runs(found: Sequence[Row]) -> str:
     """Return one line on the runs that the suites of these rows declare besides them; empty if there are none."""
     runs = {(row.case, row.solver, json.dumps(row.overrides, sort_keys=True), row.seed): row for row in found}
     begun = list(dict.fromkeys(row.suites[0] for row in found if row.declared))
@@ -122,10 +122,10 @@ def beyond(found: Sequence[Row]) -> str:
 
 def rows_of(current: CurrentRuns, planned: Sequence[Task] = ()) -> list[Row]:
     """Return the rows of valid runs, and of runs that were planned and did not end."""
-    # 1. Rows of records, a quantity each, with what judges them.
-    # 2. Rows of plans that did not end.
-    # 3. Where nothing judges, rows are held against each other.
-    # 4. In the order of suite and case, so that a report reads the same whatever was run first.
+    # 1. Make rows of records, one for each quantity, with the values that judge them.
+    # 2. Make rows of plans that did not end.
+    # 3. Compare rows without a known value with each other.
+    # 4. Sort by suite and case, so that a report does not depend on the order of the runs.
     found = [row_of(run, quantity) for run in current.runs for quantity in run.case.quantities]
     order = {(run.case.name, q.name): i for run in current.runs for i, q in enumerate(run.case.quantities)}
     for task in planned:
@@ -141,7 +141,7 @@ def rows_of(current: CurrentRuns, planned: Sequence[Task] = ()) -> list[Row]:
     errors = {(run.case.name, q.name) for run in current.runs for q in run.case.quantities if q.is_an_error}
     alone = [row for row in found if (row.case, row.quantity) in errors]
     return sorted(
-        [*alone, *held_against_each_other(row for row in found if (row.case, row.quantity) not in errors)],
+        [*alone, *with_mutual_differences(row for row in found if (row.case, row.quantity) not in errors)],
         key=lambda row: _position(row, order[row.case, row.quantity], places.get((row.suite or "", row.case), ())),
     )
 
@@ -165,12 +165,12 @@ def planned_rows(task: Task) -> list[Row]:
     if known is None:
         return []
     case, declared = known
-    # A run that was planned must not vanish from the table. Where nothing of it is gated its headline stands for it.
+    # A planned run must not vanish from the table. If none of its values is gated, it has a row for its headline.
     judged = [] if overrides_of(task) or task.own_case else gated_quantities(case, task.identity.solver)
     return [
         without_record(case, quantity, task.identity.solver, task.identity.seed, (), DID_NOT_END).model_copy(
             update=_about_run(task, case, declared)
-            # what is frozen for a case of the suite does not hold for its namesake
+            # frozen tolerances of a suite's case do not apply to a user's case of the same name
             | ({"tolerance": None, "open_finding": None} if task.own_case else {})
         )
         for quantity in judged or [case.primary]
@@ -271,8 +271,8 @@ def row_of(run: CurrentRun, quantity: Quantity) -> Row:
         storage_bytes=record.storage_bytes,
         run_id=record.run_id,
     )
-    # A user's own case may bear the name of one of the suite. What is known of that, and allowed there, is not passed
-    # on to it: its own file says both.
+    # A user's own case may have the name of a suite's case. Known values and tolerances of that case do not apply
+    # to it: its own file has both.
     known = values_of_file(run.case) if record.own_case else catalog.known_values(record.case_name)
     row = with_known_values(row, known, run.case, quantity)
     allowed = allowed_by_file(run.case, quantity) if record.own_case else _frozen(row)
@@ -331,7 +331,7 @@ def near_zero(judge: KnownValue, quantity: Quantity) -> bool:
     return quantity.absolute or abs(judge.value) <= (judge.uncertainty or 0.0)
 
 
-def held_against_each_other(found: Iterable[Row]) -> list[Row]:
+def with_mutual_differences(found: Iterable[Row]) -> list[Row]:
     """Return the rows; those without a known value get their difference from another solver.
 
     The comparison is with the deterministic solver. If there are none or several, it is with the median of all.
@@ -341,7 +341,7 @@ def held_against_each_other(found: Iterable[Row]) -> list[Row]:
     for row in listed:
         if row.default_settings and row.status == "ok" and row.value is not None:
             peers.setdefault(_asked(row), []).append(row)
-    # One solver agrees with itself: a yardstick needs answers of two.
+    # One solver agrees with itself: a comparison needs answers of two.
     yardsticks = {
         asked: _yardstick(answers) for asked, answers in peers.items() if len({row.solver for row in answers}) > 1
     }
@@ -361,7 +361,7 @@ def _held_against(row: Row, value: float, name: str) -> Row:
 
 def _yardstick(peers: Sequence[Row]) -> tuple[float, str]:
     values = [row.value for row in peers if row.value is not None]
-    # Answers of one deterministic solver do not scatter. Of several none is the better one, and the median is robust.
+    # One deterministic solver has no scatter, and is the reference. If there are several, the median is robust.
     certain = [row for row in peers if row.seed is None and row.value is not None]
     if len(certain) == 1 and certain[0].value is not None:
         return certain[0].value, certain[0].solver

@@ -38,7 +38,7 @@ OPTIONAL = {"pypardiso": "fast", "numba": "compiled", "pyvista": "vtk", "distrib
 GIGABYTE = 1e9
 MEMORY = 2 * GIGABYTE  # a training of the course takes 1.6 GB
 DISK, LEAST_DISK = 2 * GIGABYTE, 0.05 * GIGABYTE  # a suite's records, and one record with its fields
-PATIENCE = 120.0  # seconds for the solve, and for PyTorch to say whether it sees a GPU
+PATIENCE = 120.0  # limits in seconds: for the solve, and for PyTorch to find a GPU
 SEES_GPU = "import torch; print(torch.cuda.is_available())"
 
 
@@ -141,7 +141,7 @@ def _solvers() -> Line:
         listed = [list_solver(entry) for entry in solver_entries().values()]
     except ShellbenchError as error:
         return Line("solvers", "BAD", str(error))
-    # What needs an engine that is not installed says so itself, and harms nobody.
+    # A solver whose engine is not installed reports it itself; other solvers are not affected.
     broken = [str(one["reason"]) for one in listed if not one["available"]]
     words = f"{len(listed) - len(broken)} can be used"
     return Line("solvers", "note" if broken else "ok", "; ".join([words, *broken]))

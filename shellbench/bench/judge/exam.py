@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.judge.classes import LOOSEST, Grade, grades
-from shellbench.bench.judge.expected import expected_of_stranger
+from shellbench.bench.judge.expected import expected_of_third_party
 from shellbench.bench.judge.row import Row
 from shellbench.bench.plugins.kinds import find_kind, kinds_of_theories
 from shellbench.bench.run.execute import Executor, Observer, execute
@@ -74,7 +74,7 @@ def plan_of(solver: str, cases: Sequence[Problem], store: Store, executor: Execu
     return make_plan(request, store.read(), expect=executor.expect)
 
 
-def sit(
+def hold_exam(
     solver: str, cases: Sequence[Problem], store: Store, plan: Plan, executor: Executor, observer: Observer
 ) -> Sitting:
     """Run a solver on all cases without a valid record, and grade all its answers.
@@ -84,11 +84,11 @@ def sit(
     StoreError
         If the store can't be written.
     """
-    # Suites go from cheap to dear. From their end on, no long run is left over for one core while the others wait.
+    # Suites are sorted from cheap to expensive. The reverse order starts long runs first, so that no core stays idle.
     with contextlib.closing(executor):
         outcomes = execute(plan.tasks[::-1], store, observer, executor, plan.seen)
     current = current_runs(store.read())
-    expected = [expected_of_stranger("", case, solver, FIRST_SEED, current) for case in cases]
+    expected = [expected_of_third_party("", case, solver, FIRST_SEED, current) for case in cases]
     rows = [row for one in expected for row in one.rows()]
     (grade,) = grades(rows, [solver], {solver: ""})
     return Sitting(

@@ -14,7 +14,7 @@ from shellbench.bench.catalogue.listing import gated_quantities
 from shellbench.bench.judge.classes import judged_by_class, judged_quantities
 from shellbench.bench.judge.compare import row_of, without_record
 from shellbench.bench.judge.row import Row
-from shellbench.bench.plugins.outside import asked, declines
+from shellbench.bench.plugins.outside import declines, resolve_solver
 from shellbench.bench.plugins.registry import find_solver
 from shellbench.bench.run.plan import FIRST_SEED
 from shellbench.bench.store.current import CurrentRun, CurrentRuns
@@ -79,9 +79,9 @@ class Expected:
                 yield without_record(self.case, quantity, self.solver, self.seed, (self.suite,), reason, status)
                 continue
             row = row_of(self.run, quantity)
-            if self.by_class:  # whatever is frozen of a solver of ours that is graded as a stranger is
+            if self.by_class:  # frozen tolerances do not count if a built-in solver is graded by class
                 row = judged_by_class(row.model_copy(update={"passed": None, "open_finding": None}))
-            if row.gated:  # a class says nothing of a zero that has no other value of its unit beside it
+            if row.gated:  # a class can't judge a zero without another value of its unit as a scale
                 yield row
 
 
@@ -89,7 +89,7 @@ def expected_runs(scope: Scope, current: CurrentRuns, ask: bool = True) -> Itera
     """Yield the expected runs of a scope; with `ask`, solvers are imported to find out the cases that they decline."""
     for solver in scope.solvers:
         find_solver(solver)
-    # A case may be in several suites, and a deterministic solver answers for every seed: each run counts once.
+    # A case may be in several suites, and a run of a deterministic solver stands for every seed: each run counts once.
     seen: set[tuple[str, str, int | None]] = set()
     for suite in scope.suites or _suites_that_compare():
         for case in catalog.cases_of(suite):
@@ -110,7 +110,7 @@ def expected_runs(scope: Scope, current: CurrentRuns, ask: bool = True) -> Itera
 
 def expected_of_strangers(scope: Scope, solvers: set[str], current: CurrentRuns) -> Iterator[Expected]:
     """Yield the expected runs of named third-party solvers: an answer to each case, or the reason to decline."""
-    # Seeds are those that were given, or that a line of the suite declares, or one.
+    # Use the given seeds, or those of a line of the suite, or one.
     for solver in sorted(solvers & set(scope.solvers)):
         seen: set[tuple[str, int]] = set()
         for suite in scope.suites:
@@ -120,10 +120,10 @@ def expected_of_strangers(scope: Scope, solvers: set[str], current: CurrentRuns)
                 for seed in scope.seeds or declared or (FIRST_SEED,):
                     if (case.name, seed) not in seen:
                         seen.add((case.name, seed))
-                        yield expected_of_stranger(suite, case, solver, seed, current)
+                        yield expected_of_third_party(suite, case, solver, seed, current)
 
 
-def expected_of_stranger(suite: str, case: Problem, solver: str, seed: int, current: CurrentRuns) -> Expected:
+def expected_of_third_party(suite: str, case: Problem, solver: str, seed: int, current: CurrentRuns) -> Expected:
     """Return the expected result of a third-party solver on a case: an answer, or its reason to decline."""
     found = current.find(case.name, solver, {}, seed)
     lack = NOTHING_LACKS if found else _lack(current, case, solver, seed)
@@ -138,7 +138,7 @@ def _suites_that_compare() -> list[str]:
 def _lack(current: CurrentRuns, case: Problem, solver: str, seed: int) -> Lack:
     """Return the reason why there is no valid record; only now is the solver imported, to find out if it declines."""
     try:
-        reason = declines(asked(find_solver(solver)), case)
+        reason = declines(resolve_solver(find_solver(solver)), case)
     except (InputError, PluginError) as error:
         return "missing", f"no record: {error}"
     if reason is not None:

@@ -19,8 +19,8 @@ from shellbench.bench.catalogue.listing import gated_quantities
 from shellbench.bench.catalogue.reference import Tolerances
 from shellbench.bench.judge.baseline import Baseline, cost_findings, make_baseline, regression_finding
 from shellbench.bench.judge.calibration import Calibration, calibration_findings, calibrations
-from shellbench.bench.judge.classes import Grade, grades, judged_by_class, strangers
-from shellbench.bench.judge.compare import asked_cases, beyond, rows_and_notes, without_record
+from shellbench.bench.judge.classes import Grade, grades, judged_by_class, third_party_solvers
+from shellbench.bench.judge.compare import asked_cases, missing_runs, rows_and_notes, without_record
 from shellbench.bench.judge.expected import Scope, expected_of_strangers, expected_runs
 from shellbench.bench.judge.lock import LockCheck, check_lock
 from shellbench.bench.judge.row import Finding, Row
@@ -76,14 +76,14 @@ class Verdict:
 
     def good(self, cost: bool = False, regression: bool = False) -> bool:
         """Return True if no finding is red; regression and cost count only if they are asked for."""
-        # A broken lock is red whatever the rows say: green answers to an easier exam prove nothing.
+        # A broken lock is red for all rows: green answers to an easier exam prove nothing.
         judged = (
             *self.accuracy,
             *self.calibration,
             *(self.regression if regression else ()),
             *(self.cost if cost else ()),
         )
-        # The class is the gate of a stranger, and without its checks it holds none.
+        # The class is the gate of a third-party solver, which has no class without the checks.
         unchecked = any(grade.unchecked for grade in self.grades)
         return not self.lock.broken and not unchecked and not any(finding.colour == "red" for finding in judged)
 
@@ -98,36 +98,36 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
     InputError
         If the store is empty or not there, a name of the scope is unknown, or nothing of it is gated.
     """
-    # 1. Names of the scope, and a store that is not empty.
-    # 2. What was run or planned, and what plug-ins claim of it.
-    # 3. What has to be judged. With suites it is all that they declare, with a record or without one. Without, it is
-    #    all that was run, stale records included.
+    # 1. Check the names of the scope, and that the store is not empty.
+    # 2. Collect runs and plans, and the claims of plug-ins.
+    # 3. Collect the rows to judge. With suites these are all declared runs, with or without a record. Otherwise they
+    #    are all runs, stale records included.
     #    Solvers without frozen tolerances are judged by class.
-    # 4. Runs that were planned and did not end stand for themselves, before anything else about the same run.
-    # 5. Narrow to the scope, and refuse one of which any part judges nothing.
-    # 6. Accuracy, regression and cost of the same rows, and the lock. Calibration is of all figures with a known value.
-    # Silence is no success: what was asked for and has no record is red.
+    # 4. Planned runs that did not end take precedence over other rows of the same run.
+    # 5. Restrict the rows to the scope, and refuse a scope if any part of it judges nothing.
+    # 6. Judge accuracy, regression and cost of the same rows, the lock, and the calibration of all known values.
+    # Silence is no success: a requested run without a record is red.
     cases = asked_cases(scope.cases, scope.suites)
     for solver in scope.solvers:
         find_solver(solver)
     check_filled(store)
     current = current_runs(store.read())
     found, notes = rows_and_notes(store, scope.suites, scope.cases, current)
-    more = "" if scope.suites else beyond(found)
+    more = "" if scope.suites else missing_runs(found)
     known = {run.record.run_id for run in current.runs if run.installed}
     shown = [row for row in found if _in_scope(row, scope, cases)]
     claims, bad_claims = _claims(shown)
     calibrated = calibrations(row for row in shown if row.run_id in known)
     unfinished = [row for row in found if _is_unfinished(row)]
-    graded = strangers(scope.solvers)
+    graded = third_party_solvers(scope.solvers)
     if scope.suites:
         others = [row for expected in expected_runs(scope, current) for row in expected.rows()]
         others += [row for expected in expected_of_strangers(scope, graded, current) for row in expected.rows()]
     else:
-        # Records of a solver that is not installed may be of other code: they are shown, and never judged.
+        # Records of a solver that is not installed may come from other code: they are shown, and never judged.
         counted = [row for row in found if row.run_id in known]
         others = [row for row in (_by_class(row, graded) for row in counted) if row.gated]
-        # A record that does not count any more is no reason to forget that its run was gated.
+        # A run stays gated even if its record is no longer valid.
         others += _beside(others, stale_rows(current))
     found = [*unfinished, *_beside(unfinished, others)]
     rows = [row for row in found if _in_scope(row, scope, cases)]
@@ -159,8 +159,8 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
 
 
 def _finding(row: Row, graded: Collection[str]) -> Finding:
-    # A solver of ours that answers the question as declared need not take every other way to ask it, and a stranger
-    # need not take every case: that is shown.
+    # A built-in solver that takes a case as declared may decline its variants, and a third-party solver
+    # may decline any case: this is only shown.
     if row.status == "declined" and (row.variant or row.solver in graded):
         return Finding(row, "not judged", row.reason or "")
     return row.finding()
@@ -183,10 +183,10 @@ def _claims(rows: Iterable[Row]) -> tuple[list[Finding], list[str]]:
             claims[row.solver] = {}
             try:
                 claims[row.solver] = claimed(entries[row.solver]) if row.solver in entries else {}
-            except InputError as error:  # a plug-in's bad file is no harm to others
+            except InputError as error:  # a plug-in's bad file must not affect others
                 unread.append(f"what solver '{row.solver}' claims can't be read: {error}")
         claim = claims[row.solver].get(row.case, {}).get(row.quantity)
-        # A claim is about default settings on the suite's own cases, as a tolerance is.
+        # A claim applies to default settings on the suite's own cases, like a tolerance.
         if claim is None or row.own_case or not row.default_settings or row.run_id is None:
             continue
         held = row.held_to(claim)
@@ -220,7 +220,7 @@ def _question(row: Row) -> tuple[object, ...]:
 
 def _beside(found: Iterable[Row], others: Iterable[Row]) -> list[Row]:
     """Return the other rows whose runs are not among the found rows; a run without seed stands for every seed."""
-    # One set of rows takes the place of another run by run, not quantity by quantity. Answers of two runs never mix.
+    # One set of rows replaces another run by run, not quantity by quantity. Answers of two runs never mix.
     known: dict[tuple[object, ...], set[int | None]] = {}
     for row in found:
         known.setdefault(_question(row), set()).add(row.seed)
@@ -236,7 +236,7 @@ def stale_rows(current: CurrentRuns) -> list[Row]:
     rows: dict[tuple[object, ...], list[Row]] = {}
     for record, reason in current.stale.values():
         solver, seed = record.identity.solver, record.identity.seed
-        # Only what can be gated: cases of the suites that are still there, with default settings.
+        # Keep only rows that can be gated: existing cases of the suites, with default settings.
         if record.own_case or not catalog.has_case(record.case_name) or overrides_of(record):
             continue
         case = catalog.named_case(record.case_name)
@@ -282,7 +282,7 @@ def _check_judged(
     InputError
         In one sentence that names the part, and why nothing of it is judged.
     """
-    # Each name is checked for itself: a misspelt or ungated one would hide behind rows of the others.
+    # Check each name separately: rows of the others would hide a misspelt or ungated name.
     begin = "nothing was judged"
     for name, own in sorted(cases):
         if (name, own) not in {(row.case, row.own_case) for row in rows}:
@@ -347,7 +347,7 @@ def move_baseline(store: Store, old: Baseline | None, scope: Scope, like: Sequen
         If a gated row is red in accuracy: a baseline remembers good answers only.
     """
     check_filled(store)
-    # All or nothing: a baseline of the green part of a red store would pass for one of the whole.
+    # All or nothing: a baseline of the green rows only would look like one of all rows.
     runs = list(expected_runs(scope, current_runs(store.read())))
     rows = [row for expected in runs for row in expected.rows()]
     red = [finding for row in rows if (finding := row.finding()).colour == "red"]

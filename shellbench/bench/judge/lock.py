@@ -140,7 +140,7 @@ def todays_lock(cases: Collection[str] | None = None, suites: Collection[str] | 
         Names of the only cases that count, and of the only suites whose variants do.
     """
     gated = {name for held in catalog.tolerances().values() for name in held}
-    own = set(catalog.own_case_names())  # what other packages bring is theirs to lock
+    own = set(catalog.own_case_names())  # other packages lock their own data
     counted = own if cases is None else own & {*cases}
     judged = {name for name in counted if any(v.role == "judge" for v in catalog.known_values(name).values)}
     asked = {

@@ -15,7 +15,7 @@ from shellbench.bench.store.record import NOT_SETTLED
 from shellbench.problem import VARIANT
 from shellbench.protocol.schema import Model
 
-UNEXPLAINED = 1.0  # relative: worse than answering nothing, and so another mistake than the one that is known
+UNEXPLAINED = 1.0  # relative: worse than the answer zero, and therefore not the known mistake
 Colour = Literal["green", "red", "expected failure", "not compared", "not judged"]
 RowStatus = Literal["ok", "not settled", "failed", "timeout", "missing", "declined"]
 
@@ -176,7 +176,7 @@ class Row(Model):
         why_not = row.why_short(row.tolerance) or (row.why_unsure() if ours else None)
         passed: bool | None = why_not is None
         if allowed.open_finding is not None:
-            # What is open of a case may well be right when it is asked otherwise.
+            # An open finding of a case need not apply to its variants.
             easy = self.variant is not None
             passed, why_not = (
                 (None, why_not) if why_not else (easy, None if easy else "it passes, but is an open finding")

@@ -48,7 +48,7 @@ def in_short(verdict: Verdict) -> str:
 def _gate(
     name: str, findings: Sequence[Finding], verbose: bool, judged: bool = True, otherwise: str = "changed"
 ) -> Iterator[str]:
-    marks = MARKS if judged else MARKS | {"red": otherwise}  # what is reported only is no verdict
+    marks = MARKS if judged else MARKS | {"red": otherwise}  # reported rows without a verdict
     counts = {mark: sum(finding.colour == colour for finding in findings) for colour, mark in marks.items()}
     said = ", ".join(f"{count} {mark}" for mark, count in counts.items() if count) or "nothing to compare"
     yield f"{name}{'' if judged else ' (reported only)'}: {said}"

@@ -35,7 +35,7 @@ class Described(BaseModel):
 
 
 class Told(BaseModel):
-    """Data that describe a problem; see `shellbench.bench.plugins.inside.told`."""
+    """Data that describe a problem; see `shellbench.bench.plugins.inside.problem_facts`."""
 
     model_config = ConfigDict(strict=True)
 
@@ -90,12 +90,12 @@ class ForeignProblem(Problem):
     def model_validate(cls, obj: Any, **_: Any) -> Self:
         """Make a problem again of its data."""
         data = dict(obj)
-        told = outsider("kind", cls.entry).ask(Told, "again", data)
+        told = outsider("kind", cls.entry).ask(Told, "rebuild", data)
         return cls._of(told, str(data.get("name", "")), data, f"problem of kind '{cls.entry.name}'")
 
     @classmethod
     def _of(cls, told: Told, name: str, data: Mapping[str, Any], where: str) -> Self:
-        # What judges is taken from the file itself: names of the case and known values.
+        # Name and known values are taken from the file itself, because they judge.
         quantities = [
             one | {"stated_mark": one.pop("mark", None), "stated_error": one.pop("is_an_error", False)}
             for one in map(dict, told.quantities)

@@ -10,7 +10,7 @@ It answers on a line (`shellbench.bench.plugins.line`) until the other end close
 The methods of a kind of problem are:
 
 - ``describe``: its description of itself;
-- ``build`` and ``again``: a problem from a file, or from a record;
+- ``build`` and ``rebuild``: a problem from a file, or from a record;
 - ``variant``: the data of a variant.
 """
 
@@ -57,7 +57,7 @@ def serve(descriptor: str, load: Callable[[], Any]) -> None:
         try:
             line.send((number, *reply))
         except (TypeError, ValueError) as error:
-            line.send((number, "raised", said(error)))
+            line.send((number, "raised", error_line(error)))
 
 
 def answer(operation: Callable[..., Any], arguments: Any) -> tuple[str, Any]:
@@ -69,12 +69,12 @@ def answer(operation: Callable[..., Any], arguments: Any) -> tuple[str, Any]:
     except SolveFailure as error:
         return "failed", " ".join(str(error).split())
     except KeyError as error:
-        return "unknown", said(error)
+        return "unknown", error_line(error)
     except BaseException as error:
-        return "raised", said(error)
+        return "raised", error_line(error)
 
 
-def said(error: BaseException) -> str:
+def error_line(error: BaseException) -> str:
     """Return the error as one line."""
     words = " ".join(str(error).split())
     return f"{type(error).__name__}: {words}"[:300] if words else type(error).__name__
@@ -139,12 +139,12 @@ class AskedKind:
 
     def build(self, data: Mapping[str, Any], name: str, where: str) -> dict[str, Any]:
         """Return the facts about a problem from a file; InputError if it is malformed."""
-        return told(self.kind.problem.build(data, name, where))
+        return problem_facts(self.kind.problem.build(data, name, where))
 
-    def again(self, data: Mapping[str, Any]) -> dict[str, Any]:
+    def rebuild(self, data: Mapping[str, Any]) -> dict[str, Any]:
         """Return the facts about a problem from a record; InputError if it is malformed."""
         try:
-            return told(self.kind.problem.model_validate(data))
+            return problem_facts(self.kind.problem.model_validate(data))
         except ValidationError as error:
             raise InputError(one_sentence(error, data)) from None
 
@@ -153,7 +153,7 @@ class AskedKind:
         return self.kind.variants[name].make(self.kind.problem.model_validate(data))
 
 
-def told(problem: Problem) -> dict[str, Any]:
+def problem_facts(problem: Problem) -> dict[str, Any]:
     """Return the facts about a problem that the judging process needs."""
     names = ("name", "unit", "description", "primary", "at", "factor", "absolute", "tolerance", "open_finding")
     return {

@@ -18,8 +18,8 @@ import time
 
 SUBREAPER, DEATH_SIGNAL = 36, 1  # of prctl
 PATIENCE = 10.0  # seconds in which all processes of a tree can be killed, however fast they fork
-PAUSE = 0.005  # seconds between two looks at what is left
-LOOK = 1.0  # seconds between two looks at a program that may have ended without a word
+PAUSE = 0.005  # seconds between two checks of the remaining processes
+LOOK = 1.0  # seconds between two checks of a program that may have ended silently
 DEAF_TO = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGUSR1, signal.SIGUSR2, signal.SIGALRM, signal.SIGPIPE)
 
 
@@ -52,12 +52,12 @@ def end_descendants(spared: frozenset[int] | set[int] = frozenset()) -> None:
     """Kill all processes below this one, except `spared`, until there are none."""
     began = time.monotonic()
     while (left := descendants() - spared) and time.monotonic() - began < PATIENCE:
-        for number in (signal.SIGSTOP, signal.SIGKILL):  # what is stopped forks no more
+        for number in (signal.SIGSTOP, signal.SIGKILL):  # stopped processes can't fork
             for pid in left:
                 with contextlib.suppress(OSError):
                     os.kill(pid, number)
         for pid in left:
-            with contextlib.suppress(OSError):  # not our own child, yet
+            with contextlib.suppress(OSError):  # not yet a child of this process
                 os.waitpid(pid, os.WNOHANG)
         time.sleep(PAUSE)
 
@@ -86,7 +86,7 @@ def keep(program: int, lifeline: int) -> None:
         signal.signal(number, signal.SIG_IGN)
     kept = sorted({lifeline, woken, wake})
     for first, last in zip([-1, *kept], [*kept, os.sysconf("SC_OPEN_MAX")], strict=True):
-        os.closerange(first + 1, last)  # the streams are the program's: who reads them hears when it has closed them
+        os.closerange(first + 1, last)  # the streams belong to the program: their readers detect when it closes them
     status = None
     while True:
         with contextlib.suppress(ChildProcessError):

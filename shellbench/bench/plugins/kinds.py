@@ -18,7 +18,7 @@ GROUP = "shellbench.problems"
 DEFAULT = "shell"
 
 
-@cache  # as `find_kind`: what is installed is looked for once
+@cache  # cached, as `find_kind`: the installed packages do not change
 def kind_entries() -> dict[str, SolverEntry]:
     """Return the entry points of the kinds, by name."""
     return registered(GROUP, "kind of problem")
@@ -45,7 +45,7 @@ def find_kind(name: str) -> Kind:
     if name not in entries:
         raise InputError(f"field 'kind': found {name!r}, but it must be {' or '.join(map(repr, entries))}")
     if not entries[name].own and not _LOADED_HERE:
-        # By a name that is put together: what stands in for a kind measures nothing, and is no part of its digest.
+        # The name is computed, because the stand-in of a kind measures nothing and must not be part of its digest.
         stand_in: Kind = import_module(f"{__package__}.foreign").kind(entries[name])
         return stand_in
     module, _, attribute = entries[name].target.partition(":")
@@ -62,7 +62,7 @@ def kinds_of_theories(theories: Iterable[str]) -> tuple[str, ...]:
     """Return the names of the kinds whose problems can ask for one of these theories; the default's if none can."""
     asked, entries = set(theories), kind_entries()
     ours = {theory for name, entry in entries.items() if entry.own for theory in find_kind(name).theories}
-    # a kind of another package is looked into only for theories that none of ours has
+    # a kind of another package is loaded only for theories that no built-in kind has
     looked_into = [name for name, entry in entries.items() if entry.own or asked - ours]
     return tuple(name for name in looked_into if asked & set(find_kind(name).theories)) or (DEFAULT,)
 

@@ -19,14 +19,14 @@ import numpy as np
 HEADER = struct.Struct("<Q")
 LONGEST = 1 << 30  # bytes of a message
 CHUNK = 1 << 20
-LOOK = 0.2  # seconds between two looks
+LOOK = 0.2  # seconds between two checks
 ARRAY = "$array"
 PLAIN = re.compile(r"[<>|=]?(b1|[iu][1248]|f(2|4|8|16)|c(8|16|32)|[SU]\d{1,9})")  # types of numbers and of text
 
 Look = Callable[[], None]  # raises to stop the wait
 
 
-def endless() -> None:
+def wait_without_limit() -> None:
     """Wait on."""
 
 
@@ -46,7 +46,7 @@ class Line:
         """Close this end."""
         self.end.close()
 
-    def send(self, message: Any, look: Look = endless) -> None:
+    def send(self, message: Any, look: Look = wait_without_limit) -> None:
         """Send JSON data and arrays.
 
         Raises
@@ -62,7 +62,7 @@ class Line:
             self._wait(select.POLLOUT, look)
             left = left[self.end.send(left[:CHUNK]) :]
 
-    def receive(self, look: Look = endless) -> Any:
+    def receive(self, look: Look = wait_without_limit) -> Any:
         """Return the next message.
 
         Raises

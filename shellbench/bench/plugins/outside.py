@@ -33,10 +33,10 @@ from shellbench.problem import Capabilities, Device, Problem, SeededSettings, Se
 from shellbench.protocol.sample import Sample
 from shellbench.protocol.schema import one_sentence
 
-SECONDS = 60.0  # in which it has to be imported, and to answer each question
-MEMORY = 8e9  # bytes that it may take for that
-MOST_FILES = 20000  # of a package, of which it is looked at whether they have changed
-REFUSE = ("settings", "build", "again", "variant", "sample")  # questions that may be refused, for what they ask about
+SECONDS = 60.0  # limit in seconds for the import, and for each answer
+MEMORY = 8e9  # limit of memory in bytes
+MOST_FILES = 20000  # largest number of a package's files that are checked for changes
+REFUSE = ("settings", "build", "rebuild", "variant", "sample")  # questions whose arguments may be refused
 MOST_WORDS = 300  # letters of a reason
 
 T = TypeVar("T", bound=BaseModel)
@@ -128,7 +128,7 @@ class Outsider:
 
     def call(self, operation: str, *arguments: Any) -> Any:
         """Return the answer in any form; see `ask`."""
-        if self.trouble:  # it is not waited for again
+        if self.trouble:  # do not wait for it again
             raise PluginError(self.trouble)
         try:
             if self.subject is None or not self.subject.alive:
@@ -145,11 +145,11 @@ class Outsider:
             subject = Subject.start(
                 "shellbench.bench.plugins.inside", self.what, entry.name, entry.target, seconds=SECONDS, memory=memory
             )
-        except Refused as refusal:  # it says itself what can't be used
+        except Refused as refusal:  # the solver itself reports unusable settings
             words = str(refusal).removeprefix("the import refused: ").removeprefix(f"{self.name}: ")
             raise self.failed(words) from None
         imported = subject.greeting if isinstance(subject.greeting, list) else []
-        self.places |= looks(map(str, imported[:MOST_FILES]))
+        self.places |= marks_of_places(map(str, imported[:MOST_FILES]))
         return subject
 
     def failed(self, words: str) -> PluginError:
@@ -163,20 +163,20 @@ class Outsider:
         key = (self.what, entry.name, entry.target, entry.distribution, entry.version, sys.prefix, sys.version)
         return f"plugins/{hashlib.sha256(repr(key).encode()).hexdigest()}.json"
 
-    def recall(self) -> None:
+    def load_cached(self) -> None:
         """Load the cached answers if they belong to the present files."""
-        self.places = looks((*package_files(self.entry), *sys.path))
+        self.places = marks_of_places((*package_files(self.entry), *sys.path))
         match read_cache(self._cached_as):
             case {"places": dict(places), "answers": dict(answers)}:
-                if places == looks(places) and self.places.items() <= places.items():
+                if places == marks_of_places(places) and self.places.items() <= places.items():
                     self.places, self.answers = dict(places), dict(answers)
 
     def _keep(self) -> None:
-        if len(self.places) <= 2 * MOST_FILES and looks(self.places) == self.places:
+        if len(self.places) <= 2 * MOST_FILES and marks_of_places(self.places) == self.places:
             write_cache(self._cached_as, {"places": self.places, "answers": self.answers})
 
 
-def looks(places: Iterable[str]) -> dict[str, Any]:
+def marks_of_places(places: Iterable[str]) -> dict[str, Any]:
     """Return a mark of each place, by its path; it changes when the file, or the names in the folder, change.
 
     A folder's time and hidden names do not count: tools and Python keep caches there.
@@ -217,7 +217,7 @@ def one_line(words: str) -> str:
 def outsider(what: str, entry: SolverEntry) -> Outsider:
     """Return the handle of another package's entry, with its stored answers."""
     found = Outsider(what, entry)
-    found.recall()
+    found.load_cached()
     return found
 
 
@@ -266,7 +266,7 @@ class AskedSolver:
             raise plugin.failed(f"sample answers what is no sample: {error}") from None
 
 
-def asked(entry: SolverEntry) -> Solver | AskedSolver:
+def resolve_solver(entry: SolverEntry) -> Solver | AskedSolver:
     """Return a built-in solver, or the stand-in of one of another package.
 
     Raises
@@ -288,9 +288,9 @@ def settings_of(solver: Solver | AskedSolver, overrides: Mapping[str, Any], seed
     return make_settings(solver, overrides, seed, device)
 
 
-def described(entry: SolverEntry) -> dict[str, Any]:
+def describe_solver(entry: SolverEntry) -> dict[str, Any]:
     """Return a solver's description of itself; raises as `asked`."""
-    found = asked(entry)
+    found = resolve_solver(entry)
     return found.facts.model_dump() if isinstance(found, AskedSolver) else facts_of(found)
 
 

@@ -18,23 +18,23 @@ import psutil
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 READ = 65536  # bytes at once
 COMPUTES = 0.05  # share of one processor from which a process counts as computing, and not as waiting for something
-# What the C library (glibc; others ignore it) keeps of memory that is freed, bytes: arrays come and go, and a tenth of
-# a large solve would pass in having the same pages cleared again. The most memory that is in use stays what it is.
+# Freed memory that the C library (glibc; others ignore it) keeps, bytes. Arrays are allocated often, and a tenth of
+# a large solve would be spent on clearing the same pages again. The peak memory is unchanged.
 KEPT_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(32 << 20), "MALLOC_TRIM_THRESHOLD_": str(256 << 20)}
 PATIENCE = 15.0  # seconds in which a keeper ends its program, before it is killed itself
 STARTING = 120.0  # seconds in which a server has imported its solver
-MOST_KEPT = 65536  # bytes of what a process wrote, in which its last line is looked for
+MOST_KEPT = 65536  # bytes at the end of the output, in which the last line is searched
 LONGEST_EVENT = 65536  # bytes
-MOST_WAITED = 20.0  # times the limit by the clock, that a process may compute for on the busiest machine
+MOST_WAITED = 20.0  # largest wall time of a computing process on a busy machine, as a multiple of the limit
 
 
-def worked(pid: int | None) -> float:
+def cpu_time(pid: int | None) -> float:
     """Return the processor time, s, of a process and its children; 0 if it has ended."""
     total = 0.0
     with contextlib.suppress(psutil.Error):
         if pid is not None:
             process = psutil.Process(pid)
-            total = sum(process.cpu_times()[:4])  # user and system, its own and that of children that have ended
+            total = sum(process.cpu_times()[:4])  # user and system time, of the process and of its ended children
             for child in process.children(recursive=True):
                 with contextlib.suppress(psutil.Error):
                     total += sum(child.cpu_times()[:4])
@@ -67,7 +67,7 @@ class SolverProcess:
     def start(cls, module: str, *arguments: str, threads: int, **streams: Any) -> SolverProcess:
         """Start a module with arguments; its output is kept, except for `streams`, as in `subprocess.Popen`."""
         limits = dict.fromkeys(THREAD_LIMITS, str(threads))
-        waiting = {"OMP_WAIT_POLICY": "passive"}  # threads that spin would slow the runs beside them
+        waiting = {"OMP_WAIT_POLICY": "passive"}  # spinning threads would slow other runs
         path = os.pathsep.join(p or os.curdir for p in sys.path)
         errors = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
         held, lifeline = os.pipe()
@@ -77,7 +77,7 @@ class SolverProcess:
                 stdout=streams.pop("stdout", errors),
                 stderr=errors,
                 env={**KEPT_MEMORY, **os.environ, **limits, **waiting, "PYTHONPATH": path},
-                start_new_session=True,  # an interrupt from the terminal is for us; we end it ourselves
+                start_new_session=True,  # only this process gets interrupts from the terminal, and it ends the program
                 pass_fds=(held, *streams.pop("pass_fds", ())),
                 **streams,
             )
@@ -92,7 +92,7 @@ class SolverProcess:
             self.lifeline = -1
         try:
             self.process.wait(PATIENCE)
-        except subprocess.TimeoutExpired:  # somebody has stopped the keeper
+        except subprocess.TimeoutExpired:  # the keeper was stopped
             self.process.kill()
             self.process.wait()
         for stream in (self.process.stdin, self.process.stdout, self.errors):
@@ -172,7 +172,7 @@ class ServerProcess:
         assert self.process.stdout is not None
         return self.process.stdout.fileno()
 
-    def give(self, folder: Path) -> bool:
+    def send_task(self, folder: Path) -> bool:
         """Send the task of a folder; return False if the server has died."""
         assert self.process.stdin is not None
         try:
@@ -182,7 +182,7 @@ class ServerProcess:
             return False
         return True
 
-    def hear(self) -> list[dict[str, Any]]:
+    def read_events(self) -> list[dict[str, Any]]:
         """Return the new events; one ``{"event": "died"}`` if the server has ended.
 
         The current run shares the stream. If the run wrote to it, the last event is "garbled": after that, events of
@@ -206,9 +206,9 @@ class ServerProcess:
             self.ready = self.ready or event["event"] == "ready"
         return events if chunk else [*events, {"event": "died"}]
 
-    def worked(self) -> float:
+    def cpu_time(self) -> float:
         """Return the processor time of the current run, s."""
-        return worked(self.run_pid)
+        return cpu_time(self.run_pid)
 
     def kill_run(self) -> None:
         """Kill the current run and all processes that it started; the server sends ``ended``."""

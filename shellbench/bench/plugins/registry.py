@@ -22,7 +22,7 @@ from shellbench.problem import Solver
 from shellbench.protocol.spelling import did_you_mean
 
 GROUP = "shellbench.solvers"
-OWN = "shellbench"  # our package and our distribution
+OWN = "shellbench"  # shellbench's package and distribution
 PARTS = ("name", "capabilities", "settings_type", "declines", "solve", "load")
 
 
@@ -70,7 +70,7 @@ def solver_entries() -> dict[str, SolverEntry]:
 def registered(group: str, what: str) -> dict[str, SolverEntry]:
     """Return all entries of a group of entry points, by name; InputError as `solver_entries`."""
     entries: dict[str, SolverEntry] = {}
-    named: dict[Distribution | None, tuple[str, str]] = {}  # each question reads the package's metadata anew
+    named: dict[Distribution | None, tuple[str, str]] = {}  # each access reads the package's metadata again
     for point in entry_points(group=group):
         if point.dist not in named:
             named[point.dist] = (str(point.dist.name), str(point.dist.version)) if point.dist else ("", "")

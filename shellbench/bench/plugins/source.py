@@ -22,7 +22,7 @@ from shellbench.disk import Look, is_settled, look_up, read_cache, write_cache
 from shellbench.errors import InputError
 
 IMPORTERS = ("import_module", "__import__")  # functions that import a module by its name
-TO_BE_LOOKED_INTO = ("#", '"""', "'''", "\\")  # of a line: there may be a comment, or a string over several lines
+TO_BE_LOOKED_INTO = ("#", '"""', "'''", "\\")  # signs in a line of a comment, or of a string over several lines
 OWN = __name__.partition(".")[0]
 SUITES = ("body", "handlers", "orelse", "finalbody", "cases")  # fields of a statement that hold statements
 IMPORTS = (ast.Import, ast.ImportFrom)
@@ -49,7 +49,7 @@ def source_digest(modules: Iterable[str], *more: str) -> str:
         return known.digest
     closure = import_closure(*modules)
     places = {str(place): look_up(place) for path in closure.values() for place in (path, path.parent)}
-    places[__file__] = look_up(Path(__file__))  # how a digest is taken
+    places[__file__] = look_up(Path(__file__))  # version of the digest's definition
     statements = {text for name, path in closure.items() for text in _looked_at(path, _package(name, path)).statements}
     lengths_and_texts = (f"{len(text)}\n{text}" for text in sorted(statements))
     digest = hashlib.sha256("\n".join([*lengths_and_texts, *more]).encode("utf-8", "surrogatepass")).hexdigest()
@@ -88,7 +88,7 @@ class _Digest:
 
 
 def _cached_as(what: tuple[object, ...]) -> str:
-    # ours may lie elsewhere for the same plug-in, and each Python parses in its own way
+    # shellbench may have another path for the same plug-in, and each version of Python has its own parser
     key = repr((what, locate(OWN), sys.version))
     return f"sources/{hashlib.sha256(key.encode('utf-8', 'surrogatepass')).hexdigest()}.json"
 
@@ -135,7 +135,7 @@ def locate(module: str) -> Path | None:
         return Path(spec.origin) if spec.origin and Path(spec.origin).is_file() else None
     for folder in folders:
         stem = folder.joinpath(*rest)
-        if not stem.parent.is_dir():  # what is imported from a module: no module
+        if not stem.parent.is_dir():  # a name that is imported from a module: no module
             continue
         for path in (stem / "__init__.py", stem.with_name(stem.name + ".py")):
             if path.is_file():

@@ -12,7 +12,7 @@ from typing import Any, Protocol, Self
 import psutil
 
 from shellbench.bench.plugins.line import LOOK, Line, Look
-from shellbench.bench.plugins.process import SolverProcess, is_overdue, worked
+from shellbench.bench.plugins.process import SolverProcess, cpu_time, is_overdue
 
 GIGABYTE = 1e9
 
@@ -155,7 +155,7 @@ class Subject:
     def _look(self, operation: str) -> Look:
         """Return a check of the process that ends it and raises `Lost` once it exceeds its time or memory."""
         pid, began = self.process.process.pid, time.monotonic()
-        before, looked = worked(pid), began
+        before, looked = cpu_time(pid), began
 
         def look() -> None:
             nonlocal looked
@@ -166,7 +166,7 @@ class Subject:
                 self.stop()
                 raise Lost(f"{operation} took more than {self.memory / GIGABYTE:.3g} GB of memory")
             waited = time.monotonic() - began
-            if waited >= self.seconds and is_overdue(self.seconds, waited, worked(pid) - before):
+            if waited >= self.seconds and is_overdue(self.seconds, waited, cpu_time(pid) - before):
                 self.stop()
                 raise Lost(f"{operation} did not end within {self.seconds:g} s")
 

@@ -93,7 +93,7 @@ class DaskCluster:
         SchedulerLostError
             If the scheduler is lost during runs.
         """
-        with connected(self.address) as client:
+        with connect_client(self.address) as client:
             sweep = _Sweep(self, client, store, deque(map(_Run, tasks)))
             try:
                 yield from sweep.make()
@@ -318,7 +318,7 @@ def _in_words(error: BaseException) -> str:
 
 
 @contextlib.contextmanager
-def connected(given: str) -> Iterator[Any]:
+def connect_client(given: str) -> Iterator[Any]:
     """Connect to a scheduler by its address or its scheduler file; gives a `distributed.Client`.
 
     Raises

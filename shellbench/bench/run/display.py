@@ -96,7 +96,7 @@ def display(console: Console, total: int, verbose: bool = False) -> Iterator[Obs
     if not total:
         yield Silent()
         return
-    if not console.file.isatty():  # whatever variables like FORCE_COLOR say: a pipe is a pipe
+    if not console.file.isatty():  # a pipe gets plain text, even if FORCE_COLOR is set
         yield Lines(console.file, verbose)
         return
     columns = (

@@ -23,7 +23,7 @@ from shellbench.bench.store.task import Task
 from shellbench.errors import InputError
 from shellbench.problem import Progress
 
-LOOK = 0.2  # seconds between two looks at what other commands do
+LOOK = 0.2  # seconds between two checks of other commands' runs
 
 
 @dataclass(frozen=True)
@@ -212,16 +212,16 @@ def _executed(
                     case Progressed(task, progress):
                         observer.progressed(task, progress)
                     case Ended():
-                        outcome = kept(event, store)
+                        outcome = store_run(event, store)
                         note_ended(event.task, store)
                         yield outcome
-    except InputError:  # what can't be begun at all is bad input, and no plan
+    except InputError:  # a run that can't start at all is bad input, and no plan
         for task in tasks:
             note_ended(task, store)
         raise
 
 
-def kept(ended: Ended, store: Store) -> Outcome:
+def store_run(ended: Ended, store: Store) -> Outcome:
     """Move the files of a run into the store, or remove them if its input was refused."""
     if ended.record is None:
         store.discard(ended.folder)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from shellbench.bench.plugins.process import GARBLED, STARTING, ServerProcess, is_overdue, worked
+from shellbench.bench.plugins.process import GARBLED, STARTING, ServerProcess, cpu_time, is_overdue
 from shellbench.bench.run.execute import Ended, Event, Progressed, Started
 from shellbench.bench.run.worker import DISK_FULL, RECORD, REFUSED
 from shellbench.bench.store.record import LARGEST_RECORD, Record, read_document
@@ -24,7 +24,7 @@ from shellbench.disk import StoreError, said_plainly
 from shellbench.errors import InputError
 from shellbench.problem import Progress
 
-LONGEST_WAIT = 1.0  # seconds between two looks at the deadlines
+LONGEST_WAIT = 1.0  # seconds between two checks of the deadlines
 LEAST_WAIT = 0.01  # the same while a run is being stopped
 
 
@@ -113,7 +113,7 @@ class _Runs:
     def make(self, tasks: Sequence[Task]) -> Iterator[Event]:
         # 1. Start one server for each solver, and wait until all have imported it.
         # 2. Fill the free places with runs.
-        # 3. Hear the servers until a run has ended, fill its place, and tell of it.
+        # 3. Wait for the servers until a run has ended, fill its place, and yield it.
         # A pool of workers would share processes between runs. Each run here has its own, forked from an idle server.
         # Its memory is its own, its end harms no other, and the import is paid once.
         waiting = deque(tasks)
@@ -125,11 +125,11 @@ class _Runs:
             try:
                 for event in self._wait():
                     heard.append(event)
-                # Whoever keeps what has ended takes a moment for it: the next runs go on meanwhile, where none waits.
+                # Storing an ended run takes a moment: start the next runs before, so that no place stays empty.
                 for event in self._filled(waiting, at_once=True):
                     started.append(event)
             finally:
-                yield from heard  # nothing that has ended is lost, whatever happened since
+                yield from heard  # no ended run is lost, even after an error
                 yield from started
 
     def _filled(self, waiting: deque[Task], at_once: bool = False) -> Iterator[Event]:
@@ -159,10 +159,10 @@ class _Runs:
         with selectors.DefaultSelector() as selector:
             selector.register(server.fileno(), selectors.EVENT_READ)
             began = time.monotonic()
-            while not server.ready and {"event": "died"} not in (heard := server.hear()):
+            while not server.ready and {"event": "died"} not in (heard := server.read_events()):
                 self._stop_if_unwanted()
-                waited = time.monotonic() - began
-                if GARBLED in heard or (waited > STARTING and is_overdue(STARTING, waited, worked(server.process.pid))):
+                took = time.monotonic() - began
+                if GARBLED in heard or (took > STARTING and is_overdue(STARTING, took, cpu_time(server.process.pid))):
                     server.hung = True
                     server.end()
                     return
@@ -189,14 +189,14 @@ class _Runs:
         except OSError as error:
             raise StoreError(f"store {self.store.folder}: can't be written ({error.strerror})") from None
         yield Started(task)
-        # The server has died since: the run ends as one whose process was killed, and is not lost.
-        if not server.give(folder):
+        # The server has died: the run ends like one with a killed process, and is not lost.
+        if not server.send_task(folder):
             yield from self._end(run, None)
 
     def _wait(self) -> Iterator[Event]:
         """Wait a limited time for events of the servers, and stop runs that exceed their time."""
         self._stop_if_unwanted()
-        # Wait for a word from a server, the next deadline, or the next look at whether runs are wanted.
+        # Wait for an event of a server, the next deadline, or the next check if the runs are wanted.
         now = time.monotonic()
         wait = LONGEST_WAIT
         if self.how.timeout is not None:
@@ -204,7 +204,7 @@ class _Runs:
                 waited = now - run.began
                 if waited < self.how.timeout:
                     wait = min(wait, self.how.timeout - waited)
-                elif run.timed_out or is_overdue(self.how.timeout, waited, run.server.worked()):
+                elif run.timed_out or is_overdue(self.how.timeout, waited, run.server.cpu_time()):
                     run.timed_out = True
                     run.server.kill_run()  # again until it has ended: at first its process may not be known yet
                     wait = LEAST_WAIT
@@ -213,9 +213,9 @@ class _Runs:
                 selector.register(run.server.fileno(), selectors.EVENT_READ, run)
             heard: list[_Running] = [key.data for key, _ in selector.select(wait)]
         for run in heard:
-            for event in run.server.hear():
+            for event in run.server.read_events():
                 yield from self._react(run, event)
-        # A server that was killed may say nothing. Without this its run would go on for ever.
+        # A killed server may send no event. Without this check its run would never end.
         for run in [run for run in self.running if run.server.process.poll() is not None]:
             yield from self._end(run, None)
 
@@ -236,10 +236,10 @@ class _Runs:
 
     def _end(self, run: _Running, status: int | None) -> Iterator[Event]:
         """Return the result of a run; `status` is that of its process, None if its server has died."""
-        # The end of a run may be heard twice: by its last word, and by its server's death.
+        # The end of a run may be reported twice: by its last event, and by its server's death.
         if run not in self.running:
             return
-        # A full disk is no solver's failure, and a record of it could not be written either. The whole plan stops.
+        # A full disk is no failure of the solver, and a record of it could not be written. The whole plan stops.
         if (run.folder / DISK_FULL).exists():
             raise StoreError(f"store {self.store.folder}: the disk is full, so what was being written is lost")
         self.running.remove(run)
@@ -250,13 +250,13 @@ class _Runs:
         yield self._left(run, status)
 
     def _left(self, run: _Running, status: int | None) -> Ended:
-        # A whole record counts even if its process died after. Else the manner of death makes the record.
+        # A complete record counts even if its process died later. Otherwise the record describes the death.
         broken = _what_it_broke(run)
         if broken is None and (refused := _written(run.folder / REFUSED)) is not None:
             return Ended(run.task, run.folder, refused=" ".join(refused.decode(errors="replace").split()))
         record = None if broken else _left_record(run)
         if record is None:
-            _remove(run.folder / RECORD)  # it may be a pipe, a link or a folder, where the store is to write
+            _remove(run.folder / RECORD)  # it may be a pipe, a link or a folder at a path that the store must write
             seconds = time.monotonic() - run.began
             kind = "timeout" if run.timed_out else "failed"
             reason = (

@@ -18,7 +18,7 @@ from typing import Any
 
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.catalogue.suite import SuiteRun
-from shellbench.bench.plugins.outside import AskedSolver, asked, declines, settings_of
+from shellbench.bench.plugins.outside import AskedSolver, declines, resolve_solver, settings_of
 from shellbench.bench.plugins.registry import SolverEntry, find_solver
 from shellbench.bench.plugins.settings import dump_settings
 from shellbench.bench.store.current import newest, run_key
@@ -194,11 +194,11 @@ def make_plan(
         find_solver(name)
         if name not in names:
             raise InputError(f"--set {name}.{next(iter(request.settings[name]))}: solver '{name}' is not to be run")
-    solvers = {name: asked(entry) for name, entry in entries.items()}
+    solvers = {name: resolve_solver(entry) for name, entry in entries.items()}
     _check_start(request.start, solvers)
     notes = _check_device(request, solvers)
     answered = {} if force else {key: r for key, r in newest(contents).items() if r.status in ANSWERED}
-    place, exam = cache(environment), catalog.exam_version()  # looked at once a plan: git is asked each time
+    place, exam = cache(environment), catalog.exam_version()  # computed once for a plan, because each call runs git
     tasks: dict[str, Task] = {}
     kept: dict[str, Record] = {}
     declined: dict[tuple[str, str], Declined] = {}

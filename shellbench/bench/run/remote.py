@@ -27,11 +27,11 @@ from shellbench.bench.store.task import Task
 from shellbench.errors import InputError, ShellbenchError
 from shellbench.protocol.engine import ENGINE, engine_version
 
-RUNNING = {"executing", "long-running"}  # states of a Dask task that somebody still waits for
+RUNNING = {"executing", "long-running"}  # states of a Dask task that a client still waits for
 SERVING = {"running", "paused", "closing_gracefully"}  # states of a Dask worker that can still answer
 PARSING = threading.Lock()  # threads must not parse Python at the same time before CPython 3.12 (its issue 106905)
 STANDS_BY = 30.0  # seconds for which a solver stays imported on a worker after a run
-PAUSE = 1.0  # seconds between two words on progress, of each run: they all go through the scheduler
+PAUSE = 1.0  # seconds between two progress messages of a run, which all pass the scheduler
 
 
 def run_task(text: str, topic: str, threads_each: int | None, timeout: float | None) -> dict[str, Any]:
@@ -60,7 +60,7 @@ def run_task(text: str, topic: str, threads_each: int | None, timeout: float | N
     from distributed import get_worker
 
     task = Task.model_validate_json(text)
-    reason = unfit(task)
+    reason = reason_unfit(task)
     if reason is not None:
         return {"unfit": reason}
     name, settings = task.identity.solver, task.identity.settings
@@ -94,14 +94,14 @@ def run_task(text: str, topic: str, threads_each: int | None, timeout: float | N
                         step = (progress.step, progress.total, progress.message)
                         worker.log_event(topic, {"key": key, "progress": step})
                     elif isinstance(event, Ended):
-                        return packed(event)
+                        return pack_results(event)
         except ShellbenchError as error:
             record = task.record(status="failed", reason=f"on its worker: {error}", seconds=0.0)
             return {"record": document(record).decode(), "files": {}}
     raise AssertionError("a run ended without a word")
 
 
-def unfit(task: Task) -> str | None:
+def reason_unfit(task: Task) -> str | None:
     """Return the reason why this machine can't make the planned run, or None if it can."""
     name = task.identity.solver
     try:
@@ -139,7 +139,7 @@ def standing_by(worker: Any, task: Task) -> Iterator[list[ServerProcess]]:
                 server.end()
 
     def end(entry: tuple[ServerProcess, float]) -> None:
-        with contextlib.suppress(ValueError):  # it is in use, or has been since: that is another entry
+        with contextlib.suppress(ValueError):  # it is in use, or was used since: its entry is a new one
             entries.remove(entry)
             entry[0].end()
 
@@ -152,7 +152,7 @@ def standing_by(worker: Any, task: Task) -> Iterator[list[ServerProcess]]:
             worker.loop.add_callback(worker.loop.call_later, STANDS_BY, end, entry)
 
 
-def packed(ended: Ended) -> dict[str, Any]:
+def pack_results(ended: Ended) -> dict[str, Any]:
     """Return the results of a run as data."""
     record = ended.record
     if record is None:

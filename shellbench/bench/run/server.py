@@ -37,21 +37,21 @@ from shellbench.bench.store.store import LOG
 from shellbench.problem import Progress
 
 LINE = 300  # characters of a message; a line up to PIPE_BUF (512 bytes at least, 4096 mostly) is written in one piece
-LOOK = 0.5  # seconds between two looks whether a run has ended that left processes behind
+LOOK = 0.5  # seconds between two checks if a run has ended and left processes behind
 
 
 def main(target: str) -> None:
     """Serve runs of one solver, ``module:attribute``, until standard input ends."""
     events = os.dup(1)
-    os.dup2(2, 1)  # whatever an import prints is no event
+    os.dup2(2, 1)  # output of an import is no event
     load_here()
-    adopt()  # what a run leaves behind
+    adopt()  # orphans of runs become children of the server
     warnings.filterwarnings("ignore", message=".*multi-threaded, use of fork.*", category=DeprecationWarning)
     module = target.partition(":")[0]
-    with contextlib.suppress(Exception):  # the run will say what is wrong with it
+    with contextlib.suppress(Exception):  # the run will report the error
         import_module(module)
         find_kind(DEFAULT)
-        source_digest([module, module_of(DEFAULT), MEASURING])  # remembered: each run looks whether it has changed
+        source_digest([module, module_of(DEFAULT), MEASURING])  # cached: each run checks if it has changed
     import_what_solves(module)
     say(events, event="ready")
     waiting = b""
@@ -63,7 +63,7 @@ def main(target: str) -> None:
 
 def import_what_solves(module: str) -> None:
     """Import the modules that a built-in solver imports when it is called, so that no run waits for them."""
-    if module.partition(".")[0] == "shellbench":  # what a plug-in imports late may have a reason
+    if module.partition(".")[0] == "shellbench":  # a plug-in may have a reason for late imports
         for name in import_closure(module):
             with contextlib.suppress(Exception):
                 import_module(name)
@@ -93,12 +93,12 @@ def serve(folder: Path, events: int) -> None:
     ended = 0
     while not ended:
         ready, _, _ = select.select([alive, 0], [], [], LOOK)
-        if 0 in ready:  # nothing is sent while a run goes on: standard input has ended
+        if 0 in ready:  # no task is sent during a run: standard input has ended
             kill(pid)
         ended, status = os.waitpid(pid, 0 if ready else os.WNOHANG)
     os.close(alive)
     os.close(ours)
-    kill(pid)  # whatever the run left behind, in its session
+    kill(pid)  # remaining processes of the run, in its session
     end_descendants(spared)  # or in others
     say(events, event="ended", status=os.waitstatus_to_exitcode(status))
 

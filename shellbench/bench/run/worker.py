@@ -33,7 +33,7 @@ REFUSED = "refused.txt"
 DISK_FULL = "disk_full"
 CHECKPOINT = "checkpoint"  # the setting, see `shellbench.problem.Settings`
 CHECKPOINTS = "checkpoints"  # folder in the store
-PAUSE = 0.1  # seconds between two words on progress
+PAUSE = 0.1  # seconds between two progress messages
 
 Tell = Callable[[Progress], None]
 
@@ -88,7 +88,7 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
     if solution is None and reason is None:
         reason = "the solver returned None, which is no solution"
     seconds = time.perf_counter() - start
-    if solution is not None and solution.history:  # of a solve that went on from a checkpoint, all of it
+    if solution is not None and solution.history:  # for a solve that continued a checkpoint, its whole time
         seconds = max(seconds, finite(solution.history[-1].seconds) or 0.0)
     result: dict[str, Any] = {
         "seconds": seconds,
@@ -150,7 +150,7 @@ def same_source(task: Task) -> bool:
     """Return True if the source is still that of the plan."""
     name = task.identity.solver
     try:
-        # of ours nothing but the module counts: not where it is registered, which takes longer to find than the rest
+        # for built-in solvers only the module counts; the search for their registration would take most of the time
         entry = SolverEntry(name, task.target, "", "")
         return current_source(entry if entry.own else find_solver(name), kind_name(task.case)) == task.identity.source
     except (InputError, OSError, SyntaxError):

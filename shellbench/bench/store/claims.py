@@ -61,7 +61,7 @@ class Claims:
                 return False
             except OSError:  # a file system without locks
                 pass
-            # Whoever gives a claim up removes the file: a lock on one that is gone is none.
+            # Releasing a claim removes the file: a lock on a removed file is not valid.
             with contextlib.suppress(FileNotFoundError):
                 if path.stat().st_ino == os.fstat(handle).st_ino:
                     self.held[key] = handle

@@ -56,7 +56,7 @@ def overrides_of(run: Task | Record) -> dict[str, Any]:
 
 def newest(contents: Contents) -> dict[str, Record]:
     """Return the newest record of each run that was made more than once, by `run_key`, oldest first."""
-    # A dictionary keeps the place of a key that is written again. Taken out first, the run moves to the end.
+    # A dictionary keeps the place of an existing key. Removing it first moves the run to the end.
     latest: dict[str, Record] = {}
     for record in contents.records:
         key = run_key(record)
@@ -172,17 +172,17 @@ def current_runs(contents: Contents, *, any_code: bool = False) -> CurrentRuns:
     With `any_code` records of every state of their solver's code and engine are valid, so that states of the code can
     be compared. Among records that differ only in their code the newest is valid.
     """
-    # A record counts if it would be made again today. Checked in turn, the first that fails is the reason:
+    # A record is valid if it would be made again today. The first failing check is the reason:
     # 1. A store has sealed it.
     # 2. Its case can be read.
     # 3. The case has the same digest today: that of the suite, or the newest one of a user's own.
     # 4. The solver's code has the same digest, if it is installed.
     # 5. Its engine has the same version, if that is installed.
-    # Of those that count one is taken for each case, solver, settings and seed. It is the newest on a CPU, if there is
+    # One valid record is used for each case, solver, settings and seed. It is the newest on a CPU, if there is
     # one.
     asked = {(record.identity.solver, kind_name(record.case)) for record in contents.records}
     sources = {} if any_code else _current_sources(asked)
-    # A user's own case has no file here to compare with: its newest record says what it is.
+    # A user's own case has no file to compare with: its newest record defines it.
     own_physics = {r.case_name: r.identity.case for r in contents.records if r.own_case}  # the newest one's
     stale: dict[str, tuple[Record, str]] = {}
     runs: dict[tuple[object, ...], CurrentRun] = {}
@@ -197,10 +197,10 @@ def current_runs(contents: Contents, *, any_code: bool = False) -> CurrentRuns:
             stale[record.run_id] = (record, "its case can't be read any more")
             continue
         wanted = own_physics[record.case_name] if record.own_case else case.digest()
-        # The second part catches a user's own case whose stored text is not what its digest was made of.
+        # The second part detects a user's own case whose stored text does not belong to its digest.
         if identity.case != wanted or case.digest() != identity.case:
             stale[record.run_id] = (record, "the case has changed since")
-        # Of a solver that is not installed the digest is taken to be the same.
+        # The digest of a solver that is not installed is assumed to be the same.
         elif sources.get((identity.solver, case.kind), identity.source) != identity.source:
             stale[record.run_id] = (record, "the solver has changed since")
         elif not any_code and (changed := _changed_engine(identity.settings)) is not None:
@@ -208,7 +208,7 @@ def current_runs(contents: Contents, *, any_code: bool = False) -> CurrentRuns:
         else:
             settings = overrides_of(record) if any_code else identity.settings  # older code may have had fewer
             key = (record.own_case, record.case_name, identity.solver, repr(settings), identity.seed)
-            # Another device's answer counts only where no CPU has answered.
+            # An answer of another device is valid only if no CPU has answered.
             if key not in runs or runs[key].record.identity.device != "cpu" or identity.device == "cpu":
                 installed = (identity.solver, case.kind) in sources and not _lacks_engine(identity.settings)
                 runs[key] = CurrentRun(record, case, overrides_of(record), declared_by(record, case), installed)

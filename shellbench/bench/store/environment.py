@@ -17,7 +17,7 @@ from shellbench.bench.store.record import Environment
 from shellbench.protocol.engine import ENGINE
 
 PACKAGES = ("shellbench", "numpy", "scipy", "scikit-fem", "torch", "pypardiso")
-THREADS = 2  # a run: what the suite's figures in seconds are stated for
+THREADS = 2  # threads of a run, for which the suite's seconds are stated
 NAME_AND_VERSION = re.compile(
     r"(\S+) \d\S*"
 )  # of a distribution, as `shellbench.protocol.engine.engine_version` writes them
@@ -74,7 +74,7 @@ def _versions(*more: str) -> dict[str, str]:
     found: dict[str, str] = {}
     for package in dict.fromkeys((*PACKAGES, *more)):
         try:
-            found[package] = str(version(package))  # None of a package without one
+            found[package] = str(version(package))  # None for a package without a version
         except (PackageNotFoundError, ValueError):
             continue
     return found

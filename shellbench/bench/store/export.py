@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.plugins.kinds import find_kind
-from shellbench.bench.plugins.outside import AskedSolver, asked
+from shellbench.bench.plugins.outside import AskedSolver, resolve_solver
 from shellbench.bench.plugins.registry import find_solver
 from shellbench.bench.store.current import CurrentRun, current_runs
 from shellbench.bench.store.record import ANSWERED
@@ -180,7 +180,7 @@ def samples(store: Store, run: CurrentRun, resolution: int, marks: Sequence[floa
         raise InputError(f"{run.case.name}: solutions of the kind '{run.case.kind}' are no surfaces to export")
     record = run.record
     path = store.file(record.solution_file)
-    solver = asked(find_solver(record.identity.solver))
+    solver = resolve_solver(find_solver(record.identity.solver))
     try:
         if path is None:
             raise FileNotFoundError("it is gone")

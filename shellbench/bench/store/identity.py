@@ -18,7 +18,7 @@ from shellbench.errors import InputError
 from shellbench.problem import Problem, SeededSettings, Settings
 from shellbench.protocol.schema import one_sentence
 
-MEASURING = "shellbench.bench.run.worker"  # what measures a solution counts as its source
+MEASURING = "shellbench.bench.run.worker"  # the code that measures a solution counts as its source
 GATED_DTYPE = "float64"
 
 

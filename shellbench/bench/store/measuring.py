@@ -27,8 +27,8 @@ from shellbench.protocol.schema import LONGEST_VALUE, one_sentence
 FIELDS = "fields.npz"
 NOT_REACHED = "not_reached"  # of a solution's diagnostics: names of the quantities that it did not reach
 SOLUTION = "solution"
-DRAWS = 2.0  # one draw of noise moves an answer too little as often as too much: twice that covers 7 of 10
-UNREACHED = (InputError, ValueError)  # how a solution and its measuring say that a state was not reached
+DRAWS = 2.0  # one random draw underestimates the change as often as not: twice the change covers 7 of 10
+UNREACHED = (InputError, ValueError)  # errors for a state that was not reached
 Part = Callable[[], dict[str, Any]]
 
 
@@ -44,7 +44,7 @@ def measured(solution: Solution, case: Problem, folder: Path) -> tuple[dict[str,
     values, lost = values_of(solution, case)
     result: dict[str, Any] = {"values": values}
     headline = next(quantity.name for quantity in case.quantities if quantity.primary)
-    # A solver that names what it did not reach, and so has not settled, has an answer if it reached the headline.
+    # A solver that names unreached quantities, and therefore has not settled, has an answer if it reached the headline.
     told = headline in values and why_unsettled(solution) is not None
     told = told and set(lost) <= set(solution.diagnostics.get(NOT_REACHED, ()))
     why = without_values(lost) if lost and not told else why_misstated(solution, case)
@@ -62,9 +62,9 @@ def measured(solution: Solution, case: Problem, folder: Path) -> tuple[dict[str,
                 traceback.print_exc()
 
     measure(partial(cost, solution), partial(course, solution), partial(kept, solution, case, folder))
-    if "fields_file" in result:  # else there is no finite state of which anything could be said
+    if "fields_file" in result:  # otherwise there is no finite state to measure
         measure(*(partial(_field, name, account) for name, account in accounts.items()))
-    for name, study in kind.studies.items():  # they stand beside the answer: one that fails is left out
+    for name, study in kind.studies.items():  # they are optional: a failing one is left out
         try:
             result[name] = tuple(study(solution, case, numbers))
         except Exception as error:

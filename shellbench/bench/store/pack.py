@@ -219,7 +219,7 @@ def _install(entry: SolverEntry) -> str:
     except (PackageNotFoundError, ValueError):
         return ""
     vcs = came_from.get("vcs_info", {})
-    if not vcs or "@" in came_from["url"]:  # an address with a user's name, and maybe a password, is not passed on
+    if not vcs or "@" in came_from["url"]:  # an address with a user's name, and maybe a password, is not published
         return ""
     return f'python -m pip install "{entry.distribution} @ {vcs["vcs"]}+{came_from["url"]}@{vcs["commit_id"]}"'
 
@@ -235,7 +235,7 @@ def read_pack(path: Path) -> Pack:
     # 1. The zip has a manifest and one member for each run that it names; nothing else.
     # 2. The manifest has the checksum of its own content, each record that of the manifest and that of itself.
     # 3. Each record is the solver's, of one of the suite's cases, and sealed by the store that made it.
-    # 4. What the manifest says of the records is what they say.
+    # 4. The manifest's fields about the records agree with them.
     try:
         check_file(path, LARGEST_PACK)
     except InputError as error:

@@ -68,7 +68,7 @@ def note_ended(task: Task, store: Store) -> None:
     folder = store.folder / FOLDER
     with contextlib.suppress(OSError):
         (folder / f"{task.run_id}.json").unlink(missing_ok=True)
-        folder.rmdir()  # if it was the last
+        folder.rmdir()  # if it was the last file
 
 
 def planned_files(store: Store) -> list[Path]:

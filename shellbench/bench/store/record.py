@@ -39,9 +39,9 @@ SEAL = "seal"  # the key in the document of a record; no field of the record its
 LONGEST_REASON = 4000  # characters
 LARGEST_RECORD = 20_000_000  # bytes: an hour's motion with all its steps takes a few per cent of it
 Status = Literal["ok", "not settled", "failed", "timeout"]
-NOT_SETTLED: Final = "not settled"  # there is an answer, of which its own solver says that it still moves
+NOT_SETTLED: Final = "not settled"  # there is an answer, but its solver states that it still changes
 ANSWERED = ("ok", NOT_SETTLED)
-SAID_OF_CONVERGENCE = ("converged", "settled")  # what solvers call it in their diagnostics
+SAID_OF_CONVERGENCE = ("converged", "settled")  # names of the flag in the solvers' diagnostics
 NOT_CONVERGED = "not_converged"  # the diagnostic that names the quantities that did not
 
 

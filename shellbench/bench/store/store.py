@@ -171,7 +171,7 @@ class Store:
             If the disk is full, for instance; then nothing of the run is left.
         """
         # A transaction by renames, which are atomic on one file system:
-        # 1. Flush and rename the files of the run beside the records. Without a record nobody looks at them.
+        # 1. Flush and rename the files of the run beside the records. Without a record they are ignored.
         # 2. Take checksums, and the next number under a lock.
         # 3. Write the record in the hidden folder, flush it, rename it, and flush the folder: only now the run exists.
         # 4. After any error take back what was moved, the record first.
@@ -188,7 +188,7 @@ class Store:
                     "checksums": {name: _digest(self.folder / name) for name in (fields_file, solution_file) if name},
                 }
                 with self._numbering() as number:
-                    # A record that could be written and not be read back would be damage of our own making.
+                    # A record that can be written but not read would be damaged by shellbench itself.
                     whole = readable(record.model_copy(update={**kept, "sequence": number}))
                     written = partial / RECORD
                     written.write_bytes(document(whole))
@@ -198,7 +198,7 @@ class Store:
                     written.replace(target)
                     _flush(self.folder)
         except BaseException:
-            for path in reversed(moved):  # the record first: none is better than half of one
+            for path in reversed(moved):  # the record first: no record is better than a partial one
                 path.unlink(missing_ok=True)
             raise
         finally:
@@ -208,8 +208,8 @@ class Store:
     @contextlib.contextmanager
     def _numbering(self) -> Iterator[int]:
         """Yield the next sequence number, under a lock until its record is in the store."""
-        # The lock is held until the record is in place: else two would read the same last number. It is a file of its
-        # own, since the other lock is shared by all who write.
+        # The lock is held until the record is in place: otherwise two commands could read the same last number. It has
+        # its own file, because all writers share the other lock.
         handle = os.open(self.folder / NUMBERING, os.O_RDWR | os.O_CREAT, 0o666)
         try:
             if fcntl is not None:
@@ -253,8 +253,8 @@ class Store:
         try:
             if fcntl is not None:
                 with contextlib.suppress(OSError):
-                    # Only who has the store to itself cleans: a hidden folder may be somebody's run. Otherwise this
-                    # fails at once.
+                    # Only a command that is alone in the store cleans it: a hidden folder may be another run. Otherwise
+                    # this fails at once.
                     fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
                     self._clean()
                 with contextlib.suppress(OSError):
@@ -289,7 +289,7 @@ def _digest(path: Path) -> str:
 
 def _flush(path: Path) -> None:
     """Flush a file or a folder to the disk, so that a power cut can't reorder the renames."""
-    # A rename may reach the disk before the data it names: both are flushed, in that order.
+    # A rename may reach the disk before the renamed data: both are flushed, data first.
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)

@@ -10,7 +10,7 @@ from typing import Any
 
 from shellbench import __version__
 from shellbench.bench.catalogue import catalog
-from shellbench.bench.judge.compare import beyond
+from shellbench.bench.judge.compare import missing_runs
 from shellbench.bench.judge.row import Row
 from shellbench.bench.store.record import Record
 from shellbench.bench.store.store import Say, Store, silent
@@ -84,7 +84,7 @@ def write_report(
         facts = _facts(stored, found, sections) | {
             "uris": uris,
             "for_print": for_print,
-            "beyond": "" if whole else beyond(found.rows),
+            "beyond": "" if whole else missing_runs(found.rows),
             "leaves": leaves,
             "verdicts": {leaf.name: overall(leaf.rows) for leaf in leaves},
         }

@@ -94,7 +94,7 @@ class Dask:
 
 def played(monkeypatch: pytest.MonkeyPatch, dask: Any) -> Callable[..., list[Event]]:
     """Make runs with a client that the test plays."""
-    monkeypatch.setattr(cluster, "connected", lambda given: nullcontext(dask))
+    monkeypatch.setattr(cluster, "connect_client", lambda given: nullcontext(dask))
     monkeypatch.setattr(cluster, "LOOK", 0.01)
     return lambda store, tasks, jobs=None, threads=1, said=None: list(
         DaskCluster("tcp://here", jobs, threads, None, (said if said is not None else []).append).run(tasks, store)

@@ -1,7 +1,7 @@
-"""From a case of shellbench to the few numbers that the series needs, or a reason why it can't be.
+"""From a case of shellbench to the few numbers that the series needs, or the reason why it is impossible.
 
-`declines` must be honest: it names the first thing in the case that the mechanics does not have. The reason is shown
-as "not applicable: ...", and costs nothing. A case that is solved wrongly is a red row.
+`declines` must be honest: it names the first feature of the case that the mechanics does not have. The reason is shown
+as "not applicable: ...", and has no other effect. A wrong answer is a red row.
 """
 
 from __future__ import annotations
