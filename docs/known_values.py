@@ -48,7 +48,7 @@ def names_elsewhere() -> dict[str, list[str]]:
 
 def names_table() -> str:
     """Return the table of names that others use."""
-    rows = [f"|`{case}`|{cell('; '.join(names))}|" for case, names in names_elsewhere().items()]
+    rows = [f"|[`{case}`](cases/{case}.md)|{cell('; '.join(names))}|" for case, names in names_elsewhere().items()]
     return "\n".join(["|case|known elsewhere as|", "|---|---|", *rows])
 
 
