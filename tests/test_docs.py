@@ -95,6 +95,30 @@ def test_every_page_is_in_the_contents():
     assert [name for name in pages if not re.search(rf"[ :]{re.escape(name)}$", contents, re.MULTILINE)] == []
 
 
+@pytest.mark.parametrize(
+    ("word", "page"),
+    [
+        ("install", "install.md"),
+        ("license", "install.md"),
+        ("docker", "install.md"),
+        ("wsl", "install.md"),
+        ("csv", "using.md"),
+        ("abaqus", "known_values.md"),
+        ("nafems", "known_values.md"),
+        ("macneal", "known_values.md"),
+    ],
+)
+def test_a_search_finds_the_right_page(word, page):
+    """The site's search weighs titles and headings most: the word stands in one of this page, and of no other."""
+    found = {
+        str(path.relative_to(DOCS))
+        for path in PAGES
+        if DOCS in path.parents
+        and any(word in line.lower() for line in path.read_text("utf-8").splitlines() if line.startswith("#"))
+    }
+    assert found == {page}
+
+
 def test_the_readme_is_one_page():
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 150
 
