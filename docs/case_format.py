@@ -367,6 +367,8 @@ def keys(cls: type[Model], names: Iterable[str]) -> list[str]:
         unit, meaning = description(cls, name)
         if cls is not Case and name in Case.model_fields and meaning == description(Case, name)[1]:
             meaning = "As for shells."
+        if key.get("type") == "boolean":
+            meaning = meaning.replace("Whether ", "True if ", 1)
         rows.append(line(f"`{name}`", allowed(key), unit, default(key, name in schema.get("required", ())), meaning))
     return rows
 
