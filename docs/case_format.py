@@ -180,13 +180,13 @@ OTHERS = (  # heading, words, model of the case, tables, quantities, example, na
                              '[split] by = "clips"': skinning.ByClips, '[split] by = "frames"': skinning.ByFrames},
      (skinned.SkinError, skinned.PenetrationShare, skinned.PenetrationDepth), "cape_clips", ("error",)),
     ("Series of materials", 'kind = "conditioned"', "One shell for a range of materials, in linear theory or in motion, judged at held-out materials."
-     " The table `[shell]` has the keys of a shell without title, theory, quantities and the three material keys with a range."
+     " The table `[shell]` is a shell without title, theory, quantities and the three material keys of `[ranges]`."
      " Quantities have no `at`: motions are judged at their end.",
      conditioned.ConditionedCase, {"[ranges]": conditioned.Ranges, "[held_out]": conditioned.HeldOut, "[asked]": conditioned.Asked},
      (of_materials.Value, of_materials.Sensitivity), "conditioned_roof", ("value_00", "by_thickness_00")),
     ("Edited shells", 'kind = "editing"', "A shell, and one change of it. The table `[shell]` has the keys of a shell without title, theory and quantities.",
      editing.EditingCase, {"[edit]": editing.Edit, "[[edit.changes]]": editing.Change}, (EditedDisplacement,), "edit_cantilever_pose", ("deflection",)),
-    ("Fields", 'kind = "field"', "A vector field over the unit square of u and v, points drawn from a density, or distances from a body of vertices."
+    ("Fields", 'kind = "field"', "A vector field over the unit square of u and v; points from a density; or distances from a body."
      " Quantities have no `at`.",
      field.FieldCase, {"[match]": field.Match, "[cloth]": field.Cloth, "[training]": field.Training, "[[pins]]": field.Pin,
                        "[density]": field.Density, "[body]": ball.Ball},
@@ -367,6 +367,8 @@ def keys(cls: type[Model], names: Iterable[str]) -> list[str]:
         unit, meaning = description(cls, name)
         if cls is not Case and name in Case.model_fields and meaning == description(Case, name)[1]:
             meaning = "As for shells."
+        if key.get("type") == "boolean":
+            meaning = meaning.replace("Whether ", "True if ", 1)
         rows.append(line(f"`{name}`", allowed(key), unit, default(key, name in schema.get("required", ())), meaning))
     return rows
 

@@ -24,8 +24,13 @@ from shellbench.bench.judge import compare
 from shellbench.bench.judge.row import Row
 from shellbench.bench.plugins.kinds import portrait_of_named
 from shellbench.bench.store.current import current_runs
+from shellbench.bench.store.record import Record
 from shellbench.bench.store.store import Store
 from shellbench.problem import VARIANT, Problem
+from shellbench.problems.moving import moved
+from shellbench.problems.rope.case import RopeCase
+from shellbench.problems.series.conditioned import ConditionedCase
+from shellbench.problems.series.edited import EditingCase
 from shellbench.protocol.schema import read_toml
 from shellbench.report.data.document import Source, read_bibliography
 from shellbench.report.data.exhibit import style
@@ -39,6 +44,11 @@ BIBLIOGRAPHY = ROOT / "references" / "bibliography.bib"
 NAMES = Path(__file__).with_name("names.toml")
 KEPT = "course", "example", "example_engines"  # folders of committed rows below reports/, the newest first
 POINTS = 33  # a side of the grid on which a reference surface is drawn
+CHAINS_DRAWN = 12  # at most, of a crowd of chains
+SHELL_CAPTION = (
+    "Reference surface; supports are thick lines and dots, point forces are arrows. With results, the deformed shell."
+)
+ROPE_CAPTION = "The masses at the start; a square is a root."
 SIZE, DPI = (3.2, 2.6), 110  # inches of a panel, dots an inch
 Data = dict[str, Any]
 
@@ -72,7 +82,7 @@ def page(case: Problem, rows: Sequence[Row], figure: str, sources: dict[str, Sou
         lines += [f"**Known elsewhere as:** {words('; '.join(names))}.", ""]
     lines += [words(case.description), ""]
     if figure:
-        caption = "Reference surface; supports are thick lines and dots, point forces are arrows. With results, the deformed shell."
+        caption = ROPE_CAPTION if isinstance(case, RopeCase) else SHELL_CAPTION
         lines += [f"![{words(case.title)}]({figure})", "", f"*{caption}*", ""]
     lines += ["## Problem", ""]
     named = [("name", code(case.name)), ("theory", case.theory), ("suites", ", ".join(map(code, case.suites)))]
@@ -134,7 +144,7 @@ def asked(quantity: Data) -> tuple[str, ...]:
 
 
 def known(data: Data) -> Iterator[tuple[str, ...]]:
-    """Yield the rows of known values; those that judge are in bold."""
+    """Yield the rows of what is known; what judges is in bold."""
     for quantity in data["quantities"]:
         for value in quantity["known"]:
             sure = f" ± {value['uncertainty']:.2g}" if value.get("uncertainty") is not None else ""
@@ -146,7 +156,7 @@ def known(data: Data) -> Iterator[tuple[str, ...]]:
 
 
 def cited(data: Data) -> list[str]:
-    """Return the keys of a case's sources, each once."""
+    """Return the keys of what a case cites, each once."""
     keys = [value["source"] for quantity in data["quantities"] for value in quantity["known"]]
     return list(dict.fromkeys([*keys, *(curve["source"] for curve in data["curves"])]))
 
@@ -223,19 +233,23 @@ def remarks(data: Data) -> Iterator[str]:
         yield f"Variants: {', '.join(code(variant['name']) for variant in data['variants'])}."
 
 
-def picture(case: Problem, store: Store | None) -> Figure | None:
-    """Draw the reference surface and, if a run kept it, the deformed one; None if nothing can be drawn."""
-    surface, scene = getattr(case, "surface", None), portrait_of_named(case).scene
+def picture(case: Problem, store: Store | None, records: Sequence[Record]) -> Figure | None:
+    """Draw the shell at rest, and beside it the deformed one if a run kept it; None if nothing can be drawn."""
+    if isinstance(case, RopeCase):
+        return masses(case)
+    at_rest = shell_at_rest(case)
+    surface, scene = getattr(at_rest, "surface", None), portrait_of_named(at_rest).scene
     if surface is None or scene is None:
         return None
-    solved = deformed(case, store)
+    solved = deformed(case, store, records)
     figure = Figure(figsize=(SIZE[0] * (2 if solved else 1), SIZE[1]), dpi=DPI, layout="constrained")
     panels = figure.subplots(1, 2 if solved else 1, squeeze=False)[0]
     xi = surface.domain.grid(POINTS, POINTS)
     position = np.asarray(surface.position(xi))
     held, forces = held_lines(scene, xi, position), point_forces(scene, xi, position)
-    at_rest = Shell(case.name, case.title, "", position, np.zeros_like(position), 1.0, Camera(*scene.view, scene.up))
-    draw_reference(panels[0], Shell(**{**vars(at_rest), "held": held, "forces": forces}))
+    camera = Camera(*scene.view, scene.up)
+    reference = Shell(case.name, case.title, "", position, np.zeros_like(position), 1.0, camera)
+    draw_reference(panels[0], Shell(**{**vars(reference), "held": held, "forces": forces}))
     if solved:
         draw_deformed(panels[1], solved)
         panels[1].set_title(f"{solved.solver}, {scale_words(solved)}", fontsize=7.5, loc="left")
@@ -243,11 +257,36 @@ def picture(case: Problem, store: Store | None) -> Figure | None:
     return figure
 
 
-def deformed(case: Problem, store: Store | None) -> Shell | None:
+def shell_at_rest(case: Problem) -> Problem:
+    """Return the shell of a case: that of the middle material of a series, the one before an edit, or the case itself."""
+    if isinstance(case, ConditionedCase):
+        return case.shell_of(case.middle)
+    return case.original if isinstance(case, EditingCase) else case
+
+
+def masses(case: RopeCase) -> Figure | None:
+    """Draw where the masses of a rope start, in the plane (x, z); None of a chain at rest and of a single loose mass."""
+    if case.moving is None or (case.rope is None and len(case.moving.places) == 1):
+        return None
+    figure = Figure(figsize=SIZE, dpi=DPI, layout="constrained")
+    axes = figure.subplots()
+    if case.rope is not None:
+        root, *_ = moved(case.rope.root, 0.0)
+        for nodes in case.rope.around(np.concatenate([root[None], case.rope.places]))[
+            :: -(-case.rope.count // CHAINS_DRAWN)
+        ]:
+            axes.plot(nodes[:, 0], nodes[:, 2], "-o", color="C0", markersize=3, linewidth=1)
+        axes.plot(root[0], root[2], "s", color="black", markersize=5)
+    else:
+        axes.plot(case.moving.places[:, 0], case.moving.places[:, 2], "o", color="C0", markersize=3)
+    axes.set(xlabel="x, m", ylabel="z, m", aspect="equal", adjustable="datalim")
+    return figure
+
+
+def deformed(case: Problem, store: Store | None, records: Sequence[Record]) -> Shell | None:
     """Return the deformed shell of the first run of a case that kept one."""
     if store is None:
         return None
-    records = (run.record for run in current_runs(store.read()).runs)
     of_case = (r for r in records if r.case_name == case.name and not r.own_case and r.status == "ok")
     return next((found for record in of_case if (found := shell(record, store.folder)) is not None), None)
 
@@ -274,10 +313,11 @@ def write(names: Sequence[str], store: Store | None, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     sources = read_bibliography(BIBLIOGRAPHY)
     rows = (compare.rows(store) if store else []) or kept_rows()
+    records = [run.record for run in current_runs(store.read()).runs] if store else []
     cases = [catalog.named_case(name) for name in names]
     for case in cases:
         with style():
-            drawn = picture(case, store)
+            drawn = picture(case, store, records)
             if drawn is not None:
                 drawn.savefig(folder / f"{case.name}.png")
         own = [row for row in rows if row.case == case.name and not row.own_case and row.default_settings]
@@ -287,7 +327,7 @@ def write(names: Sequence[str], store: Store | None, folder: Path) -> None:
 
 
 def main() -> None:
-    """Write the pages that the command line asks for."""
+    """Write what the command line asks for."""
     parser = argparse.ArgumentParser(description="Write a page and a figure for each case.")
     parser.add_argument("cases", nargs="*", help="names of cases; all if none")
     parser.add_argument("--store", type=Path, help="folder of records, for results and deformed shapes")

@@ -36,7 +36,7 @@ To cite a value, name the version of the exam; it is in the table and in every r
 """
 NAMES_PREFACE = """## Names elsewhere: NAFEMS, MacNeal-Harder, Abaqus
 
-Other benchmark sets know these cases. "With Abaqus S4R" means that the source computed the problem with this element of Abaqus.
+Other benchmark sets know these cases. "With Abaqus S4R" means that the source used this element of Abaqus.
 Krysl & Chen: *Benchmarking Computational Shell Models*, doi 10.1007/s11831-022-09798-5. `references/bibliography.bib` has the others.
 """
 
@@ -48,7 +48,7 @@ def names_elsewhere() -> dict[str, list[str]]:
 
 def names_table() -> str:
     """Return the table of names that others use."""
-    rows = [f"|`{case}`|{cell('; '.join(names))}|" for case, names in names_elsewhere().items()]
+    rows = [f"|[`{case}`](cases/{case}.md)|{cell('; '.join(names))}|" for case, names in names_elsewhere().items()]
     return "\n".join(["|case|known elsewhere as|", "|---|---|", *rows])
 
 

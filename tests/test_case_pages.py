@@ -58,6 +58,15 @@ def test_the_picture_shows_the_shell(folder: Path) -> None:
     assert not (folder / "hanging_chain.png").exists()  # nothing can be drawn of it
 
 
+def test_ropes_and_shells_of_a_series_are_drawn_too() -> None:
+    for name in ("rope_pendulum", "conditioned_roof", "edit_cantilever_pose"):
+        assert cases.picture(catalog.named_case(name), None, []) is not None, name
+    for name in ("hanging_chain", "field_sine"):
+        assert cases.picture(catalog.named_case(name), None, []) is None, name
+    (axes,) = cases.picture(catalog.named_case("rope_crowd_400"), None, []).axes
+    assert 1 < len(axes.lines) <= cases.CHAINS_DRAWN + 1  # the root beside them
+
+
 def test_the_index_leads_to_each_page(folder: Path) -> None:
     links = re.findall(r"\]\(([^)]+)\)", (folder / "index.md").read_text(encoding="utf-8"))
     assert links == ["hemisphere_hole.md", "hemisphere_hole.md", "hanging_chain.md"]  # the first by its other names
