@@ -21,7 +21,7 @@ from rich.console import Console
 
 from shellbench import __main__ as program
 from shellbench import cli
-from shellbench.bench.catalogue import catalog, templates
+from shellbench.bench.catalogue import catalog, listing, templates
 from shellbench.bench.judge import doctor
 from shellbench.bench.run.display import Lines, display
 from shellbench.bench.store.store import Store
@@ -177,6 +177,14 @@ def test_a_quick_look_solves_prints_and_judges(shellbench, monkeypatch: pytest.M
 def test_names_that_are_nearly_right_are_recognised(name: str, meant: str) -> None:
     assert meant in did_you_mean(name, catalog.case_names())
     assert did_you_mean("xyzzy", catalog.case_names()) == ""
+
+
+def test_the_list_fits_a_screen_and_names_all_suites(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(listing, "list_solver", lambda entry: {"available": False, "reason": ""})
+    lines = listing.overview(100).splitlines()
+    assert len(lines) - len(listing.solver_entries()) <= 42  # and three that name many solvers
+    assert max(map(len, lines)) <= 100
+    assert [name for name in catalog.suite_names() if f" {name} " not in " ".join([*lines, ""])] == []
 
 
 @pytest.mark.parametrize(

@@ -11,11 +11,12 @@ import os
 import sys
 import traceback
 from collections.abc import Callable
+from inspect import cleandoc
 from typing import Annotated, Any
 
 import typer
 
-from shellbench.cli.brought import CommandsOfOthers
+from shellbench.cli.brought import Command, CommandsOfOthers
 from shellbench.cli.compare import compare_command
 from shellbench.cli.first import doctor, new_case, new_solver, quick
 from shellbench.cli.judge import baseline_command, export, gate_command, report, table
@@ -50,6 +51,12 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
+def _unwrapped(text: str) -> str:
+    """Return a docstring, each paragraph on one line: the help breaks lines where the terminal ends."""
+    parts = cleandoc(text).replace("\n--------\n", ":\n\n").split("\n\n")
+    return "\n\n".join(part if part.startswith(" ") else " ".join(part.split()) for part in parts)
+
+
 @app.callback()
 def shellbench(
     version: Annotated[
@@ -81,7 +88,7 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "new-solver": new_solver,
 }
 for name, command in COMMANDS.items():
-    app.command(name)(command)
+    app.command(name, cls=Command, help=_unwrapped(command.__doc__ or ""))(command)
 
 
 def main() -> None:

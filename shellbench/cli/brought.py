@@ -22,7 +22,23 @@ from shellbench.errors import InputError, PluginError, ShellbenchError
 GROUP = "shellbench.commands"
 
 
-class CommandsOfOthers(TyperGroup):
+class _Untyped:
+    """Shows flags and arguments in the help without their Python types, such as ``<bool>``."""
+
+    def get_params(self, ctx: Any) -> Any:
+        """Return the options and arguments of the command."""
+        found = super().get_params(ctx)  # type: ignore[misc]
+        for one in found:
+            if getattr(one, "is_flag", True):  # an argument has no such attribute
+                one.display_type_rich = lambda ctx: ""
+        return found
+
+
+class Command(_Untyped, TyperCommand):
+    """A command of shellbench."""
+
+
+class CommandsOfOthers(_Untyped, TyperGroup):
     """The built-in commands, followed by those of other packages."""
 
     def list_commands(self, ctx: Any) -> list[str]:

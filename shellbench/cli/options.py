@@ -85,7 +85,7 @@ SeedOption = Annotated[
 ]
 CasesArgument = Annotated[
     list[str] | None,
-    typer.Argument(metavar="[CASE|PATH.toml]...", help="Only these cases, of all that were run.", **CASES),
+    typer.Argument(metavar="CASE|PATH.toml", help="Only these cases, of all that were run.", **CASES),
 ]
 BaselineOption = Annotated[
     Path, typer.Option("--baseline", metavar="FILE", help="What the regression and cost gates remember.")

@@ -40,7 +40,7 @@ def list_command(
     name: Annotated[
         str | None,
         typer.Argument(
-            metavar="[NAME|PATH.toml]", help="A case, a variant such as CASE@oblique, a suite or a solver.", **NAMES
+            metavar="NAME|PATH.toml", help="A case, a variant such as CASE@oblique, a suite or a solver.", **NAMES
         ),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
@@ -82,9 +82,7 @@ def plugins_are_input() -> Iterator[None]:
 def run(
     cases: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="[CASE|PATH.toml]...", help="Names of cases, or paths to case files of your own.", **CASES
-        ),
+        typer.Argument(metavar="CASE|PATH.toml", help="Names of cases, or paths to case files of your own.", **CASES),
     ] = None,
     suite: SuiteOption = None,
     solver: SolverOption = None,

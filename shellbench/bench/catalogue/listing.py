@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import defaultdict
 from io import StringIO
+from textwrap import wrap
 from typing import Any
 
 from rich.console import Console
@@ -19,6 +20,8 @@ from shellbench.errors import InputError, ShellbenchError
 from shellbench.problem import Problem, Quantity
 
 WIDTH = 110  # characters
+NOT_GATED = "not gated"  # how titles of such suites end
+UNUSABLE = ""  # in place of a kind: solvers that can't be imported
 
 
 def contents() -> dict[str, Any]:
@@ -90,37 +93,39 @@ def as_json() -> str:
 
 
 def overview(width: int | None = None) -> str:
-    """Return suites and solvers by kind of problem as text, a line for each suite. No case is built for it."""
+    """Return suites and solvers by kind of problem as text, a line for each gated suite. No case is built for it."""
+    width = width or WIDTH
     kinds = {name: catalog.kind_named_by(name) for name in catalog.case_names()}
-    cases = defaultdict[str, list[str]](list)
+    cases, suites, solvers = defaultdict[str, list[str]](list), defaultdict[str, list[str]](list), _solvers_by_kind()
     for name in kinds:
         for suite in catalog.suites_named_by(name):
             cases[suite].append(name)
-    suites = defaultdict[str, list[tuple[str, str, str]]](list)
-    for name in catalog.suite_names():
-        of, count = kinds[cases[name][0]] if cases[name] else "variants", str(len(cases[name]) or "")
-        suites[of].append((name, count, catalog.find_suite(name).title + _from(catalog.package_of_suite(name))))
-    solvers, unusable = defaultdict[str, list[str]](list), list[str]()
+    for suite in catalog.suite_names():
+        suites[kinds[cases[suite][0]] if cases[suite] else "variants"].append(suite)
+    lines = ["Suites by kind of problem, with the number of their cases:"]
+    for kind in sorted({*suites, *solvers} - {UNUSABLE}, key=lambda kind: (-len(suites[kind]), kind)):
+        of = f", solved by {', '.join(solvers[kind])}" if kind in solvers else ""
+        lines += wrap(f"{kind}{of}", width, subsequent_indent="    ", break_on_hyphens=False)
+        titles = {name: catalog.find_suite(name).title + _from(catalog.package_of_suite(name)) for name in suites[kind]}
+        shown = [name for name in titles if not titles[name].endswith(NOT_GATED)]
+        rows = (f"  {name:<16} {len(cases[name]) or '':>3}  {titles[name]}" for name in shown)
+        lines += [row if len(row) <= width else f"{row[: width - 1]}…" for row in rows]
+        if rest := ", ".join(f"{name} ({len(cases[name])})" for name in titles if name not in shown):
+            lines += wrap(f"  not gated: {rest}", width, subsequent_indent="    ")
+    count = "1 case" if len(kinds) == 1 else f"{len(kinds)} cases"
+    hint = f"{count}: `shellbench list --all` has a line for each, `shellbench list NAME` all about one."
+    return "\n".join([*lines, "", *solvers[UNUSABLE], *wrap(hint, width)])
+
+
+def _solvers_by_kind() -> defaultdict[str, list[str]]:
+    """Return the names of solvers by kind of problem, and why the others can't be used."""
+    found = defaultdict[str, list[str]](list)
     for solver in (list_solver(entry) for entry in solver_entries().values()):
         if not solver["available"]:
-            unusable.append(solver["reason"])
+            found[UNUSABLE].append(solver["reason"])
         for kind in kinds_of_theories(solver["theories"]) if solver["available"] else ():
-            solvers[kind].append(solver["name"] + _from(solver["package"]))
-    console = Console(file=StringIO(), width=width or WIDTH)
-    table = _table("suite", "cases", "title")
-    for kind in sorted(suites, key=lambda kind: -len(suites[kind])):
-        table.add_row(f"[bold]{escape(kind)}[/bold]")
-        for row in suites[kind]:
-            table.add_row(*map(escape, row))
-    console.print(table)
-    table = _table("kind", "solvers")
-    for kind in sorted(solvers, key=lambda kind: -len(solvers[kind])):
-        table.add_row(escape(kind), escape(", ".join(solvers[kind])))
-    console.print()
-    console.print(table)
-    count = "1 case" if len(kinds) == 1 else f"{len(kinds)} cases"
-    hint = f"{count}: `shellbench list --all` has a line for each,\n`shellbench list NAME` says all about one."
-    return "\n".join([_printed(console), "", *unusable, hint])
+            found[kind].append(solver["name"] + _from(solver["package"]))
+    return found
 
 
 def all_cases(width: int | None = None) -> str:

@@ -253,18 +253,18 @@ def _change(before: OneSide, after: OneSide, threshold: float, solvers: bool) ->
         return Change(before, after, "loss" if now > was else "gain", f"{words}{f': {why}' if why else ''}")
     # Each solver has its own tolerances, so that passing them can't rank two solvers.
     if not solvers and None not in (before.passed, after.passed) and before.passed != after.passed:
-        tolerance = after.rows[0].tolerance
-        held = f"its tolerance {'' if tolerance is None else f'{tolerance:g} '}"
-        verdict: Verdict = "loss" if before.passed else "gain"
-        return Change(
-            before, after, verdict, f"{held}{'held and is missed' if before.passed else 'missed and is held'}"
-        )
+        row = after.rows[0]
+        size = f"{row.tolerance:g} {row.unit}" if row.tolerance_is_absolute else f"{100 * (row.tolerance or 0):g} %"
+        words = f"{'A' if before.passed else 'B'} alone meets the tolerance of {size}"
+        return Change(before, after, "loss" if before.passed else "gain", words)
     old, new = before.error, after.error
     if old is not None and new is not None and isfinite(old) and isfinite(new):
         floor = _blunt(after.rows[0])
         grown = max(abs(new), floor) - max(abs(old), floor)
         if abs(grown) > threshold:
-            return Change(before, after, "loss" if grown > 0 else "gain", f"error {old:+.2g} -> {new:+.2g}")
+            return Change(
+                before, after, "loss" if grown > 0 else "gain", f"error {100 * old:+.2g} % -> {100 * new:+.2g} %"
+            )
         return Change(before, after, "same")
     if before.value is not None and after.value is not None:
         apart = abs(after.value - before.value)
