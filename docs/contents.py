@@ -14,7 +14,7 @@ CITE = """
 
 ---
 
-**To cite this finding:** {authors}, *{title}*, in shellbench {version}, exam {exam}, `docs/{page}`, {year}.
+**To cite this finding:** {authors}, *{title}*, in shellbench {version}, exam {exam}, `docs/{page}`.
 """
 
 
@@ -35,7 +35,6 @@ def on_page_markdown(markdown: str, page: Any, **rest: Any) -> str:
         for name, pattern in (
             ("authors", r'^ {2}- name: "(.*)"'),
             ("version", r"^version: (\S+)"),
-            ("year", r"^date-released: (\d+)"),
         )
     }
     exam = json.loads((ROOT / "references/lock.json").read_bytes())["version"]

@@ -67,6 +67,9 @@ def test_pages_are_short():
     lengths = {name: len(text_of(name).split()) for name in ["README.md", *pages()]}
     assert max(lengths["README.md"], lengths["docs/index.md"]) <= MOST_WORDS_OF_A_FIRST_PAGE
     assert sum(lengths.values()) - lengths["README.md"] < MOST_WORDS, lengths
+    changes = text_of("CHANGELOG.md").splitlines()
+    assert len(changes) <= 150
+    assert not [line for line in changes if line.startswith(" ")]  # a line for each change
 
 
 @pytest.mark.parametrize("text", ["A point held\nagainst zero.", "Done. Asked are\ntwo.", "if it is none"])

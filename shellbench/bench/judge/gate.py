@@ -305,7 +305,7 @@ def _check_judged(
 
 
 def _why_unjudged(shown: Sequence[Row], notes: Sequence[str]) -> str:
-    """Return why a gate judges none of these rows, as a clause."""
+    """Return the reason that a gate judges none of these rows, as a clause."""
     if not shown:
         return "; ".join(("no run counts", *notes))
     if all(row.reference is None for row in shown):
