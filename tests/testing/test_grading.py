@@ -20,7 +20,7 @@ from shellbench.errors import InputError
 from shellbench.testing import suite
 from shellbench.testing.grading import ExamOptions, Graded, Later, start_exam
 from tests.bench.conftest import full, made_once, own_case, plugin, store, toys  # noqa: F401 - fixtures
-from tests.bench.test_classes import strangers  # noqa: F401 - a fixture
+from tests.bench.test_classes import third_party  # noqa: F401 - a fixture
 from tests.bench.test_gate import scaled
 from tests.patience import GUARD
 
@@ -31,10 +31,10 @@ def held(store: Store, solver: str = "toy-noisy", **more: object) -> Graded:  # 
 
 
 @pytest.mark.parametrize("error", [0.0, 5e-4, 5e-3, 5e-2])
-def test_it_is_the_grade_of_the_gate(strangers: Store, error: float) -> None:  # noqa: F811
-    scaled(strangers, "toy-noisy", 1 + error)
-    (by_gate,) = gate(strangers, None, Scope(("toys",), ("toy-noisy",), (0,))).grades
-    found = held(strangers)
+def test_it_is_the_grade_of_the_gate(third_party: Store, error: float) -> None:  # noqa: F811
+    scaled(third_party, "toy-noisy", 1 + error)
+    (by_gate,) = gate(third_party, None, Scope(("toys",), ("toy-noisy",), (0,))).grades
+    found = held(third_party)
     assert found.sitting is not None
     assert found.sitting.records == 0  # what has a record is not solved again
     assert (found.held, found.sitting.grade.figures) == (by_gate.held, by_gate.figures)
@@ -44,9 +44,9 @@ def test_it_is_the_grade_of_the_gate(strangers: Store, error: float) -> None:  #
     assert found.as_data()["grade"] == by_gate.held
 
 
-def test_what_is_missed_is_named(strangers: Store) -> None:  # noqa: F811
-    scaled(strangers, "toy-noisy", 1.05)
-    found = held(strangers)
+def test_what_is_missed_is_named(third_party: Store) -> None:  # noqa: F811
+    scaled(third_party, "toy-noisy", 1.05)
+    found = held(third_party)
     assert found.sitting is not None
     assert len(found.as_data()["exam"]["missed"]) == len(found.sitting.missed) > 0
     assert any("misses strip" in line and "0.01 is allowed" in line for line in found.lines())
