@@ -53,10 +53,10 @@ ROOMS = {  # of a package, from the lowest up; what stands at its root is a room
 MOST_MODULES, MOST_LINES = 20, 400  # of a folder, its `__init__` apart; of a module
 CEILINGS = {  # lines of code: no blanks, comments and docstrings; the aims are 52,000 and 42,000
     "shellbench": 53_940,
-    "tests": 40_640,
+    "tests": 41_000,
     "shellbench/protocol": 1_000,
-    "shellbench/bench": 7_050,
-    "shellbench/bench/catalogue": 965,
+    "shellbench/bench": 7_055,
+    "shellbench/bench/catalogue": 970,
     "shellbench/bench/judge": 2_100,
     "shellbench/bench/plugins": 1_300,
     "shellbench/bench/run": 1_300,

@@ -55,12 +55,9 @@ def _is_time(text: str) -> str:
 
 def _has_figures(data: Any) -> Any:
     if not _all_figures(data):
-        for path, value in leaves(data):
-            if not _all_figures(value):
-                where = ".".join(map(str, path))
-                raise ValueError(
-                    f"found {str(value)[:60]} at '{where}', but figures are finite and at most {LARGEST:g}"
-                )
+        path, value = next((path, value) for path, value in leaves(data) if not _all_figures(value))
+        found = f"found {str(value)[:60]} at '{'.'.join(map(str, path))}'"
+        raise ValueError(f"{found}, but figures are finite and at most {LARGEST:g}")
     return data
 
 
