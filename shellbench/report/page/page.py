@@ -12,6 +12,7 @@ from shellbench import __version__
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.judge.compare import beyond
 from shellbench.bench.judge.row import Row
+from shellbench.bench.store.conformance import read_conformance, why_unchecked
 from shellbench.bench.store.record import Record
 from shellbench.bench.store.store import Say, Store, silent
 from shellbench.errors import InputError
@@ -19,7 +20,7 @@ from shellbench.report.data import document
 from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import Exhibit, save_all
 from shellbench.report.data.notation import HTML, MARKDOWN
-from shellbench.report.data.runs import Known
+from shellbench.report.data.runs import Known, grouped, is_graded
 from shellbench.report.data.section import Section, all_tables
 from shellbench.report.data.solutions import overall
 from shellbench.report.data.table import Table
@@ -86,13 +87,13 @@ def write_report(
             "for_print": for_print,
             "beyond": "" if whole else beyond(found.rows),
             "leaves": leaves,
-            "verdicts": {leaf.name: overall(leaf.rows) for leaf in leaves},
+            "unchecked": _unchecked(store, found),
         }
         facts["made_by"] = _made_by(facts["makings"], drawn, turned)
         for leaf in leaves:
             on_page = {one.name.removeprefix(PICTURE) for one in leaf.exhibits if one.name.startswith(PICTURE)}
             viewed = page_scripts({case: one for case, one in turned.items() if case in on_page})
-            of_leaf = {"verdict": facts["verdicts"][leaf.name], "solvers": _labels(leaf.rows)} | viewed
+            of_leaf = {"solvers": _labels(leaf.rows)} | viewed
             document.write(out / leaf.file, render_page("leaf.html.j2", HTML, leaf, facts | of_leaf))
         report = Leaf(WHOLE, "", shown, sections)
         document.write(out / "index.html", render_page("index.html.j2", HTML, report, facts | page_scripts({})))
@@ -135,7 +136,7 @@ def _facts(records: Mapping[str, Record], found: Evidence, sections: Sequence[Se
         "version": __version__,
         "site": SITE,
         "whole": WHOLE,
-        "verdict": overall(found.compared),
+        "verdict": overall([row for row in found.compared if not is_graded(row)]),
         "report_command": REPORT_COMMAND,
         "solvers": _labels(found.rows),
         "makings": made,
@@ -147,6 +148,13 @@ def _facts(records: Mapping[str, Record], found: Evidence, sections: Sequence[Se
         + [f"{table.name}.csv" for table in _apart(sections)]
         + ([document.BIBLIOGRAPHY] if sources else []),
     }
+
+
+def _unchecked(store: Store, found: Evidence) -> dict[str, str]:
+    """Return why each solver that is judged by class is not checked, as a clause; empty if it is."""
+    noted, graded = read_conformance(store).found, {row.solver for row in found.compared if is_graded(row)}
+    runs = grouped(found.records.values(), lambda record: record.identity.solver)
+    return {name: why_unchecked(name, runs.get(name, ()), noted) for name in graded}
 
 
 def _labels(rows: Sequence[Row]) -> dict[str, str]:
