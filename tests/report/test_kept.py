@@ -114,13 +114,6 @@ def test_three_discretisations_are_compared_at_common_points(made):
     assert fem["is_common"]
 
 
-def test_one_solution_is_the_same_through_three_grids(made):
-    data = table(made, "kept_grids")
-    assert data["same"].tolist() == [0.0, 0.0]
-    assert data["mesh_10"].tolist() == [SCALE / 100] * 2
-    assert "Every continuous field" in " ".join(made.words)
-
-
 def test_figures_have_four_points_a_line_and_mark_own_runs(made, store):
     convergence, consistency = made.exhibits
     lines = [line for line in convergence.figure.axes[0].get_lines() if len(line.get_xdata()) == len(SIZES)]

@@ -13,7 +13,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from shellbench.report.data.columns import Column, Line, code, column, error, frame, words
+from shellbench.report.data.columns import Column, Line, column, error, frame, words
 from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import DASHES, Exhibit, Ink
 from shellbench.report.data.ladder import (
@@ -46,7 +46,6 @@ from shellbench.report.figures.panel import (
 )
 from shellbench.report.sections.resolution import (
     frame_rate_table,
-    mesh_table,
     of_largest,
     resolution_table,
     yardstick_words,
@@ -99,17 +98,17 @@ def section(evidence: Evidence) -> Section | None:
     """Return the section; None if no run was seen through grids and no two runs can be compared."""
     cases = evidence.once(case_runs)
     compared = consistency_table(cases)
-    queries = [make(evidence) for make in (resolution_table, frame_rate_table, mesh_table)]
+    queries = [make(evidence) for make in (resolution_table, frame_rate_table)]
     tables = given(compared, *queries)
     if not tables:
         return None
     return Section(
         name="consistency",
         title="Resolution consistency",
-        words=(*_words(cases, compared, *queries[:2]), *remarks_on(evidence.rows, "resolution")),
+        words=(*_words(cases, compared, *queries), *remarks_on(evidence.rows, "resolution")),
         tables=tables,
         exhibits=tuple(exhibit for case in cases if (exhibit := _exhibit(case, evidence.inks)) is not None),
-        details=given(pair_table(cases), drift_table(cases)),
+        details=given(pair_table(cases)),
     )
 
 
@@ -239,7 +238,11 @@ def pair_table(cases: Sequence[CaseRuns]) -> Table:
     """Return a line for each pair of runs that is compared."""
     lines = [
         {
-            **_common(case, ladder, run, pair=kind),
+            **case.line(ladder),
+            "pair": kind,
+            "run": run.name,
+            "unknowns": run.unknowns,
+            "time_steps": run.time_steps,
             "other_solver": other.row.solver,
             "other": other.name,
             "other_unknowns": other.unknowns,
@@ -270,11 +273,6 @@ def pair_table(cases: Sequence[CaseRuns]) -> Table:
     )
 
 
-def _common(case: CaseRuns, ladder: Ladder, run: Run, **kind: str) -> dict[str, Any]:
-    said = {"run": run.name, "unknowns": run.unknowns, "time_steps": run.time_steps}
-    return case.line(ladder) | kind | said
-
-
 def _pairs(case: CaseRuns, ladder: Ladder) -> Iterator[tuple[str, Run, Run]]:
     for finer in FINER:
         yield from ((f"next in {finer}", coarse, fine) for coarse, fine in ladder.steps(finer))
@@ -283,33 +281,6 @@ def _pairs(case: CaseRuns, ladder: Ladder) -> Iterator[tuple[str, Run, Run]]:
         yield from (("marginally different", other, one) for i, one in enumerate(level) for other in level[:i])
     common = case.yardstick
     yield from (("common run", run, common) for run in ladder.runs if common is not None and run is not common)
-
-
-def drift_table(cases: Sequence[CaseRuns]) -> Table:
-    """Return a line for each run and quantity: its value, and the finest run's of the same solver."""
-    lines = [
-        {
-            **_common(case, ladder, run),
-            "quantity": name,
-            "value": value.value,
-            "finest_value": ladder.finest.record.values[name].value,
-            "drift": drift(run, ladder.finest, name),
-            "run_ids": f"{run.record.run_id} {ladder.finest.record.run_id}",
-        }
-        for case in cases
-        for ladder in case.ladders
-        for run in ladder.runs
-        if run is not ladder.finest
-        for name, value in run.record.values.items()
-        if name in ladder.finest.record.values
-    ]
-    return Table(
-        name="consistency_drift",
-        title="Drift of all quantities",
-        caption="Each quantity less that of the same solver's finest run, relative to the latter.",
-        data=frame(lines),
-        columns=("solver", "run", column("quantity", "Quantity", code), column("drift", "Drift", error)),
-    )
 
 
 def consistency_figure(case: CaseRuns, ladders: Sequence[Ladder], inks: Mapping[str, Ink]) -> Figure:

@@ -61,9 +61,7 @@ def section(evidence: Evidence) -> Section | None:
     found = [one for case in cases if (one := _accuracy(evidence, case, lines[case], failed.get(case, ()))) is not None]
     about = {case: summary.cases[case] for case in cases}
     solvers = {run.solver for run in summary.runs}
-    tables = given(
-        size_table(found, finest_only=True), level_table(found), point_table(about, lines), grid_table(about, lines)
-    )
+    tables = given(size_table(found, finest_only=True), level_table(found), point_table(about, lines))
     if not tables:
         return None
     return Section(
@@ -269,43 +267,6 @@ def _common_words(case: KeptCase, sweeps: Sweeps) -> str:
 
 def _is_common(line: Line, notation: Notation) -> str:
     return notation.escape("itself") if line["is_common"] else notation.missing
-
-
-def grid_table(about: Mapping[str, KeptCase], lines: Mapping[str, Sweeps]) -> Table:
-    """Return one solution of each solver as three grids see it."""
-    found = [
-        {
-            "block": about[case].title,
-            "case": case,
-            "solver": solver,
-            "run": runs[-1].label,
-            "storage_bytes": runs[-1].storage,
-            "same": max(grid.difference for grid in runs[-1].grids),
-            **{f"mesh_{grid.points}": grid.mesh_difference for grid in runs[-1].grids},
-            "largest_displacement": about[case].scale,
-            "run_ids": runs[-1].run_id,
-        }
-        for case, sweeps in lines.items()
-        for solver, runs in main_sweeps(sweeps)
-        if runs[-1].grids
-    ]
-    sides = sorted({grid.points for sweeps in lines.values() for runs in sweeps.values() for grid in runs[-1].grids})
-    return Table(
-        name="kept_grids",
-        title="One solution asked through three grids",
-        caption=f"The finest solution of each solver, asked through grids of {', '.join(map(str, sides))} points a"
-        " side. Same point: the largest difference at the same material points (zero, or rounding, of every continuous"
-        " field). Mesh: what the bilinear mesh of n×n points made from it would be off, at the points of the finest"
-        " grid. Relative to the largest displacement.",
-        data=frame(found),
-        columns=(
-            "solver",
-            "run",
-            "storage_bytes",
-            column("same", "Same point, any grid", of_largest),
-            *(column(f"mesh_{side}", f"Mesh {side}×{side}", of_largest) for side in sides[:-1]),
-        ),
-    )
 
 
 def _exhibits(
