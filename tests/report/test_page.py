@@ -165,7 +165,9 @@ def test_the_glance_has_a_line_for_each_case_and_a_column_for_each_solver(report
     assert [re.search("pass|fail", cell)[0] for cell in roof[2:5]] == ["pass", "pass", "fail"]
     text = course.read_text(encoding="utf-8").partition('id="glance"')[2]
     head = re.search(r"<thead><tr>(.*?)</tr>", text)[1]
-    assert re.sub(r"<[^>]*>", " ", head).split() == ["Case", "fem", "ndf-ritz", "ndf"]
+    assert re.findall("<code>(.*?)</code>", head) == ["fem", "ndf-ritz", "ndf"]
+    verdicts = re.findall(r'<span class="(\w+)">(.*?)</span>', head)
+    assert verdicts == [("good", "4 of 4 pass"), ("good", "12 of 12 pass"), ("bad", "8 of 12 pass")]
 
 
 @pytest.mark.parametrize("name", ["index.html", "report.md"])

@@ -12,7 +12,6 @@ from shellbench import __version__
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.judge.compare import beyond
 from shellbench.bench.judge.row import Row
-from shellbench.bench.store.conformance import read_conformance, why_unchecked
 from shellbench.bench.store.record import Record
 from shellbench.bench.store.store import Say, Store, silent
 from shellbench.errors import InputError
@@ -20,7 +19,7 @@ from shellbench.report.data import document
 from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import Exhibit, save_all
 from shellbench.report.data.notation import HTML, MARKDOWN
-from shellbench.report.data.runs import Known, grouped, is_graded
+from shellbench.report.data.runs import Known, is_graded
 from shellbench.report.data.section import Section, all_tables
 from shellbench.report.data.solutions import overall
 from shellbench.report.data.table import Table
@@ -28,6 +27,7 @@ from shellbench.report.figures.pictures import PICTURE
 from shellbench.report.page.leaves import WHOLE, Leaf, leaves_of, render_page
 from shellbench.report.page.sections import gather
 from shellbench.report.page.view import LIBRARY, View, library, page_scripts, views
+from shellbench.report.sections.results import unchecked
 from shellbench.report.sections.tables import DISPLACEMENTS, QUANTITIES, render, tables_as_csv
 
 REPORT_COMMAND = "shellbench report"
@@ -87,7 +87,7 @@ def write_report(
             "for_print": for_print,
             "beyond": "" if whole else beyond(found.rows),
             "leaves": leaves,
-            "unchecked": _unchecked(store, found),
+            "unchecked": unchecked(store, found),
         }
         facts["made_by"] = _made_by(facts["makings"], drawn, turned)
         for leaf in leaves:
@@ -148,13 +148,6 @@ def _facts(records: Mapping[str, Record], found: Evidence, sections: Sequence[Se
         + [f"{table.name}.csv" for table in _apart(sections)]
         + ([document.BIBLIOGRAPHY] if sources else []),
     }
-
-
-def _unchecked(store: Store, found: Evidence) -> dict[str, str]:
-    """Return why each solver that is judged by class is not checked, as a clause; empty if it is."""
-    noted, graded = read_conformance(store).found, {row.solver for row in found.compared if is_graded(row)}
-    runs = grouped(found.records.values(), lambda record: record.identity.solver)
-    return {name: why_unchecked(name, runs.get(name, ()), noted) for name in graded}
 
 
 def _labels(rows: Sequence[Row]) -> dict[str, str]:

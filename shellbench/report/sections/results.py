@@ -14,6 +14,8 @@ from matplotlib.figure import Figure
 
 from shellbench.bench.judge.classes import LOOSEST, grades
 from shellbench.bench.judge.row import Row
+from shellbench.bench.store.conformance import read_conformance, why_unchecked
+from shellbench.bench.store.store import Store
 from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import Exhibit, Ink
 from shellbench.report.data.notation import NO_BREAK, TEXT, Notation, duration, percent, rounded
@@ -123,6 +125,13 @@ def results(rows: Sequence[Row], notation: Notation, unchecked: Mapping[str, str
             for case, title in titles.items()
         ],
     )
+
+
+def unchecked(store: Store, found: Evidence) -> dict[str, str]:
+    """Return why each solver that is judged by class is not checked, as a clause; empty if it is."""
+    noted, graded = read_conformance(store).found, {row.solver for row in found.compared if is_graded(row)}
+    runs = grouped(found.records.values(), lambda record: record.identity.solver)
+    return {name: why_unchecked(name, runs.get(name, ()), noted) for name in graded}
 
 
 def _standing(name: str, rows: Sequence[Row], unchecked: Mapping[str, str]) -> Standing:
