@@ -252,7 +252,7 @@ def test_text_tells_of_runs_that_are_there(tmp_path, plate, napkin):
 
 
 def test_repetition_is_stated_as_a_property_of_every_continuous_field(plate):
-    assert "a property of continuity, no merit of a solver" in section(plate).words[0]
+    assert "a property of continuity, not of a solver" in section(plate).words[0]
 
 
 def test_nothing_that_moves_has_no_relative_difference(tmp_path):

@@ -59,12 +59,11 @@ COMMON: dict[str, Any] = {"marker": "*", "markersize": 8}
 OTHER: dict[str, Any] = {"marker": "x", "markersize": 5, "markeredgewidth": 1.0}
 AROUND: dict[str, Any] = {"marker": "o", "markersize": 6, "markerfacecolor": "none", "markeredgewidth": 1.0}
 GRIDS = (
-    "One solution was asked through grids from coarse to fine. Every continuous field, of finite elements as of a"
-    " network, repeats its answer exactly at the same material point, whatever the grid: that is a property of"
-    " continuity, no merit of a solver. A mesh of the same resolution made from it does not: what it would add is"
-    " shown beside it."
+    "Each solution was evaluated on grids from coarse to fine. A continuous field, of finite elements or of a network,"
+    " gives the same value at the same material point on every grid. That is a property of continuity, not of a solver."
+    " A mesh of the same resolution adds an interpolation error, which is listed beside it."
 )
-RATES = "Motions were asked at many frame rates too, with the same outcome: only frames that are joined add anything."
+RATES = "Motions were evaluated at many frame rates too: only interpolation between frames adds an error."
 SOLVED_AGAIN = "Cases were solved at several resolutions."
 ALIKE_RUNS = f"Alike are runs whose unknowns are within {100 * (ALIKE - 1):.0f} %: other meshes, diagonals or seeds."
 COMPARED = (
@@ -73,11 +72,11 @@ COMPARED = (
     " and instants, relative to the largest displacement of the common run."
 )
 NO_ERROR = (
-    "A small difference between two resolutions of one solver is no small error: a solver can be consistently wrong."
-    " The difference from another solver's run stands beside it for that reason, and the known values stand in the"
-    " tables of displacements."
+    "A small difference between two resolutions of one solver does not mean a small error: a solver can be consistently"
+    " wrong. The table therefore also gives the difference from another solver's run. The known values are in the"
+    " tables of headline values."
 )
-CLOTH = "Folding cloth amplifies small differences; late ones say how far the problem itself can be foretold."
+CLOTH = "Folding cloth amplifies small differences, so late differences show how predictable the problem is."
 OVER_TIME = (
     "the same difference over time, the largest over the points, a line for each run, the finer the darker; dotted:"
     " each solver's finest run from the common one."

@@ -13,7 +13,7 @@ from shellbench.bench.catalogue.reference import KnownValue
 from shellbench.bench.judge.row import Row
 from shellbench.bench.store.record import Record
 from shellbench.protocol.history import HistoryStep
-from shellbench.report.data.columns import column, count, frame, significant
+from shellbench.report.data.columns import column, count, frame, share
 from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.runs import grouped, solution_name
 from shellbench.report.data.section import Section, given
@@ -116,8 +116,8 @@ def table(lines: list[dict[str, Any]]) -> Table:
             "solution",
             column("seed", "Seed", count),
             column("iteration", "Iteration", count),
-            column("above", "Energy above the least", significant(2)),
-            column("gap", "Gap", significant(2)),
+            column("above", "Energy above the least", share),
+            column("gap", "Gap", share),
             "error",
             "seconds",
         ),

@@ -150,13 +150,18 @@ def _class_of(name: str, rows: Sequence[Row], unchecked: Mapping[str, str]) -> S
     (grade,) = grades(rows, [name], {name: unchecked.get(name, "")})
     worst = f" Worst: {grade.worst.case}, {value_words(grade.worst, False)}." if grade.worst else ""
     if grade.held:
-        words = f"All {grade.figures} values are within class {grade.held:g}.{worst}"
-        return Standing(name, "good", f"class {grade.held:g}", words, True)
+        words = f"All {grade.figures} values are within {100 * grade.held:g} %.{worst}"
+        return Standing(name, "good", f"class {class_words(grade.held)}", words, True)
     checks = f" Not checked: {grade.unchecked} (shellbench check-solver {name})." if grade.unchecked else ""
     if grade.within:
-        words = f"No class without its checks; all {grade.figures} values are within {grade.within:g}.{worst}{checks}"
+        words = f"No class without its checks; all {grade.figures} values are within {100 * grade.within:g} %.{worst}{checks}"
         return Standing(name, "expected", "not checked", words, True)
     return Standing(name, "bad", "no class", f"No class: an error exceeds {100 * LOOSEST:g} %.{worst}{checks}", True)
+
+
+def class_words(held: float | None) -> str:
+    """Return a class as a power of ten; "none" if no class is held."""
+    return f"{held:.0e}".replace("e-0", "e-") if held else "none"
 
 
 def _cell(rows: Sequence[Row], notation: Notation) -> Cell:

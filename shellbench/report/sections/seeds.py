@@ -29,8 +29,8 @@ def section(evidence: Evidence) -> Section | None:
         name="seeds",
         title="Spread over seeds",
         words=(
-            "A field starts from random numbers. These are the answers of runs that differ in nothing else: if they"
-            " lie apart, no single one is the solver's answer, and the worst seed is what a user may get.",
+            "A neural field starts from random numbers. These runs differ in nothing else. Their spread shows how much"
+            " an answer depends on the seed; a user may get the worst one.",
         ),
         tables=given(seed_table(compared)),
     )
@@ -99,8 +99,7 @@ def seed_table(found: pd.DataFrame) -> Table:
         caption="Mean and sample standard deviation of the headline quantity over seeds; the standard deviation and"
         " the largest distance from the mean relative to the known value, or to the mean where none is known; mean and"
         " largest error against the known value, and the seed that has the largest. Those of a position are relative to"
-        " the extent of the shell. Runs that failed are not in these"
-        " figures.",
+        " the extent of the shell. Runs that failed are left out.",
         data=found.drop(columns=list(WORKING)),
         columns=(
             "solution",
