@@ -1,4 +1,4 @@
-"""Sessions: the main job, the tests and what keeps the code in order. `python -m nox -l` lists them."""
+"""Sessions: the main job, the tests, and checks of the code. `python -m nox -l` lists them."""
 
 import platform
 import shutil
@@ -52,7 +52,7 @@ def install(session: nox.Session, *extras: str) -> None:
 
 
 def plugins_here() -> tuple[str, ...]:
-    """Return the plug-ins that can be installed: Kratos has wheels for x86-64 Linux alone."""
+    """Return the plug-ins that can be installed: Kratos has wheels for x86-64 Linux only."""
     has_kratos = sys.platform == "linux" and platform.machine() == "x86_64"
     return PLUGINS if has_kratos else tuple(name for name in PLUGINS if name != "kratos")
 
@@ -63,7 +63,7 @@ def install_plugins(session: nox.Session, *names: str) -> None:
 
 
 def pinned(frozen: str) -> str:
-    """Return the file of constraints from what `pip freeze` says: no local versions, and nothing from a folder."""
+    """Return the file of constraints from the output of `pip freeze`, without local versions and folders."""
     lines = (line.strip() for line in frozen.splitlines())
     kept = {line.partition("+")[0] for line in lines if "==" in line and not line.startswith(("#", "-", "shellbench="))}
     return PINNED + "".join(f"{line}\n" for line in sorted(kept, key=lambda line: line.partition("==")[0].lower()))
@@ -73,8 +73,8 @@ def pinned(frozen: str) -> str:
 def obstacle_course(session: nox.Session) -> None:
     """Solve four shells at rest, a sleeve that buckles and a napkin in motion; print, report, judge. `-- --quick`.
 
-    With `--quick` all six are asked, of `fem` and of `ndf-ritz`. The suites behind it stay separate sessions.
-    Judged is accuracy; that figures repeat those of the baseline is judged with `-- --regression`.
+    With `--quick` only `fem` and `ndf-ritz` solve all six. Its suites also have separate sessions. The session judges
+    accuracy; `-- --regression` also compares the values with the baseline.
     """
     run_and_judge(session, "obstacle_course")
 
@@ -111,7 +111,7 @@ def resultants(session: nox.Session) -> None:
 
 @nox.session
 def variants(session: nox.Session) -> None:
-    """Ask the shells of other suites otherwise (axes, frame, units, coordinates), and judge. `-- --quick`."""
+    """Solve variants of other suites' shells (axes, frame, units, coordinates), and judge. `-- --quick`."""
     run_and_judge(session, "variants")
 
 
@@ -129,7 +129,7 @@ def garments(session: nox.Session) -> None:
 
 @nox.session
 def passport(session: nox.Session) -> None:
-    """Tell which stiffness solvers really have, hinges and MuJoCo's cloth among them: a swatch, a hanging strip."""
+    """Measure the stiffness of solvers, including hinges and MuJoCo's cloth: a swatch, a hanging strip."""
     run_and_judge(session, "passport", plugged=("mujoco",))
 
 
@@ -141,15 +141,16 @@ def meshes(session: nox.Session) -> None:
 
 @nox.session
 def shape_variants(session: nox.Session) -> None:
-    """Ask `fem` all shells of the suite `shapes` otherwise, and judge."""
+    """Solve variants of all shells of the suite `shapes` by `fem`, and judge."""
     run_and_judge(session, "shape_variants")
 
 
 @nox.session
 def calibration(session: nox.Session) -> None:
-    """Hold what solvers state of their errors against the errors: all linear shells, their variants, and 48 drawn ones.
+    """Compare stated uncertainties with true errors: all linear shells, their variants, and 48 drawn ones.
 
-    Of `fem` and one seed of `ndf-ritz`; `-- --solver NAME` asks others. The page has the table and the figure.
+    The solvers are `fem` and one seed of `ndf-ritz`; `-- --solver NAME` selects others. The page has the table and the
+    figure.
     """
     install(session)
     session.run("python", "-m", "derivations.drawn_shells", DRAWN)
@@ -177,9 +178,9 @@ def cloth(session: nox.Session) -> None:
 
 @nox.session
 def rope(session: nox.Session) -> None:
-    """Let chains and loose masses move, and judge; what steps, sweeps and pushes change stands beside. `-- --quick`.
+    """Let chains and loose masses move, and judge; studies of steps, sweeps and pushes are shown. `-- --quick`.
 
-    MuJoCo's chain and steps a second are among what stands beside.
+    The studies include MuJoCo's chain, and steps a second.
     """
     beside = () if "--quick" in session.posargs else ("rope_convergence", "rope_collision", SPEED)
     extras, engine = (("compiled",), ("mujoco",)) if beside else ((), ())
@@ -214,7 +215,7 @@ def skinning(session: nox.Session) -> None:
 
 @nox.session
 def field(session: nox.Session) -> None:
-    """Ask fields on grids, samplers and bodies of vertices, and judge; studies stand beside. `-- --quick`."""
+    """Fit fields on grids, samplers and bodies of vertices, and judge; studies are shown. `-- --quick`."""
     beside = () if "--quick" in session.posargs else ("drape", "sampling_bias", "field_training")
     quick = ("grid", "grid-adaptive", "inverse-transform", "nearest-vertex")
     run_and_judge(session, "field", beside, quick=tuple(word for name in quick for word in ("--solver", name)))
@@ -222,7 +223,7 @@ def field(session: nox.Session) -> None:
 
 @nox.session
 def drape(session: nox.Session) -> None:
-    """Let a cloth fall on a ball by a grid and a mesh, and judge; trained ones stand beside. `-- --quick`: the grid."""
+    """Let a cloth fall on a ball by a grid and a mesh, and judge; trained ones are shown. `-- --quick`: the grid."""
     run_and_judge(session, "drape", quick=("--solver", "grid"))
 
 
@@ -265,7 +266,7 @@ def ablations(session: nox.Session) -> None:
 
 @nox.session
 def strain_ablation(session: nox.Session) -> None:
-    """Solve with linear, published and exact strains, and set them side by side; nothing is gated."""
+    """Solve with linear, published and exact strains, and compare them; nothing is gated."""
     install(session)
     session.run("shellbench", "run", "--suite", "strain_ablation", *session.posargs, success_codes=[0, 1])
     session.run("shellbench", "table", "--suite", "strain_ablation")
@@ -274,9 +275,9 @@ def strain_ablation(session: nox.Session) -> None:
 
 @nox.session
 def evidence(session: nox.Session) -> None:
-    """Study resolution, memory, cost, training, sampling and thinness, and show it all beside the obstacle course.
+    """Study resolution, memory, cost, training, sampling and thinness, and show the results with the obstacle course.
 
-    The summary of the resolution of the course's shells, reports/resolution.json, is made again, to be committed.
+    The session rewrites reports/resolution.json, the summary of the resolution of the course's shells, to be committed.
     """
     install(session)
     install_plugins(session, "mujoco")
@@ -299,11 +300,11 @@ def plugins(session: nox.Session) -> None:
 
 @nox.session
 def engines(session: nox.Session) -> None:
-    """Install the plug-ins, test them, and set our solvers, Kratos and MuJoCo beside known values.
+    """Install the plug-ins, test them, and compare the built-in solvers, Kratos and MuJoCo with known values.
 
-    All runs have one core each and are made one at a time, so that the table can relate seconds; what is behind `--`
-    goes to `shellbench run`. Runs are kept in reports/engines. Seconds are related only if one command took them all:
-    `-- --force` takes them all again.
+    All runs have one core each and are made one at a time, so that the table can compare seconds. Arguments after `--`
+    go to `shellbench run`. Runs are kept in reports/engines. Seconds are compared only if one command measured all of
+    them: `-- --force` repeats all runs.
     """
     plugins(session)
     one_core = ("--jobs", "1", "--threads", "1", "--store", ENGINES_STORE, *session.posargs)
@@ -317,9 +318,9 @@ def engines(session: nox.Session) -> None:
 
 @nox.session
 def example(session: nox.Session) -> None:
-    """Build the large example pages under reports/pages, and take from them what README and docs show.
+    """Build the large example pages under reports/pages, and copy the evidence for README and docs from them.
 
-    The published training, which takes long, is there by its kept records.
+    The published training, which takes long, comes from its kept records.
     """
     install(session)
     suites = (
@@ -348,7 +349,7 @@ def example(session: nox.Session) -> None:
 
 @nox.session
 def replication(session: nox.Session) -> None:
-    """Show the published training as printed and repaired, by its kept records, beside the published figures."""
+    """Show the published training as printed and repaired, from its kept records, with the published figures."""
     install(session)
     store = "reports/replication_runs"
     kept_trainings(session, store)
@@ -358,7 +359,7 @@ def replication(session: nox.Session) -> None:
 
 
 def kept_trainings(session: nox.Session, store: str) -> None:
-    """Copy the kept trainings into a store, once 50 iterations of each have said that they are those of today."""
+    """Copy the kept trainings into a store, after a check of 50 iterations of each against the present code."""
     session.run("python", "-m", "tests.solvers.ndf.kept_trainings")
     for folder in ("reports/published", "reports/replication"):
         shutil.copytree(folder, store, dirs_exist_ok=True, ignore=shutil.ignore_patterns("*.md", "*.jsonl"))
@@ -400,9 +401,9 @@ def long(session: nox.Session) -> None:
 
 @nox.session
 def mutation(session: nox.Session) -> None:
-    """Examine the exam: put mutants of our solvers through the gate, and print the survivors. Takes hours.
+    """Test the exam: judge mutants of the built-in solvers, and print the survivors. Takes hours.
 
-    `-- --seed 8 --count 25 --solver fem --kind mechanics` draws some. What was examined is kept in reports/mutation.
+    `-- --seed 8 --count 25 --solver fem --kind mechanics` draws some. Results are kept in reports/mutation.
     """
     install(session, "test")
     session.run("pytest", "-q", "tools/mutation")
@@ -411,17 +412,17 @@ def mutation(session: nox.Session) -> None:
 
 @nox.session
 def bench(session: nox.Session) -> None:
-    """Measure costs side by side in one run: ratios are what counts."""
+    """Measure ratios of costs, each within one run."""
     install(session, "test", "compiled")
     session.run("pytest", "tests/benchmarks", "--benchmark-enable", "--benchmark-only", *session.posargs)
 
 
 @nox.session
 def repeatability(session: nox.Session) -> None:
-    """Measure how far gated values move between emulated processors and numbers of threads, and show the new baseline.
+    """Measure changes of gated values between emulated processors and numbers of threads, and show the new baseline.
 
-    `-- SUITE` for another suite than the obstacle course; `-- --write` moves the baseline. One store a condition, with
-    one seed: how seeds differ is another matter, and known from the suite itself.
+    `-- SUITE` for another suite than the obstacle course; `-- --write` moves the baseline. There is one store for each
+    condition, with one seed: differences between seeds are known from the suite itself.
     """
     install(session)
     arguments = list(session.posargs)
@@ -438,7 +439,7 @@ def repeatability(session: nox.Session) -> None:
 
 @nox.session
 def case_pages(session: nox.Session) -> None:
-    """Write a page and a figure for each case into docs/cases, with results from reports/runs; `docs` takes them up."""
+    """Write a page and a figure for each case into docs/cases, as `docs` does; `-- CASE` writes some only."""
     install(session)
     session.run("python", "docs/cases.py", "--store", "reports/runs", *session.posargs)
 
@@ -451,7 +452,7 @@ def docs(session: nox.Session) -> None:
 
 @nox.session
 def accessibility(session: nox.Session) -> None:
-    """Build the site and ask axe-core about each page, wide and narrow, light and dark. `-- --page NAME`: fewer."""
+    """Build the site and check each page with axe-core, wide and narrow, light and dark. `-- --page NAME`: fewer."""
     build_site(session)
     if not any(map(shutil.which, BROWSERS)):
         session.run("playwright", "install", "chromium", silent=True)
@@ -459,18 +460,18 @@ def accessibility(session: nox.Session) -> None:
 
 
 def build_site(session: nox.Session) -> None:
-    """Build the site; not with --quiet, which keeps --strict from seeing warnings."""
-    extra = nox.project.load_toml("pyproject.toml")["project"]["optional-dependencies"]["docs"]
-    session.install("-q", *extra, *CONSTRAINTS)  # not shellbench: pages that come from its models are written already
+    """Build the pages of the cases, then the site; not with --quiet, which keeps --strict from seeing warnings."""
+    install(session, "docs")
+    session.run("python", "docs/cases.py", "--store", "reports/runs")
     session.run("mkdocs", "build", "--strict", env={"NO_MKDOCS_2_WARNING": "1"})
     session.log("site/index.html")
 
 
 @nox.session(reuse_venv=False)
 def constraints(session: nox.Session) -> None:
-    """Pin the newest versions of all that the extras need, in constraints.txt. Test them before you commit it.
+    """Pin the newest versions of all packages of the extras in constraints.txt. Test them before you commit it.
 
-    `-- --check` installs what is pinned already, and says what the file lacks.
+    `-- --check` installs the pinned versions, and lists missing ones.
     """
     check = "--check" in session.posargs
 

@@ -102,7 +102,7 @@ class Draped:
 
 
 def _values(mesh: Mesh) -> tuple[Array, Array]:
-    """Return what is asked, extrapolated to a rigid ball, and by how much."""
+    """Return the values of the case, extrapolated to a rigid ball, and the size of the extrapolation."""
     cloth, found = Draped(mesh), []
     free, k = cloth.path(), SOFT
     while k < HARD:

@@ -130,7 +130,7 @@ def judge() -> dict[str, Estimate]:
 
 
 def second() -> dict[str, Estimate]:
-    """Return what differences give; uncertain by the change from coarser ones."""
+    """Return the values of finite differences; their uncertainty is the change from coarser ones."""
     fine, coarse = (_all(partial(integrated, cells=cells), lambda *_: 0.0) for cells in (FINE, COARSE))
     return {k: Estimate.between(v.value, coarse[k].value, v.unit, 1e-9 * abs(v.value) + 1e-16) for k, v in fine.items()}
 

@@ -99,7 +99,7 @@ APART = 2.0  # s^2 times this bounds what a sheet of structures may differ from 
 
 
 def sheet(side: float) -> dict[str, Estimate]:
-    """What cases/field_bridge_*.toml ask, of the limit: so uncertain as structures of a side s, m, are apart from it."""
+    """Values of cases/field_bridge_*.toml in the limit; their uncertainty is the deviation of structures of a side s, m."""
     return _of_a_sheet(bridge_plate(), side)
 
 

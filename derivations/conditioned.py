@@ -121,7 +121,7 @@ STEPPING = 1e-7  # tolerance of the steps of time, and what they leave of what i
 
 @cache
 def _fallen(form: int, count: int, stiffness: float, nu: float) -> float:
-    """How far the middle has fallen, m, from E h in N/m."""
+    """Fall of the middle, m, for E h in N/m."""
     gravity = (0.0, -GRAVITY)
     cloth: PolynomialNapkin | Cloth
     if form == 0:

@@ -76,7 +76,7 @@ HINGE_AXIS, HINGE_CENTRE = np.array([0.6, 0.8, 0.0]), np.array([0.2, 0.1, 0.0])
 
 
 def measured(displacement: Callable[[Array], Array], plate: Parallelogram) -> dict[str, float]:
-    """What cases/twisted_parallelogram.toml asks of a displacement (3,) by positions (2,), m."""
+    """Values of cases/twisted_parallelogram.toml for a displacement (3,) by positions (2,), m."""
     places = [chart(xi) for xi in PARALLELOGRAM_POINTS]
     corner = displacement(plate.corner + plate.edges.sum(axis=0))
     return {
@@ -126,7 +126,7 @@ SWATCH_FORCES = np.array([[100.0, 50.0], [50.0, 0.0]])
 
 
 def measured_swatch(displacement: Callable[[Array], Array]) -> dict[str, float]:
-    """What cases/swatch.toml asks of a displacement (3,) by positions (2,), m."""
+    """Values of cases/swatch.toml for a displacement (3,) by positions (2,), m."""
     corner, right, top = (displacement(SIDE * np.array(p)) for p in ((1.0, 1.0), (1.0, 0.5), (0.5, 1.0)))
     return {
         "twist": -float(corner[2]),
@@ -181,7 +181,7 @@ BENT_POINTS = (1.1, 1.3), (0.7, 0.8), (0.5, 1.1)
 
 
 def measured_deflection(w: Callable[[Array], float], plate: BentPlate) -> dict[str, float]:
-    """What cases/bent_plate.toml asks of an upward displacement by positions (2,), m."""
+    """Values of cases/bent_plate.toml for an upward displacement by positions (2,), m."""
     places = np.array([[x, y] for x in (0.0, plate.length) for y in (*plate.sides, sum(plate.sides) / 2)])
     return {
         "corner_lift": w(np.array([plate.length, plate.sides[0]])),
@@ -247,7 +247,7 @@ DIRECTIONS = np.array([[1.0, 2.0, -2.0], [1.8, 0.0, 2.4], [0.0, -3.0, 0.0]]) / 3
 
 
 def measured_sleeve(parts: Callable[[float, float], Array], sleeve: Sleeve) -> dict[str, float]:
-    """What cases/sheared_sleeve.toml asks of a displacement: parts along e_r, e_t, e_y by angle and length."""
+    """Values of cases/sheared_sleeve.toml for a displacement: parts along e_r, e_t, e_y by angle and length."""
 
     def moved(xi: tuple[float, float]) -> Array:
         angle, y = sleeve_chart(*xi)

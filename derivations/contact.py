@@ -140,7 +140,7 @@ def span_by_collocation(obstacle: Obstacle, clamped: bool, longest: float, load:
 
 
 def _strip(first: Span, second: Span, pushed: float, bent: float) -> dict[str, float]:
-    """Return what is asked of a strip with two spans, the force per width in between and the energy there."""
+    """Return the values of a strip with two spans, for a force per width in between and the energy there."""
     return {
         "contact_point": first.length,
         "far_contact_point": second.length,
@@ -212,7 +212,7 @@ class RoundPlate:
     def asked(
         self, b: float, bent: Callable[[Array], tuple[Array, Array]], third: float, rim: Array
     ) -> dict[str, float]:
-        """Return what is asked of a quarter by w' and w'' (n,) at radii, w''' at b, and all at the rim."""
+        """Return the values of a quarter from w' and w'' (n,) at radii, w''' at b, and all derivatives at the rim."""
         nodes, weights = np.polynomial.legendre.leggauss(GAUSS)
         r = b + (self.outer - b) / 2 * (nodes + 1)
         slope, curved = bent(r)
@@ -297,7 +297,7 @@ def _estimates(values: dict[str, float], error: float) -> dict[str, Estimate]:
 
 
 def touch(load: float) -> tuple[float, float, float]:
-    """Return what a hinged strip does that touches the floor with its middle alone, by its quartic.
+    """Return values of a hinged strip that touches the floor with its middle only, from its quartic.
 
     These are half of the line force of the floor, the force of a hinge, N/m, and the deflection halfway between, m. The
     middle stays convex as long as load LENGTH^4 <= 384 B DEPTH.

@@ -1,7 +1,7 @@
-r"""Shells drawn by a seed, each with its exact answer: what a solver's stated uncertainty is held against.
+r"""Shells drawn by a seed, each with its exact answer, as a test of solvers' stated uncertainties.
 
-`python -m derivations.drawn_shells FOLDER [COUNT]` writes a case file for each seed from 0. `manufactured` finds the load
-under which the drawn displacement is the answer; neither solver shares a line with it.
+`python -m derivations.drawn_shells FOLDER [COUNT]` writes a case file for each seed from 0. `manufactured` computes the
+load that gives the drawn displacement; it shares no code with the solvers.
 
 1. Surface: a height z = f(xi1, xi2) of degree 3 over a parallelogram: flat, singly curved, or of either sign of the
    curvature, in coordinates that cross at 59 to 121 degrees.
@@ -9,10 +9,10 @@ under which the drawn displacement is the answer; neither solver shares a line w
 3. Supports: all edges clamped, all hinged, or two clamped and two free.
 4. Displacement: u = p t^a x,a + q w n, with n = x,1 x x,2, where p and q vanish at the edges so often that
    clamped edges have neither displacement nor rotation (p of order 1, q of order 2), hinged ones no displacement nor
-   moment (2, 3), free ones nothing at all that needs a force (4, 4). t and w are random polynomials and waves.
-5. Uncertainty of the known values: the declared load is a polynomial, and misses that of the strong form by some df. The
-   shell answers it by at most |df| / (lowest stiffness), for which that of a plate strip between clamps stands,
-   B (4.73 / L)^4: what is stretched besides is stiffer. Ten times that is taken.
+   moment (2, 3), free ones nothing that needs a force (4, 4). t and w are random polynomials and waves.
+5. Uncertainty of the known values: the declared load is a polynomial, and differs from that of the strong form by df. The
+   answer changes by at most |df| / (lowest stiffness). The lowest stiffness is estimated by that of a plate strip between
+   clamps, B (4.73 / L)^4; stretching makes the shell stiffer. The uncertainty is ten times this bound.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ def with_load(data: dict[str, Any], name: str) -> tuple[Case, dict[str, Any]]:
 
 
 def response(case: Case) -> float:
-    """Return how far the answer to the declared load is from the prescribed one at most, relative to that."""
+    """Return a bound of the relative difference between the answer to the declared load and the prescribed answer."""
     points, weights = parametric_rule(case, 30)
     missed = case.evaluate(case.loads[0].vector, points)[0, 0] - manufactured_load(case, points)
     exact = case.evaluate(exact_formulas(case), points)[0, 0]

@@ -64,7 +64,7 @@ def by_single_series(plate: SquarePlate, grows: bool, at: Point, terms: int) -> 
 
 
 def lift(plate: SquarePlate, at: Point) -> float:
-    """What the lifted edge moves a point on the middle line by, m, in closed form."""
+    """Displacement, m, of a point on the middle line by the lifted edge, in closed form."""
     k, a, nu = np.pi / plate.side, plate.side, plate.poisson
     across = -(1 - nu) * k * LARGEST / (2 * np.sinh(k * a))
     along = (LARGEST - across * a * np.cosh(k * a)) / np.sinh(k * a)

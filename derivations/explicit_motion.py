@@ -34,7 +34,7 @@ PERIOD = 20
 
 
 class Cloth(Protocol):
-    """What a discretised cloth tells: `spline_motion.Cloth` and `polynomial_napkin` do."""
+    """Interface of a discretised cloth, as of `spline_motion.Cloth` and `polynomial_napkin`."""
 
     @property
     def gravity(self) -> tuple[float, ...]:

@@ -1,4 +1,4 @@
-"""Which function judges which case of fields, and its second form."""
+"""Functions that judge the cases of fields, and their second forms."""
 
 from functools import partial
 

@@ -166,7 +166,7 @@ def harmonics(count: int) -> tuple[Harmonic, ...]:
 def _named(
     deflection: Callable[[Array, Array], Array], energy: float, work: float, hub: tuple[float, float]
 ) -> dict[str, float]:
-    """What is asked, of the deflection at radii and angles, energy, work of the loads, force and moment of the hub."""
+    """Values from the deflection at radii and angles, energy, work of the loads, force and moment of the hub."""
     angles, radii = np.radians([p[0] for p in POINTS]), np.array([p[1] for p in POINTS])
     w = deflection(radii, angles)
     arm = -CENTRE[2]

@@ -103,7 +103,7 @@ def heavy_strip_by_energy() -> dict[str, Estimate]:
 
 
 def _asked(a: float, line: float, reach: float, bending: float, error: float) -> dict[str, Estimate]:
-    """Return what is asked of a strip: free length, line force a width, reach of the free part, bending energy a width."""
+    """Return the values of a strip: free length, line force a width, reach of the free part, bending energy a width."""
     floor = STRIP.width * (line + WEIGHT * (STRIP.length - a))
     values = {
         "contact_point": (a, "m"),

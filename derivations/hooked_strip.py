@@ -26,7 +26,7 @@ Array = np.ndarray
 
 
 def _named(tips: dict[float, tuple[float, float]], energies: tuple[float, float], moment: float) -> dict[str, float]:
-    """What is asked: of the tip's displacement along x and z by load factor, energies and the wall's moment about +y."""
+    """Values from the tip's displacement along x and z by load factor, energies and the wall's moment about +y."""
     values = {f"tip_{c}_{name}": tips[at][k] for at, name in LOADS.items() for k, c in enumerate("xz")}
     return values | {"strain_energy": sum(energies), "bending_energy": energies[1], "wall_moment": moment}
 

@@ -60,7 +60,7 @@ def elasticity(inverse: Array, poisson: float) -> Array:
 
 @dataclass(frozen=True)
 class System:
-    """What the free coefficients are solved from.
+    """The linear system of the free coefficients.
 
     Attributes
     ----------

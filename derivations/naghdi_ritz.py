@@ -203,7 +203,7 @@ def roof(thickness: float) -> Quarter:
 
 
 def roof_values(thickness: float, degrees: tuple[int, int]) -> dict[str, float]:
-    """What the case of the roof asks for."""
+    """Values of the case of the roof."""
     found, t = roof(thickness).solve(degrees), np.deg2rad(40.0)
     _, v, w = found.displacement(np.array([25.0]), np.array([25.0 * t]))[0, 0]
     return {

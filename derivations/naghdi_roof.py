@@ -141,7 +141,7 @@ class NaghdiRoof:
         return [round(one.alpha * LENGTH / np.pi) for one in self.harmonics]
 
     def values(self, points: int) -> dict[str, float]:
-        """What the case asks for."""
+        """Values of the case."""
         middle, edge = np.array([LENGTH / 2]), np.array([HALF_ANGLE])
         _, v, w = self.displacement(middle, edge)[0, 0]
         membrane, _, _, work = self.energies(points)

@@ -60,7 +60,7 @@ def _force(stretch: float) -> float:
 
 
 def _unbalanced(pressure: float) -> float:
-    """Return what is missing from the balance of forces across a circle with waves: zero where it buckles."""
+    """Return the residual of the balance of forces across a circle with waves: zero where it buckles."""
     # 1. theta changes by sin(k s), so theta' by k cos(k s), lambda by a cos(k s): by the laws, N and M by cosines.
     # 2. Q from M, then a from N' = Q theta'. 3. What is left of Q' = -N theta' - p lambda.
     stretch, k, turning = _circle(pressure), WAVES / RADIUS, 1 / RADIUS

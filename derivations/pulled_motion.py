@@ -32,7 +32,7 @@ def _force(e: Array) -> Array:
 
 
 def _values(moved: Array, kinetic: Array, membrane: Array, pull: float, wall: float, lost: Array, error: float) -> dict[str, Estimate]:  # fmt: skip
-    """Return what is asked from displacements along the pull, energies and what is lost, J, at the times, and the ends' forces, N."""
+    """Return the values from displacements along the pull, energies and losses, J, at the times, and the ends' forces, N."""
     arm = (LOWER + WIDTH / 2) * FRAME[1] - CENTRE
     numbers = {"pull_137ms": (pull * float(FRAME[0] @ ACROSS), "N")}
     numbers["energy_balance_10ms"], numbers["energy_balance_200ms"] = (lost[0], "J"), (lost[-1], "J")

@@ -1,4 +1,4 @@
-r"""What the cases of the suite `resultants` ask: membrane forces, moments and shear forces from answers known in series.
+r"""Values of the suite `resultants`: membrane forces, moments and shear forces from answers known in series.
 
 Each origin gives the resultants (n, 8) at points (n, 2) of the case's coordinates, in the shell's orthonormal frame: n_11,
 n_22, n_12, m_11, m_22, m_12, q_1, q_2. `asked_of` takes components, principal values and means along edges of them.
@@ -6,11 +6,11 @@ n_22, n_12, m_11, m_22, m_12, q_1, q_2. `asked_of` takes components, principal v
 Plates under a downward deflection w, with the normal upward: m_ab = B ((1 - nu) w,ab + nu w,cc delta_ab), q_a = B w,cca.
 
 - Levy's series (Timoshenko & Woinowsky-Krieger 1959, section 30), w = w_p(x) + sum_m [A_m cosh z + C_m z sinh z] sin(alpha x),
-  z = alpha (y - b/2). The strip's own deflection w_p is taken as the polynomial that it is. What is left falls exponentially
-  with the distance from the edges y = 0, b, so that each point takes the direction in which it is the farther from them.
-- Navier's double series (ibid., section 28). At edges shear forces are short by odd powers of 1 / N, N the number of
-  harmonics, which three cut-offs remove.
-- Clamped plates: polynomials (`clamped_plate`), and Goursat's functions (`goursat_plate`), of which
+  z = alpha (y - b/2). The strip's own deflection w_p is a polynomial and is used as such. The rest falls exponentially
+  with the distance from the edges y = 0, b. Each point therefore uses the direction whose edges are farther from it.
+- Navier's double series (ibid., section 28). The error of the shear forces at edges is a series of odd powers of 1 / N, N
+  the number of harmonics; three cut-offs remove its first terms.
+- Clamped plates: polynomials (`clamped_plate`), and Goursat's functions (`goursat_plate`), with
   w,xx - w,yy - 2 i w,xy = 2 (conj(z) f'' + g''), w,cc = 4 Re f', (d/dx - i d/dy) w,cc = 4 f''.
 """
 
@@ -141,7 +141,7 @@ def bent(plate: Rectangle, slopes: Array) -> Array:
 
 
 def navier_slopes(case: LoadedPlate, terms: int, x: float, y: float) -> Array:
-    """Return what `levy_slopes` does by Navier's series of so many odd harmonics a direction."""
+    """Return the result of `levy_slopes` by Navier's series of `terms` odd harmonics a direction."""
     m = np.arange(1, 2 * terms, 2, dtype=float)
     alpha, gamma = m * np.pi / case.plate.a, m * np.pi / case.plate.b
     square = alpha[:, None] ** 2 + gamma**2

@@ -50,7 +50,7 @@ class Line:
 
     @property
     def count(self) -> int:
-        """How many functions."""
+        """Number of functions."""
         return (len(self.breaks) - 1) * self.degree + 1
 
     def at(self, x: np.ndarray) -> np.ndarray:

@@ -64,7 +64,7 @@ def _largest(deflection: Field) -> float:
 
 
 def _values(deflection: Field, mean: float, bending: float, force: Array, moment: Array, error: float) -> dict[str, Estimate]:  # fmt: skip
-    """Return what is asked; `force` and `moment` about the corner are those by which the rim holds the plate itself."""
+    """Return the values; the rim itself holds the plate by `force`, and by `moment` about the corner."""
     at = deflection(*lengths(POINTS).T)
     # What acts on the rim: a load that grows evenly from where the quay begins; r along the quay from 0 to 1.
     start, growth = lengths(np.array([[QUAY, DOMAIN[1, 1]]]))[0], (DOMAIN[1, 0] - QUAY) / 2000

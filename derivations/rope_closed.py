@@ -125,7 +125,7 @@ def jerk_parts() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def jerk_figures(velocities: np.ndarray, uncertainty: float) -> dict[str, Estimate]:
-    """Return what is asked of velocities after the jerk."""
+    """Return the values from velocities after the jerk."""
     masses = np.repeat(JERK_MASSES, 3)
     figures = {
         "kinetic_energy": (0.5 * float(masses @ velocities**2), "J"),

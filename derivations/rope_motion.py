@@ -154,14 +154,14 @@ def swung(links: int, at: float) -> dict[str, Estimate]:
 
 
 def rope_nine_links() -> dict[str, Estimate]:
-    """Return what nine links do in one second, without any stretch."""
+    """Return the values of nine links after one second, without any stretch."""
     return {**swung(LINKS, 1.0), "stretch": Estimate(0.0, 0.0, "")}
 
 
 def hamilton(
     lengths: np.ndarray, masses: np.ndarray, weight: Callable[[float], np.ndarray]
 ) -> Callable[[float, np.ndarray], np.ndarray]:
-    """Return how angles and their momenta (2 n,) change: a' = A^-1 p, p' = -dH/da, in the frame of the root."""
+    """Return the rate of angles and their momenta (2 n,): a' = A^-1 p, p' = -dH/da, in the frame of the root."""
     beyond = np.cumsum(masses[::-1])[::-1]
     number = np.arange(len(masses))
     arms = beyond[np.maximum.outer(number, number)] * np.outer(lengths, lengths)
@@ -236,7 +236,7 @@ def around(swing: dict[str, Estimate], chains: int, radius: float, part: float) 
 
 
 def rope_skirt() -> dict[str, Estimate]:
-    """Return what 26 chains of nine links do in one second."""
+    """Return the values of 26 chains of nine links after one second."""
     return around(swung(LINKS, 1.0), *SKIRT, ASKED / SKIRT[0])
 
 
@@ -246,7 +246,7 @@ def rope_skirt_by_hamilton() -> dict[str, Estimate]:
 
 
 def rope_crowd(chains: int) -> dict[str, Estimate]:
-    """Return what many chains of 13 links do in a quarter of a second."""
+    """Return the values of many chains of 13 links after a quarter of a second."""
     return around(swung(13, 0.25), chains, CROWD, 1 / 8)
 
 

@@ -1,4 +1,4 @@
-"""Which function judges which case of ropes, and its second form."""
+"""Functions that judge the cases of ropes, and their second forms."""
 
 from functools import partial
 

@@ -37,7 +37,7 @@ class Condition:
     value: float
 
     def defect(self, state: State) -> float:
-        """How much of the value is missing."""
+        """Difference between the wanted value and the state's."""
         return float(self.value - self.row @ state.free - self.slope * state.factor)
 
 

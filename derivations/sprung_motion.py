@@ -55,7 +55,7 @@ def _of_cosine(wave: int) -> float:
 def _swung(
     stiffness: tuple[Array, Array], mass: Array, force: Array, at: Callable[[Array], Array]
 ) -> dict[str, tuple[float, str]]:
-    """What is asked, of matrices of bending and bed and of mass, a steady force, and a table of the functions at places."""
+    """Values from matrices of bending and bed and of mass, a steady force, and a table of the functions at places."""
     bending, springs = stiffness
     squares, modes = eigh(bending + springs, mass)
     share = modes.T @ force / squares

@@ -24,7 +24,7 @@ LOADS = {0.5: "50", 1.0: "100"}
 
 
 def _quantities(tip: dict[float, Array], middle: Array) -> dict[str, float]:
-    """What is asked of the displacements (3,) of the tip by load factor, and of the point inside at full load."""
+    """Values from the displacements (3,) of the tip by load factor, and of the point inside at full load."""
     values = {f"tip_{c}_{name}": float(tip[at][k]) for at, name in LOADS.items() for c, k in (("x", 0), ("z", 2))}
     return values | {"mean_oblique_100": float((tip[1.0] + middle) @ OBLIQUE) / 2}
 

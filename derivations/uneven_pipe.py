@@ -58,7 +58,7 @@ class Ring:
     energies: tuple[float, float]
 
     def values(self) -> dict[str, float]:
-        """Return what is asked."""
+        """Return the values of the case."""
         found = {}
         for name, asked in POINTS.items():
             t = np.radians([degrees for degrees, _ in asked])

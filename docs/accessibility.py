@@ -1,8 +1,8 @@
-"""Ask axe-core about the built site: `python docs/accessibility.py [site] [--page NAME ...]`; `nox -s accessibility`.
+"""Check the built site with axe-core: `python docs/accessibility.py [site] [--page NAME ...]`; `nox -s accessibility`.
 
-Each page is opened in Chromium, as wide as a screen and as a phone, light and dark, and held against the rules of WCAG
-2.1, levels A and AA, and axe's best practices. It exits 1 if a rule is broken, and names where. A server of files hands
-the pages out: that of "not found" takes its style and its scripts from the root.
+Each page is opened in Chromium, as wide as a screen and as a phone, light and dark. It is checked by the rules of WCAG
+2.1, levels A and AA, and axe's best practices. The script exits 1 if a rule is broken, and names the place. It starts a
+file server, because the page "not found" takes its style and its scripts from the root.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ SHOWN = 3  # places that are named of a broken rule
 
 
 class Quiet(SimpleHTTPRequestHandler):
-    """Hands files out, and says nothing of it."""
+    """Serves files without a log."""
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Say nothing."""
+        """Write no log."""
 
 
 @contextmanager
 def served(site: Path) -> Iterator[str]:
-    """Serve a folder on this machine alone, at the address that is yielded."""
+    """Serve a folder on this machine only; yield its address."""
     with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(site))) as server:
         Thread(target=server.serve_forever, daemon=True).start()
         yield f"http://127.0.0.1:{server.server_port}"
@@ -45,7 +45,7 @@ def served(site: Path) -> Iterator[str]:
 
 
 def broken(browser: Browser, pages: list[str], address: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield a page in a view with each rule that it breaks there."""
+    """Yield page, view and rule for each broken rule."""
     axe = Axe()
     for width, scheme in VIEWS:
         with browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme) as context:
@@ -57,7 +57,7 @@ def broken(browser: Browser, pages: list[str], address: str) -> Iterator[tuple[s
 
 
 def main() -> int:
-    """Print what is broken, and return the exit code."""
+    """Print the broken rules, and return the exit code."""
     parser = argparse.ArgumentParser(description="Ask axe-core about the built site.")
     parser.add_argument("site", nargs="?", type=Path, default=Path("site"))
     parser.add_argument("--page", action="append", help="such as findings/course.html; all if none")

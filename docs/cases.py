@@ -1,13 +1,15 @@
 """Write a page and a figure for each case, in the manner of a validation manual: `python docs/cases.py [--store DIR]`.
 
-A page has the problem, what is asked, the known values with their uncertainty and origins, what each solver is allowed,
-the results of all solvers if a store is given, and remarks. Everything comes from the case files, references/ and the
-store's records. Pages are built into docs/cases/, and not committed; `python -m nox -s docs` takes them up.
+A page has a sketch, the names under which others know the case, the problem, its quantities, the known values with
+their uncertainty and origins, the tolerances, the results of all solvers, and remarks. Everything comes from the case
+files, references/, docs/names.toml and records: those of the store, or the rows committed in reports/. Pages are built
+into docs/cases/, and not committed; `python -m nox -s docs` builds them with the site.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -22,8 +24,14 @@ from shellbench.bench.judge import compare
 from shellbench.bench.judge.row import Row
 from shellbench.bench.plugins.kinds import portrait_of_named
 from shellbench.bench.store.current import current_runs
+from shellbench.bench.store.record import Record
 from shellbench.bench.store.store import Store
-from shellbench.problem import Problem
+from shellbench.problem import VARIANT, Problem
+from shellbench.problems.moving import moved
+from shellbench.problems.rope.case import RopeCase
+from shellbench.problems.series.conditioned import ConditionedCase
+from shellbench.problems.series.edited import EditingCase
+from shellbench.protocol.schema import read_toml
 from shellbench.report.data.document import Source, read_bibliography
 from shellbench.report.data.exhibit import style
 from shellbench.report.data.notation import escape_markdown
@@ -33,7 +41,14 @@ from shellbench.report.figures.shells import Camera, Shell, colour_bar, draw_def
 ROOT = Path(__file__).parents[1]
 FOLDER = Path(__file__).with_name("cases")
 BIBLIOGRAPHY = ROOT / "references" / "bibliography.bib"
+NAMES = Path(__file__).with_name("names.toml")
+KEPT = "course", "example", "example_engines"  # folders of committed rows below reports/, the newest first
 POINTS = 33  # a side of the grid on which a reference surface is drawn
+CHAINS_DRAWN = 12  # at most, of a crowd of chains
+SHELL_CAPTION = (
+    "Reference surface; supports are thick lines and dots, point forces are arrows. With results, the deformed shell."
+)
+ROPE_CAPTION = "The masses at the start; a square is a root."
 SIZE, DPI = (3.2, 2.6), 110  # inches of a panel, dots an inch
 Data = dict[str, Any]
 
@@ -62,37 +77,54 @@ def page(case: Problem, rows: Sequence[Row], figure: str, sources: dict[str, Sou
         Name of the picture's file; empty if nothing can be drawn.
     """
     data = about(case.name)
-    lines = [
-        f"# {words(case.title)}",
-        "",
-        f"`{case.name}`, {case.theory}, suites {', '.join(map(code, case.suites))}",
-        "",
-    ]
+    lines = [f"# {words(case.title)}", ""]
+    if names := names_elsewhere().get(case.name):
+        lines += [f"**Known elsewhere as:** {words('; '.join(names))}.", ""]
+    lines += [words(case.description), ""]
     if figure:
-        caption = "The reference surface, supports as thick lines and dots, point forces as arrows; and as solved, if runs are given."
+        caption = ROPE_CAPTION if isinstance(case, RopeCase) else SHELL_CAPTION
         lines += [f"![{words(case.title)}]({figure})", "", f"*{caption}*", ""]
-    lines += [words(case.description), "", "## Problem", ""]
-    lines += table(("part", "value"), ((code(name), words(value)) for name, value in question(data)))
-    lines += ["## What is asked", ""]
-    lines += table(("quantity", "what", "unit", "where"), map(asked, data["quantities"]))
-    lines += ["## Reference", ""]
-    lines += list(table(("quantity", "role", "value", "theory", "how", "source"), known(data))) or [
+    lines += ["## Problem", ""]
+    named = [("name", code(case.name)), ("theory", case.theory), ("suites", ", ".join(map(code, case.suites)))]
+    parts = ((code(name), words(value)) for name, value in question(data))
+    lines += table(("part", "value"), (*named, *parts))
+    lines += ["## Quantities", ""]
+    lines += table(("quantity", "description", "unit", "where"), map(asked, data["quantities"]))
+    lines += ["## Reference values", ""]
+    lines += list(table(("quantity", "role", "value", "theory", "method", "source"), known(data))) or [
         "No value is known.",
         "",
     ]
     lines += [f"- `{key}`: {words(sources[key].words)}" for key in cited(data) if key in sources]
-    lines += ["", "## What solvers are allowed", ""]
+    lines += ["", "## Tolerances", ""]
     lines += list(table(("quantity", "largest error"), allowed(data))) or [
-        "Nothing: no solver is gated by this case.",
+        "None: no solver is gated by this case.",
         "",
     ]
     lines += ["## Results", ""]
-    lines += list(table(RESULTS, results(rows))) or [
-        "None: the page was built without a store that has runs of it.",
-        "",
-    ]
+    lines += list(table(RESULTS, results(rows))) or [NO_RESULTS, ""]
     lines += ["## Remarks", "", *(f"- {remark}" for remark in remarks(data)), ""]
     return "\n".join(lines)
+
+
+NO_RESULTS = "None: neither the store nor the committed rows have runs of this case."
+
+
+def names_elsewhere() -> dict[str, list[str]]:
+    """Return the names under which others know a case, by case."""
+    return {case: list(names) for case, names in read_toml(NAMES).items()}
+
+
+def kept_rows() -> list[Row]:
+    """Return the rows that are committed in reports/; of a case, solver, quantity and seed those of the newest folder."""
+    found: dict[tuple[object, ...], Row] = {}
+    for folder in KEPT:
+        for data in json.loads((ROOT / "reports" / folder / "table.json").read_bytes()):
+            variant = data.pop("variant", None)
+            row = Row.model_validate(data | ({"case": f"{data['case']}{VARIANT}{variant}"} if variant else {}))
+            if row.default_settings:
+                found.setdefault((row.case, row.solver, row.quantity, row.seed), row)
+    return list(found.values())
 
 
 def code(name: str) -> str:
@@ -136,7 +168,7 @@ def allowed(data: Data) -> Iterator[tuple[str, str]]:
             yield code(quantity["name"]), words(tolerance_words(quantity))
 
 
-RESULTS = ("quantity", "solver", "seeds", "value", "error", "states", "verdict")
+RESULTS = ("quantity", "solver", "seeds", "value", "error", "stated uncertainty", "verdict")
 
 
 def results(rows: Sequence[Row]) -> Iterator[tuple[str, ...]]:
@@ -144,7 +176,8 @@ def results(rows: Sequence[Row]) -> Iterator[tuple[str, ...]]:
     lines: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         lines.setdefault((row.quantity, row.solver), []).append(row)
-    for (quantity, solver), found in lines.items():
+    order = list(dict.fromkeys(quantity for quantity, _ in lines))
+    for (quantity, solver), found in sorted(lines.items(), key=lambda entry: order.index(entry[0][0])):
         worst = max(found, key=lambda row: (row.status != "ok", abs(row.judged_error or 0.0)))
         seeds = ", ".join(str(row.seed) for row in found if row.seed is not None)
         value = "–" if worst.value is None else f"{worst.value:.8g} {worst.unit}".rstrip()
@@ -176,24 +209,20 @@ def stated_by(row: Row) -> str:
 
 
 def verdict_on(row: Row) -> str:
-    """Return in words what the gate makes of a row."""
+    """Return the verdict of the gate on a row."""
     if row.status != "ok":
         return f"{row.status}: {row.reason or ''}".rstrip(": ")
     if not row.gated:
         return "not gated"
-    return (
-        "holds"
-        if row.passed
-        else f"open finding: {row.open_finding}"
-        if row.passed is None
-        else f"misses: {row.reason}"
-    )
+    if row.passed is None:
+        return f"open finding: {row.open_finding}"
+    return "pass" if row.passed else f"FAIL: {row.reason}"
 
 
 def remarks(data: Data) -> Iterator[str]:
-    """Yield what else to know: notes on known values, curves, and other ways to ask the question."""
+    """Yield notes on known values, curves, and the variants of the question."""
     judged = [q["name"] for q in data["quantities"] if any(value["judges"] for value in q["known"])]
-    yield f"{len(judged)} of {len(data['quantities'])} quantities have a value that judges them."
+    yield f"{len(judged)} of {len(data['quantities'])} quantities have a judge."
     for quantity in data["quantities"]:
         for value in quantity["known"]:
             if value.get("note"):
@@ -201,22 +230,26 @@ def remarks(data: Data) -> Iterator[str]:
     for curve in data["curves"]:
         yield f"A curve of {code(curve['quantity'])} with {curve['points']} points is in `{curve['source']}`: {words(curve['origin'])}."
     if data["variants"]:
-        yield f"It can be asked otherwise: {', '.join(code(variant['name']) for variant in data['variants'])}."
+        yield f"Variants: {', '.join(code(variant['name']) for variant in data['variants'])}."
 
 
-def picture(case: Problem, store: Store | None) -> Figure | None:
-    """Draw the reference surface, and beside it the deformed one if a run kept it; None if nothing can be drawn."""
-    surface, scene = getattr(case, "surface", None), portrait_of_named(case).scene
+def picture(case: Problem, store: Store | None, records: Sequence[Record]) -> Figure | None:
+    """Draw the shell at rest, and beside it the deformed one if a run kept it; None if nothing can be drawn."""
+    if isinstance(case, RopeCase):
+        return masses(case)
+    at_rest = shell_at_rest(case)
+    surface, scene = getattr(at_rest, "surface", None), portrait_of_named(at_rest).scene
     if surface is None or scene is None:
         return None
-    solved = deformed(case, store)
+    solved = deformed(case, store, records)
     figure = Figure(figsize=(SIZE[0] * (2 if solved else 1), SIZE[1]), dpi=DPI, layout="constrained")
     panels = figure.subplots(1, 2 if solved else 1, squeeze=False)[0]
     xi = surface.domain.grid(POINTS, POINTS)
     position = np.asarray(surface.position(xi))
     held, forces = held_lines(scene, xi, position), point_forces(scene, xi, position)
-    at_rest = Shell(case.name, case.title, "", position, np.zeros_like(position), 1.0, Camera(*scene.view, scene.up))
-    draw_reference(panels[0], Shell(**{**vars(at_rest), "held": held, "forces": forces}))
+    camera = Camera(*scene.view, scene.up)
+    reference = Shell(case.name, case.title, "", position, np.zeros_like(position), 1.0, camera)
+    draw_reference(panels[0], Shell(**{**vars(reference), "held": held, "forces": forces}))
     if solved:
         draw_deformed(panels[1], solved)
         panels[1].set_title(f"{solved.solver}, {scale_words(solved)}", fontsize=7.5, loc="left")
@@ -224,35 +257,67 @@ def picture(case: Problem, store: Store | None) -> Figure | None:
     return figure
 
 
-def deformed(case: Problem, store: Store | None) -> Shell | None:
+def shell_at_rest(case: Problem) -> Problem:
+    """Return the shell of a case: that of the middle material of a series, the one before an edit, or the case itself."""
+    if isinstance(case, ConditionedCase):
+        return case.shell_of(case.middle)
+    return case.original if isinstance(case, EditingCase) else case
+
+
+def masses(case: RopeCase) -> Figure | None:
+    """Draw where the masses of a rope start, in the plane (x, z); None of a chain at rest and of a single loose mass."""
+    if case.moving is None or (case.rope is None and len(case.moving.places) == 1):
+        return None
+    figure = Figure(figsize=SIZE, dpi=DPI, layout="constrained")
+    axes = figure.subplots()
+    if case.rope is not None:
+        root, *_ = moved(case.rope.root, 0.0)
+        for nodes in case.rope.around(np.concatenate([root[None], case.rope.places]))[
+            :: -(-case.rope.count // CHAINS_DRAWN)
+        ]:
+            axes.plot(nodes[:, 0], nodes[:, 2], "-o", color="C0", markersize=3, linewidth=1)
+        axes.plot(root[0], root[2], "s", color="black", markersize=5)
+    else:
+        axes.plot(case.moving.places[:, 0], case.moving.places[:, 2], "o", color="C0", markersize=3)
+    axes.set(xlabel="x, m", ylabel="z, m", aspect="equal", adjustable="datalim")
+    return figure
+
+
+def deformed(case: Problem, store: Store | None, records: Sequence[Record]) -> Shell | None:
     """Return the deformed shell of the first run of a case that kept one."""
     if store is None:
         return None
-    records = (run.record for run in current_runs(store.read()).runs)
     of_case = (r for r in records if r.case_name == case.name and not r.own_case and r.status == "ok")
     return next((found for record in of_case if (found := shell(record, store.folder)) is not None), None)
 
 
 def index(cases: Sequence[Problem]) -> str:
-    """Return the page that leads to the others."""
-    rows = (
-        (f"[{words(case.title)}]({case.name}.md)", code(case.name), case.theory, ", ".join(map(code, case.suites)))
-        for case in cases
-    )
-    head = ("case", "name", "theory", "suites")
-    preface = "A page each: the problem, its known values and their origins, what solvers are allowed, and results."
-    return "\n".join(["# The cases", "", preface, "", *table(head, rows)])
+    """Return the page that leads to the others: the cases with names elsewhere first, then all of them."""
+    links = {case.name: f"[{words(case.title)}]({case.name}.md)" for case in cases}
+    names = {case: list_ for case, list_ in names_elsewhere().items() if case in links}
+    elsewhere = ((words("; ".join(list_)), links[case]) for case, list_ in names.items())
+    rows = ((links[case.name], code(case.name), case.theory, ", ".join(map(code, case.suites))) for case in cases)
+    preface = "Each case has a page: sketch, problem, reference values with sources, tolerances and results."
+    lines = ["# The cases", "", preface, ""]
+    if names:
+        lines += [
+            "## By other names: NAFEMS, MacNeal-Harder, Abaqus",
+            "",
+            *table(("known elsewhere as", "case"), elsewhere),
+        ]
+    return "\n".join([*lines, "## All cases", "", *table(("case", "name", "theory", "suites"), rows)])
 
 
 def write(names: Sequence[str], store: Store | None, folder: Path) -> None:
     """Write the pages and figures of cases, and the index."""
     folder.mkdir(parents=True, exist_ok=True)
     sources = read_bibliography(BIBLIOGRAPHY)
-    rows = compare.rows(store) if store else []
+    rows = (compare.rows(store) if store else []) or kept_rows()
+    records = [run.record for run in current_runs(store.read()).runs] if store else []
     cases = [catalog.named_case(name) for name in names]
     for case in cases:
         with style():
-            drawn = picture(case, store)
+            drawn = picture(case, store, records)
             if drawn is not None:
                 drawn.savefig(folder / f"{case.name}.png")
         own = [row for row in rows if row.case == case.name and not row.own_case and row.default_settings]

@@ -1,8 +1,9 @@
-"""How the published training of the free cylinder is thrown off: `python docs/collapse.py`, some 5 minutes.
+"""The failure of the published training on the free cylinder: `python docs/collapse.py`, some 5 minutes.
 
-Trains as printed, and shows what the next samples see: the loss, its membrane and bending parts, the largest strain
-energy of one sample, and the length of the gradient. With seed 0 the network stays as it was after 550 iterations, so that
-one sample among others is seen. `--seed 1 --last 925 --shown 40 --going-on` trains on, so that the collapse is seen to grow.
+Trains as printed, then prints for each further iteration the loss of its samples, its membrane and bending parts, the
+largest strain energy of one sample, and the length of the gradient. With seed 0 the network stays as it was after 550
+iterations, which shows the one sample that stands out. `--seed 1 --last 925 --shown 40 --going-on` trains on, which
+shows the growth of the membrane energy.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ def cylinder() -> Case:
 
 
 def main() -> None:
-    """Print a line for each iteration after the last that is trained unseen."""
+    """Print a line for each iteration after the last that is trained without output."""
     asked = argparse.ArgumentParser()
     for name, usual in (("--seed", 0), ("--last", 550), ("--shown", 13)):
         asked.add_argument(name, type=int, default=usual)
@@ -48,7 +49,7 @@ def main() -> None:
 
 
 def show(iteration: int, sample: Sample, network: Siren, unit: float, seed: int) -> None:
-    """Print what the samples of an iteration see of a network, whose outputs are displacements in a unit, m."""
+    """Print loss and energies of a network at the samples of an iteration; its outputs are displacements in a unit, m."""
     loss, count = sample.loss(network), len(sample.rows)
     length = sum(float(g.square().sum()) for g in torch.autograd.grad(loss, network.tensors)) ** 0.5
     jets = network.jets(sample.inputs).detach()[:, :count].permute(1, 2, 0).reshape(count, 18, 1)

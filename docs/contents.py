@@ -1,4 +1,4 @@
-"""Hook of the site: pages of the cases are in the contents if they were built, and each finding says how to cite it."""
+"""Hook of the site: the cases are the third entry of the contents, and each finding says how to cite it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[1]
-SECTION, ENTRY = "Trust", {"The cases": "cases/index.md"}
+PLACE, ENTRY = 2, {"The cases": "cases/index.md"}  # after "Start" and "Use it"
 FINDINGS = "Findings"
 CITE = """
 
@@ -19,9 +19,9 @@ CITE = """
 
 
 def on_config(config: Any) -> Any:
-    """Add the pages of the cases to the contents."""
+    """Add the index of the cases to the contents, if `python docs/cases.py` has built it."""
     if (Path(config["docs_dir"]) / ENTRY["The cases"]).is_file():
-        next(section[SECTION] for section in config["nav"] if SECTION in section).append(ENTRY)
+        config["nav"].insert(PLACE, ENTRY)
     return config
 
 

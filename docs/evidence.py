@@ -1,7 +1,7 @@
-"""Take from built pages what README and docs show, small enough to be committed.
+"""Copy the figures that README and docs show from built pages, small enough to be committed.
 
-`python docs/evidence.py course` takes the page that `nox -s obstacle_course` has written; `python docs/evidence.py`
-takes the two pages of some 60 MB that `nox -s example` has built under reports/pages. Kept of them are
+`python docs/evidence.py course` reads the page that `nox -s obstacle_course` has written; `python docs/evidence.py`
+reads the two pages of some 60 MB that `nox -s example` has built under reports/pages. It keeps
 
 - the rows of the gated suites and of the ablations, and the headlines of the engines (table.json);
 - the CSV files whose figures are quoted;
@@ -10,6 +10,8 @@ takes the two pages of some 60 MB that `nox -s example` has built under reports/
 `python docs/evidence.py resolution [STORE [REMARK]]` makes reports/resolution.json from the runs of the suite `resolution` on
 the shells of the obstacle course (see `shellbench.report.sections.kept_resolution`); `nox -s evidence` does both.
 
+`python docs/evidence.py hinges` solves the four shells at rest by `cst-hinge`, and keeps the errors in reports/hinges.json.
+
 `tests/test_readme.py` holds README and docs against these files.
 """
 
@@ -17,7 +19,9 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
 import sys
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -40,7 +44,7 @@ NEEDED: dict[str, Any] = {
     "seed": None,
     "at": None,
     "value": None,
-}  # what a row must have, whatever it was
+}  # keys of every row
 QUOTED_CSV: dict[str, tuple[str, ...]] = {
     "course": (),
     "example": (
@@ -59,7 +63,7 @@ SHOWN = {
 
 
 def is_kept(row: Mapping[str, Any]) -> bool:
-    """Tell whether a row of a built table is committed."""
+    """Return True if a row of a built table is committed."""
     suites = set(row["suites"])
     return bool(suites & WHOLE_SUITES) or (row["primary"] and bool(suites & HEADLINE_SUITES))
 
@@ -78,14 +82,14 @@ def reduce_table(source: Path, target: Path) -> None:
 
 
 def keep_few_colours(source: Path) -> None:
-    """Write a picture with 256 colours: two fifths of its size, and nobody sees it, but on shaded shells."""
+    """Write a picture with 256 colours: two fifths of its size, with visible loss on shaded shells only."""
     picture = Image.open(source).convert("RGB")
     few = picture.quantize(256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
     few.save(FIGURES / source.name, optimize=True)
 
 
 def keep_resolution(store: str = "reports/runs", remark: str = "") -> None:
-    """Replace the summary of the suite `resolution` by that of a store's runs; a remark is for its readers."""
+    """Replace the summary of the suite `resolution` by that of a store's runs, with a remark for readers."""
     from shellbench.bench.catalogue import catalog
     from shellbench.bench.store.store import Store
     from shellbench.report.sections.kept_resolution import as_text, of_store
@@ -96,10 +100,25 @@ def keep_resolution(store: str = "reports/runs", remark: str = "") -> None:
     (ROOT / "reports/resolution.json").write_text(as_text(kept), encoding="utf-8")
 
 
+def keep_hinges() -> None:
+    """Solve the shells at rest by `cst-hinge`, and replace its errors that the README shows."""
+    cases = ("square_plate", "scordelis_lo", "pinched_cylinder_diaphragm", "pinched_cylinder_free")
+    with tempfile.TemporaryDirectory() as store:
+        subprocess.run(("shellbench", "run", *cases, "--solver", "cst-hinge", "--store", store), check=True)
+        table = subprocess.check_output(("shellbench", "table", *cases, "--store", store, "--format", "json"))
+    rows = [
+        {key: row[key] for key in ("case", "quantity", "relative_error")} for row in json.loads(table) if row["primary"]
+    ]
+    (ROOT / "reports/hinges.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+
+
 def main(names: list[str]) -> None:
-    """Replace the committed evidence of these pages by that of the built ones; none named are those of the example."""
+    """Replace the committed evidence of these pages by that of the built ones; without names, those of the example."""
     if names[:1] == ["resolution"]:
         keep_resolution(*names[1:])
+        return
+    if names == ["hinges"]:
+        keep_hinges()
         return
     for name in names or ["example", "example_engines"]:
         built, kept = BUILT[name], ROOT / "reports" / name

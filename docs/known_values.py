@@ -14,27 +14,42 @@ from shellbench.protocol.schema import read_toml
 ROOT = Path(__file__).parents[1]
 PAGE = Path(__file__).with_name("known_values.md")
 TABLE = ROOT / "references" / "references.json"
+NAMES = Path(__file__).with_name("names.toml")
 PREFACE = """# Known values
 
-<!-- Written by docs/known_values.py from references/. Change those, and run it. -->
+<!-- Written by docs/known_values.py from references/ and docs/names.toml. Change those, and run it. -->
 
-What judges the headline of each case, and what else arrives at it. A value stands with the half width that surely covers the truth.
-All other quantities of a case, and the figures usually quoted, are in `references/<case>.toml`; sources are keys of
-`references/bibliography.bib`. For programs all of it is one table, `references/references.json`: a line for each quantity with its judge,
-its other origins and what the literature says. To cite it, name the version of the exam, which is in the file and in every record.
+A known value is a reference value with a stated uncertainty, the half width that surely covers the truth. This page lists the headline of
+each case. `references/<case>.toml` has all other quantities and the values usually quoted. `references/references.json` has all of it in
+one table, for programs. Sources are keys of `references/bibliography.bib`.
 
-A **judge** decides under the theory of its case. An **origin** is an independent second derivation. Where the source is
-`shellbench` the locator names the file that computes it; `python -m derivations CASE` runs it. Tests recompute judges and origins
-(`tests/bench/test_known_values.py`).
+- A **judge** decides under the theory of its case. An **origin** is an independent second derivation.
+- If the source is `shellbench`, the locator names the file that computes the value; `python -m derivations CASE` runs it.
+- Tests recompute judges and origins (`tests/bench/test_known_values.py`).
+- A case without a judge is not gated. Its solvers are compared with each other.
+- Values of Kratos come from whole shells, or from parts stated by hand (`plugins/kratos/tests/test_known_values.py`). They share no search
+  for symmetry with the judged solvers.
+- For the sleeves beyond buckling and the paper's napkins the second origin is the extrapolation of `fem`. Only the judge is independent of
+  `fem` there.
 
-A case without a judge is not gated: its solvers are held against each other.
-
-Kratos's figures come from whole shells, or from parts between planes of symmetry that are cases stated by hand
-(`plugins/kratos/tests/test_known_values.py`). No code that looks for symmetry is shared with the solvers that are judged.
-
-For the sleeves beyond buckling and the paper's napkins the second origin is the extrapolation of `fem` itself. For them only the judge is independent
-of that solver.
+To cite a value, name the version of the exam; it is in the table and in every record.
 """
+NAMES_PREFACE = """## Names elsewhere: NAFEMS, MacNeal-Harder, Abaqus
+
+Other benchmark sets know these cases. "With Abaqus S4R" means that the source used this element of Abaqus.
+Krysl & Chen: *Benchmarking Computational Shell Models*, doi 10.1007/s11831-022-09798-5. `references/bibliography.bib` has the others.
+"""
+
+
+def names_elsewhere() -> dict[str, list[str]]:
+    """Return the names under which others know a case, by case."""
+    return {case: list(names) for case, names in read_toml(NAMES).items()}
+
+
+def names_table() -> str:
+    """Return the table of names that others use."""
+    rows = [f"|[`{case}`](cases/{case}.md)|{cell('; '.join(names))}|" for case, names in names_elsewhere().items()]
+    return "\n".join(["|case|known elsewhere as|", "|---|---|", *rows])
 
 
 def cell(text: str) -> str:
@@ -53,14 +68,15 @@ def row(case_file: Path) -> str:
     value = " ".join(f"{v['value']:.13g} ± {v['uncertainty']:.2g} {quantity.unit}" for v in judges) or "no known value"
     how = "; ".join(f"{v['origin']} ({v['locator'] or v['source']})" for v in judges)
     others = "; ".join(f"{v['origin']} [{v['source']}]" for v in found if v["role"] == "origin")
-    return f"| `{case.name}` | {cell(quantity.description)} | {value} | {cell(how)} | {cell(others)} |"
+    return f"|`{case.name}`|{cell(quantity.description)}|{value}|{cell(how)}|{cell(others)}|"
 
 
 def page() -> str:
     """Return the whole page."""
-    head = "| case | headline | known value | judge | origins |\n|---|---|---|---|---|"
+    head = "|case|headline|known value|judge|origins|\n|---|---|---|---|---|"
     rows = [row(path) for path in sorted((ROOT / "cases").glob("*.toml"))]
-    return PREFACE + "\n" + "\n".join([head, *rows]) + "\n"
+    values = "\n".join(["## Headlines", "", head, *rows])
+    return "\n".join([PREFACE, NAMES_PREFACE, names_table(), "", values, ""])
 
 
 def figure(value: KnownValue) -> dict[str, Any]:
@@ -70,7 +86,7 @@ def figure(value: KnownValue) -> dict[str, Any]:
 
 
 def entry(case: Problem, quantity: Quantity) -> dict[str, Any] | None:
-    """Return what is known of a quantity; None if nothing judges it."""
+    """Return the known values of a quantity; None if nothing judges it."""
     known = catalog.known_values(case.name)
     judge = known.judge(quantity.name, case.theory)
     if judge is None:

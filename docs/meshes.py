@@ -1,4 +1,4 @@
-"""Meshes of the roof and of the cylinder, and the study of docs/meshes.md: how wrong an answer is for how coarse a mesh.
+"""Meshes of the roof and of the cylinder, and the study of docs/meshes.md: errors against the coarseness of the mesh.
 
 python docs/meshes.py --write          the meshes of cases/: 60 x 60 points each
 python docs/meshes.py roof_mesh        the study of one case (all: without names), as a table on standard output
@@ -42,7 +42,7 @@ SHAPES: dict[str, tuple[Callable[[Array, Array], Array], bool]] = {
 
 
 def obj(shape: Callable[[Array, Array], Array], n: int, closed: bool, noise: float = 0.0, digits: int = DIGITS) -> str:
-    """Return an OBJ of n x n points as quadrangles; of a closed one the n + 1 texture vertices share those of the seam.
+    """Return an OBJ of n x n points as quadrangles; for a closed surface the n + 1 texture vertices share the seam's points.
 
     `noise` is the standard deviation of every coordinate, relative to the mesh's largest extent.
     """
@@ -85,6 +85,7 @@ def study(name: str, n: int, noise: float) -> list[str]:
 
 
 def main() -> None:
+    """Write the meshes, or print a table of the study."""
     names = [name for name in sys.argv[1:] if name in SHAPES] or list(SHAPES)
     if "--write" in sys.argv:
         for name in names:

@@ -1,12 +1,12 @@
 """Studies of motion after Kairanda et al., sections G, H, F and I.1: runs, records and figures of docs/studies.md.
 
-python docs/studies.py run [NAME]     make what is missing, one run at a time; an interrupted study goes on where it was
+python docs/studies.py run [NAME]     make the missing runs, one at a time; an interrupted study resumes
 python docs/studies.py keep [NAME]    write the runs' figures to reports/studies/NAME.csv
 python docs/studies.py fit            fit fields of constant size to the napkins of `long`: reports/studies/constant.csv
 python docs/studies_page.py           draw docs/figures/study_NAME.png, and write the tables of docs/studies.md
 
 A study is a list of runs: a case of the catalogue with some entries changed, a solver, its settings and a seed. Runs
-are `shellbench run` on case files that are written into reports/study_runs, and so have records of their own there.
+are `shellbench run` on case files in reports/study_runs, where their records lie, too.
 """
 
 from __future__ import annotations
@@ -45,11 +45,11 @@ class Run:
     Attributes
     ----------
     base, edits
-        The case of the catalogue, and what is changed in it: by key, the new value.
+        The case of the catalogue, and new values by key.
     name
-        What the case is called then; the base itself if it is empty. Without edits it is a file in reports/studies.
+        Name of the edited case; the base itself if it is empty. Without edits it is a file in reports/studies.
     yardstick
-        Whether the other runs of the case are held against this one.
+        Whether this run is the reference of the other runs of the case.
     """
 
     base: str
@@ -66,7 +66,7 @@ class Run:
 
 
 def words(value: float) -> str:
-    """A number as a part of a case's name."""
+    """Return a number as a part of a case's name."""
     return f"{value:g}".replace(".", "_").replace("-", "_")
 
 
@@ -97,7 +97,7 @@ def times() -> Iterator[Run]:
 
 
 def runtime() -> Iterator[Run]:
-    """What a motion is like after so many seconds of computing (sections G.1 and I.1)."""
+    """Motions by seconds of computing (sections G.1 and I.1)."""
     for side, rate in ((2, 60), (3, 60), (4, 120), (6, 120)):
         yield Run("napkin_plane", "fem", {"cells": [side, side], "time_step": 1 / rate})
     yield Run("napkin_plane", "fem", {"cells": [8, 8], "time_step": 1 / 240}, yardstick=True)
@@ -135,7 +135,7 @@ def trained() -> Iterator[Run]:
 
 
 def components() -> Iterator[Run]:
-    """Figure 10: what the output layer gives, Cartesian or covariant components, on trained roofs and cylinders.
+    """Figure 10: Cartesian or covariant components from the output layer, on trained roofs and cylinders.
 
     Angles make covariant components large: by arc lengths they are those of an orthonormal local basis. The choices of
     the repaired training were made with Cartesian ones. One seed of the cylinder, which takes twice as long.
@@ -155,7 +155,7 @@ STUDIES = {one.__name__: one for one in (thin, times, runtime, long, droop, trai
 
 
 def case_file(run: Run) -> str:
-    """Return what `shellbench run` is told: the name of the case, or the file of the edited one, which is written."""
+    """Return the argument of `shellbench run`: the name of the case, or the file of an edited one, which is written."""
     if not run.name:
         return run.base
     if not run.edits:
@@ -183,7 +183,7 @@ def case_file(run: Run) -> str:
 
 
 def make(runs: list[Run]) -> None:
-    """Make what has no record yet, and note the processor time of each; a run that fails is tried again."""
+    """Make the runs that have no record, and note the processor time of each; a failed run is tried again."""
     for run in runs:
         command = ["run", case_file(run), "--solver", run.solver, "--store", str(STORE)]
         command += ["--threads", "1", "--jobs", "1", "--timeout", "900"]
@@ -207,7 +207,7 @@ def processor_seconds() -> float:
 
 
 def share_of(run_id: str) -> float:
-    """Return the share of a processor that a run had when it was made: later ones found its record."""
+    """Return the share of a processor that a run had; later lines belong to commands that found its record."""
     lines = map(json.loads, SHARES.read_text().splitlines())
     return next((line["share"] for line in lines if line["run_id"] == run_id), math.nan)
 
@@ -233,7 +233,7 @@ def probes(record: dict[str, Any] | None) -> tuple[np.ndarray, np.ndarray] | Non
 
 
 def line_of(run: Run, yardstick: dict[str, Any] | None) -> dict[str, Any]:
-    """Return what is kept of a run."""
+    """Return the figures of a run that are kept."""
     kept = {"case": run.case, **run.edits, "solver": run.solver, "settings": json.dumps(run.settings), "seed": run.seed}
     record = record_of(run)
     if record is None:
@@ -301,15 +301,15 @@ def write(name: str, columns: list[str], lines: list[dict[str, Any]]) -> None:
 
 
 def brief(value: Any) -> Any:
-    """Return a number with seven digits; nothing for none that is finite."""
+    """Return a number with seven digits; None if it is not finite."""
     return (f"{value:.7g}" if math.isfinite(value) else None) if isinstance(value, float) else value
 
 
 def fit() -> None:
-    """Fit fields of so many random sines of (xi, t), whatever the duration, to what `fem` says of the napkins of `long`.
+    """Fit fields of random sines of (xi, t), of the same size for each duration, to the napkins of `long` by `fem`.
 
-    The output layer is that of least squares at random places and times; other random ones tell the error. Of the
-    frequencies in time that are tried, the one of least error there is kept.
+    The output layer is fitted by least squares at random places and times. The error is measured at other random ones,
+    and the frequency in time with the least error is kept.
     """
     lines = []
     for run in (one for one in long() if one.yardstick):
@@ -321,7 +321,7 @@ def fit() -> None:
         at, xi = np.sort(rng.uniform(0, until, 400)), rng.uniform(0, 1, (400, 40, 2))
         u = np.concatenate([solution.displacement_at(points, t) for points, t in zip(xi, at, strict=True)])
         inputs = np.column_stack([xi.reshape(-1, 2), np.repeat(at, 40)])
-        held = np.arange(len(u)) // 40 % 5 == 0  # each fifth instant is none that was fitted
+        held = np.arange(len(u)) // 40 % 5 == 0  # each fifth instant is not fitted
         for features in (125, 500):
             weights, phases = rng.standard_normal((3, features)), rng.uniform(0, 2 * np.pi, features)
             best = math.inf
@@ -339,7 +339,7 @@ def fit() -> None:
 
 
 def main() -> None:
-    """Do what is asked, of the studies that are named or of all."""
+    """Run, keep or fit the studies that are named, or all."""
     what, *names = sys.argv[1:] or [""]
     if what not in ("run", "keep", "fit") or not set(names) <= STUDIES.keys():
         raise SystemExit(f"{__doc__}\nStudies: {', '.join(STUDIES)}")

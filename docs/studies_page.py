@@ -1,6 +1,6 @@
 """Tables and figures of docs/studies.md from reports/studies: `python docs/studies_page.py` writes both, in seconds.
 
-What stands between `<!-- table NAME -->` and `<!-- end -->` is written anew; words around it are ours.
+What stands between `<!-- table NAME -->` and `<!-- end -->` is overwritten.
 """
 
 from __future__ import annotations
@@ -19,20 +19,21 @@ from shellbench.report.figures.panel import add_legend, entry, finish, open_figu
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/studies.md"
-INKS = inks(("fem", "ndf-ritz", "ndf-published"))
+SOLVERS = ("fem", "ndf-ritz", "ndf-published")
+INKS = inks(SOLVERS)
 AREA_DENSITY, GRAVITY = 0.144, 9.8  # of the napkin that falls freely for 1 s, kg/m2 and m/s2
 LEAST = -AREA_DENSITY * GRAVITY**2 / 6  # J: ∫ (½ρu̇² - ρgu) dt at u = g(t - t²/2), the stationary point for T = 1 s
 Line = dict[str, Any]
 
 
 def lines_of(name: str) -> list[Line]:
-    """Return what is kept of a study's runs: numbers as numbers, settings by name."""
+    """Return the kept lines of a study: numbers as numbers, settings by name."""
     with (ROOT / f"reports/studies/{name}.csv").open(newline="") as file:
         return [{key: number(value) for key, value in line.items()} for line in csv.DictReader(file)]
 
 
 def number(text: str) -> Any:
-    """Return a cell as what it is; None if it is empty."""
+    """Return a cell as a number or text; None if it is empty."""
     if text.startswith("{"):
         return json.loads(text)
     try:
@@ -41,20 +42,8 @@ def number(text: str) -> Any:
         return text
 
 
-def called(line: Line, steps: bool = True) -> str:
-    """Say which run of its solver it is, with the steps that it took: more than asked where some were halved."""
-    settings = line["settings"]
-    if line["solver"] == "fem":
-        cells = settings["cells"]
-        return f"`fem`, {2 * cells[0]} x {2 * cells[1]} cells" + f", {line['time_steps']:.0f} steps" * steps
-    if line["solver"] == "ndf-ritz":
-        return f"`ndf-ritz`, {settings['neurons']} neurons" + (f", {s} strain" if (s := settings.get("strain")) else "")
-    words = [f"{settings['cells'][0]}² x {settings['times']} samples", f"{settings['iterations']} iterations"]
-    return "`ndf-published`, " + ", ".join(words) + (f", {s} strain" if (s := settings.get("strain")) else "")
-
-
 def short(value: Any, digits: int = 2) -> str:
-    """Write a number with so many digits; a dash for none, words as they are."""
+    """Write a number with limited digits; a dash for None, and text unchanged."""
     return "–" if value is None else value if isinstance(value, str) else f"{value:.{digits}g}"
 
 
@@ -65,117 +54,76 @@ def table(heads: Iterable[str], rows: Iterable[Iterable[Any]]) -> list[str]:
     return ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads), *cells]
 
 
-def share(line: Line, best: Line | None, name: str) -> float | None:
-    """Return how far a figure is from that of the yardstick, relative to it."""
-    return line[name] / best[name] - 1 if best and best[name] and line[name] is not None else None
-
-
 def percent(value: float | None) -> str:
-    """Write a relative difference; one above 1 as the multiple that it makes."""
-    if value is None:
-        return "–"
-    return (
-        f"{1 + value:.{0 if value > 9 else 1}f} times"
-        if value >= 1
-        else f"{100 * value:+.{3 if abs(value) > 0.995 else 2}g} %"
-    )
+    """Write a relative difference; a dash for none."""
+    return "–" if value is None else f"{100 * value:+.2g} %"
 
 
 def ended(line: Line) -> str:
+    """Return the status of a run that is not ok, in brackets."""
     return "" if line["status"] == "ok" else f" ({line['status']})"
 
 
-def is_yardstick(line: Line) -> bool:
-    return line["off_end"] is None and line["status"] == "ok" and line["solver"] == "fem"
+def millimetres(length: float) -> str:
+    """Write a length in m with two digits, in mm."""
+    return f"{float(f'{1000 * length:.2g}'):g} mm"
 
 
-def thin() -> list[str]:
-    rows = []
-    for h, of_one in by("thickness", lines_of("thin")):
-        best = next(filter(is_yardstick, of_one), None)
-        for line in of_one:
-            apart = [share(line, best, f"{kind}_energy_end") for kind in ("membrane", "bending")]
-            off = "yardstick" if line is best else short(line["off_end"])
-            rows.append((f"{h:g} m", called(line) + ended(line), off, *map(percent, apart), line["seconds"]))
-    return table(("thickness", "run", "off at .3 s, m", "membrane energy", "bending energy", "seconds"), rows)
+def motions() -> list[str]:
+    """Return the distance from the finest mesh and the seconds of the finest run of each solver, a motion a row."""
+    groups = [("in its plane, 0.5 s", lines_of("runtime"))]
+    groups += [(f"h = {h:g} m, 0.3 s", of_one) for h, of_one in by("thickness", lines_of("thin"))]
+    for strain in ("linear", "published", "exact"):
+        drooping = [line for line in lines_of("droop") if line["settings"].get("strain") == strain]
+        groups.append((f"h = 0.0012 m, 0.4 s, {strain} strain", drooping))
+    rows = [(name, *(finest(lines, solver) for solver in SOLVERS)) for name, lines in groups]
+    return table(("napkin", *(f"`{solver}`" for solver in SOLVERS)), rows)
+
+
+def finest(lines: list[Line], solver: str) -> str:
+    """Return distance and seconds of the last, and finest, run of a solver that is not the yardstick."""
+    found = [line for line in lines if line["solver"] == solver and line["off_end"] is not None]
+    return f"{millimetres(found[-1]['off_end'])}, {found[-1]['seconds']:.2g} s" if found else "–"
 
 
 def times() -> list[str]:
+    """Return the surplus of the functional of a free fall over the least, and the scatter of its loss, by samples in time."""
     rows = []
-    for line in lines_of("times"):
-        found, gap = line["fine_functional"], line["energy_gap"] if line["solver"] != "fem" else None
-        above = None if found is None or line["case"] != "free_fall" else (found - LEAST) / -LEAST
-        name = called(line) + (f", seed {line['seed']:.0f}" if line["case"] == "free_fall" else "")
-        off = "yardstick" if is_yardstick(line) and line["case"] != "free_fall" else short(line["off_end"])
-        rows.append((line["case"], name, short(found, 4), percent(above), gap, line["scatter"], off, line["seconds"]))
-    heads = ("case", "run", "functional, J", "above the least", "gap", "scatter, J", "off at the end, m", "seconds")
-    return table(heads, rows)
-
-
-def runtime() -> list[str]:
-    rows = [
-        (
-            called(line) + ended(line),
-            line["seconds"],
-            line["off_half"],
-            "yardstick" if is_yardstick(line) else short(line["off_end"]),
-        )
-        for line in lines_of("runtime")
-    ]
-    return table(("run", "seconds", "off at .25 s, m", "off at .5 s, m"), rows)
-
-
-def long() -> list[str]:
-    rows = []
-    for until, of_one in by("until", lines_of("long")):
-        for line in of_one:
-            kept, solve = ((line[key] or 0) / 1e6 for key in ("storage_bytes", "solve_bytes"))
-            together = "yardstick" if is_yardstick(line) else short(line["together"])
-            rows.append(
-                (f"{until:g} s", called(line) + ended(line), line["seconds"], kept, solve, together, line["off_end"])
-            )
-    return table(
-        ("until", "run", "seconds", "kept, MB", "memory of the solve, MB", "within 1 cm till, s", "off at the end, m"),
-        rows,
-    )
+    falls = [line for line in lines_of("times") if line["case"] == "free_fall"]
+    for count, of_one in by("count", [{**line, "count": line["settings"]["times"]} for line in falls]):
+        above = (percent((line["fine_functional"] - LEAST) / -LEAST) for line in of_one)
+        rows.append((f"{count}", "; ".join(above), "; ".join(short(line["scatter"]) for line in of_one)))
+    return table(("samples in time", "functional above the least", "scatter of the loss, J"), rows)
 
 
 def constant() -> list[str]:
-    rows = [
-        (
-            f"{line['until']:g} s",
-            f"{line['features']:.0f}",
-            line["bytes"] / 1e6,
-            line["history_bytes"] / 1e6,
-            line["off"],
-        )
-        for line in lines_of("constant")
+    """Return the error of fields of constant size, fitted to motions of `fem`, and the bytes of both."""
+    rows = []
+    for until, of_one in by("until", lines_of("constant")):
+        off = (millimetres(line["off"]) for line in of_one)
+        sizes = f"{of_one[0]['history_bytes'] / 1e6:.2g} MB"
+        rows.append((f"{until:g} s", sizes, *off))
+    counts = [
+        f"{count:.0f} features, {8 * 7 * count / 1000:.0f} kB" for count, _ in by("features", lines_of("constant"))
     ]
-    return table(("until", "features", "field, MB", "`fem`'s history, MB", "off in the mean, m"), rows)
-
-
-def droop() -> list[str]:
-    lines = lines_of("droop")
-    best = next(filter(is_yardstick, lines), None)
-    rows = [
-        (
-            called(line) + ended(line),
-            line["off_half"],
-            "yardstick" if line is best else short(line["off_end"]),
-            *(percent(share(line, best, f"{kind}_energy_end")) for kind in ("membrane", "bending")),
-            line["seconds"],
-        )
-        for line in lines
-    ]
-    return table(("run", "off at .2 s, m", "off at .4 s, m", "membrane energy", "bending energy", "seconds"), rows)
+    return table(("until", "`fem`'s history", *counts), rows)
 
 
 def trained() -> list[str]:
-    rows = []
-    for line in lines_of("trained"):
-        what = line["settings"]["activation"] + ended(line)
-        rows.append((line["case"], what, percent(line["above"]), percent(line["error"])))
-    return table(("shell", "repaired training with", "certified energy above the least", "displacement"), rows)
+    """Return energy and displacement of repaired trainings, by activation and by components of the output."""
+    rows = [
+        (line["case"], f"{line['settings']['activation']}, Cartesian" + ended(line), "0", *errors_of(line))
+        for line in lines_of("trained")
+    ]
+    for line in lines_of("components"):
+        shell = "scordelis_lo" if line["case"] == ARC else line["case"]
+        rows.append((shell, f"sine, {basis_of(line)}" + ended(line), f"{line['seed']:.0f}", *errors_of(line)))
+    return table(("shell", "activation, output", "seed", "certified energy above the least", "displacement"), rows)
+
+
+def errors_of(line: Line) -> tuple[str, str]:
+    """Return the energy above the least and the error of the displacement of a training."""
+    return percent(line["above"]), percent(line["error"])
 
 
 BASES = {"cartesian": "Cartesian", "covariant": "covariant"}
@@ -183,20 +131,8 @@ ARC = "roof_by_arc_length"
 
 
 def basis_of(line: Line) -> str:
-    """Say which components the output layer gives."""
+    """Return the name of the output layer's components."""
     return BASES[line["settings"]["components"]] + (", by arc length" if line["case"] == ARC else "")
-
-
-def components() -> list[str]:
-    rows = []
-    for line in lines_of("components"):
-        course = line["course"] or {}
-        above = [percent(course[at][0]) if at in course else "–" for at in ("500", "1000")]
-        shell = "scordelis_lo" if line["case"] == ARC else line["case"]
-        what = (shell, basis_of(line) + ended(line), f"{line['seed']:.0f}")
-        rows.append((*what, *above, percent(line["above"]), percent(line["error"])))
-    heads = ("shell", "output", "seed", "energy above the least at 500", "at 1000", "at the end")
-    return table((*heads, "displacement"), rows)
 
 
 def by(key: str, lines: list[Line]) -> Iterator[tuple[Any, list[Line]]]:
@@ -223,13 +159,6 @@ def curves(
     return entries
 
 
-def grouped(lines: Iterable[Line]) -> dict[str, list[Line]]:
-    groups: dict[str, list[Line]] = {}
-    for line in lines:
-        groups.setdefault(called(line, steps=False).replace("`", ""), []).append(line)
-    return groups
-
-
 def solvers(lines: Iterable[Line]) -> dict[str, list[Line]]:
     groups: dict[str, list[Line]] = {}
     for line in lines:
@@ -239,40 +168,6 @@ def solvers(lines: Iterable[Line]) -> dict[str, list[Line]]:
 
 def figures() -> Iterator[tuple[str, Any]]:
     """Yield the figures by name."""
-    figure, ((left, right),) = open_figure((7.2, 3.4), 1, 2)
-    curves(left, grouped(lines_of("thin")), "thickness", "off_end")
-    entries = curves(right, grouped(lines_of("thin")), "thickness", "seconds")
-    finish([left], "thickness (m), napkin of 1 m", "off the finest mesh at 0.3 s (m)")
-    finish([right], "thickness (m), napkin of 1 m", "processor time (s)")
-    for axes in (left, right):
-        axes.invert_xaxis()
-    add_legend(figure, entries, 2)
-    yield "thin", figure
-
-    figure, ((left, middle, right),) = open_figure((9.0, 3.2), 1, 3)
-    fall = [line for line in lines_of("times") if line["case"] == "free_fall"]
-    napkin = [
-        line
-        for line in lines_of("times")
-        if line["case"] == "napkin_plane" and line["solver"] != "fem" and line["settings"]["cells"] == [8, 8]
-    ]
-    steps = [line for line in lines_of("times") if line["solver"] == "fem"]
-    count = lambda line: line["settings"]["times"]  # noqa: E731
-    groups = {f"ndf-published, seed {seed:.0f}": lines for seed, lines in by("seed", fall)}
-    entries = curves(left, groups, count, lambda line: 100 * (line["fine_functional"] - LEAST) / -LEAST)
-    entries |= curves(
-        middle,
-        {**{f"{k}": v for k, v in groups.items()}, "ndf-published, napkin in its plane": napkin},
-        count,
-        lambda line: 100 * line["energy_gap"],
-    )
-    entries |= curves(right, {"fem, napkin in its plane": steps}, "time_steps", "off_end")
-    finish([left], "samples in time $N_t$", "functional above the least (%)", "Free fall")
-    finish([middle], "samples in time $N_t$", "gap to a fine rule (%)", "Training's samples")
-    finish([right], "steps to 0.5 s", "off 120 steps at 0.5 s (m)", "Steps in time")
-    add_legend(figure, entries, 2)
-    yield "times", figure
-
     figure, ((left,),) = open_figure((4.8, 3.4))
     entries = curves(left, solvers(lines_of("runtime")), "seconds", "off_end")
     finish([left], "processor time (s)", "off the finest mesh at 0.5 s (m)", "Napkin in its plane")
@@ -298,20 +193,6 @@ def figures() -> Iterator[tuple[str, Any]]:
     add_legend(figure, entries, 3)
     yield "components", figure
 
-    figure, ((left, middle, right),) = open_figure((9.0, 3.2), 1, 3)
-    groups = grouped(lines_of("long"))
-    entries = curves(left, groups, "until", "seconds")
-    curves(middle, groups, "until", lambda line: (line["storage_bytes"] or 0) / 1e6)
-    held = [{**line, "solver": "ndf-ritz"} for line in lines_of("constant")]
-    entries |= curves(
-        right, {f"fitted field, {n:.0f} features": lines for n, lines in by("features", held)}, "until", "off"
-    )
-    finish([left], "simulated time (s)", "processor time (s)", "Runtime")
-    finish([middle], "simulated time (s)", "bytes that keep it (MB)", "Memory")
-    finish([right], "simulated time (s)", "off fem in the mean (m)", "Field of constant size")
-    add_legend(figure, entries, 2)
-    yield "long", figure
-
 
 def main() -> None:
     """Write the tables into the page, and the figures beside it."""
@@ -327,9 +208,7 @@ def main() -> None:
             figure.savefig(ROOT / f"docs/figures/study_{name}.png", dpi=150)
 
 
-TABLES: dict[str, Callable[[], list[str]]] = {
-    one.__name__: one for one in (thin, times, runtime, long, constant, droop, trained, components)
-}
+TABLES: dict[str, Callable[[], list[str]]] = {one.__name__: one for one in (motions, times, constant, trained)}
 
 if __name__ == "__main__":
     main()

@@ -1,8 +1,8 @@
 """shellbench: validation and benchmarks for thin-shell solvers, neural and classical.
 
-`shellbench.run` solves cases and `shellbench.table` returns what was run, both as a pandas DataFrame.
-`shellbench.case`, `shellbench.solve` and `shellbench.picture` are for one case, its answer, and a look at that; see
-`shellbench.interface`, which is imported when one of them is first asked for.
+`shellbench.run` solves cases and `shellbench.table` returns earlier runs, both as a pandas DataFrame.
+`shellbench.case`, `shellbench.solve` and `shellbench.picture` return one case, its answer, and its picture; see
+`shellbench.interface`, which is imported at the first use of one of them.
 """
 
 from importlib import import_module
@@ -20,6 +20,10 @@ except PackageNotFoundError:  # a source tree that was never installed
 
 def __getattr__(name: str) -> Any:
     if name in ASKED:
-        # By a name that is put together: how runs are asked for is no part of the code whose digest a record keeps.
+        # The name is computed, so that this module is no part of the code whose digest a record keeps.
         return getattr(import_module(f"{__name__}.interface"), name)
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

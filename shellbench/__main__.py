@@ -4,20 +4,20 @@ import signal
 import sys
 from types import FrameType
 
-INTERRUPTED = 130  # what shells say of a program that Ctrl-C has ended; here of one that was told to end otherwise, too
+INTERRUPTED = 130  # the shells' exit code of a program that Ctrl-C has ended; used here for other signals, too
 TOLD_TO_END = (signal.SIGTERM, signal.SIGHUP)
 
 
 def interrupt(number: int, frame: FrameType | None) -> None:
-    """Take a signal for Ctrl-C."""
+    """Handle a signal like Ctrl-C."""
     raise KeyboardInterrupt
 
 
 def main() -> None:
-    """Run the command line; Ctrl-C, SIGTERM and SIGHUP are a sentence at any time, while modules are imported too."""
+    """Run the command line; Ctrl-C, SIGTERM and SIGHUP print one sentence at any time, even during imports."""
     try:
         for number in TOLD_TO_END:
-            if signal.getsignal(number) is signal.SIG_DFL:  # a hang-up that is ignored stays so: nohup asks for it
+            if signal.getsignal(number) is signal.SIG_DFL:  # an ignored hang-up stays ignored, as nohup requires
                 signal.signal(number, interrupt)
         from shellbench.cli import main as run
 

@@ -1,14 +1,14 @@
-"""What can go wrong, each with the exit code that the command line returns for it."""
+"""Errors of shellbench, each with the exit code of the command line."""
 
 from __future__ import annotations
 
 from typing import Any
 
-LONGEST_QUOTE = 200  # characters of what was found that a sentence quotes
+LONGEST_QUOTE = 200  # characters of a found value in a sentence
 
 
 def without_middle(text: str, most: int = LONGEST_QUOTE) -> str:
-    """Return a text as a sentence quotes it: without its middle if it is too long."""
+    """Return a text for a quotation in a sentence: without its middle if it is too long."""
     end = most // 3
     return text if len(text) <= most else f"{text[: most - end - 3]}...{text[-end:]}"
 
@@ -26,13 +26,13 @@ class InputError(ShellbenchError, ValueError):
 
 
 class PluginError(ShellbenchError):
-    """Code of somebody else ended, hung or talked nonsense where it was loaded or asked."""
+    """Code of another package ended, hung or returned invalid data."""
 
 
 class Interrupted(ShellbenchError):
     """The user, or a signal, ended a command."""
 
-    exit_code = 130  # as shells say of a program that Ctrl-C has ended
+    exit_code = 130  # the shells' exit code of a program that Ctrl-C has ended
 
 
 class SolveFailure(ShellbenchError):
@@ -43,7 +43,7 @@ class SolveFailure(ShellbenchError):
     reason
         One sentence for the user.
     partial
-        What had converged before the failure, if anything.
+        The converged part of the solution, if there is one.
     """
 
     def __init__(self, reason: str, partial: Any = None) -> None:

@@ -1,4 +1,4 @@
-"""Files that users name: their kind and size are checked before they are read."""
+"""Files that users name; their kind and size are checked before reading."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ KINDS = {
 def check_file(path: Path, most: int) -> None:
     """Check that a path names a regular file that is not too large.
 
-    A pipe that nobody writes to would be waited for, and a device may never end.
+    Reading an unused pipe would block, and a device may never end.
 
     Raises
     ------
     InputError
-        As a clause without the path: what it is instead, or how large, and what is allowed.
+        As a clause without the path: the kind or size of the file, and the allowed ones.
     """
     try:
         about = path.stat()
@@ -50,7 +50,7 @@ def read_file(path: Path, most: int) -> bytes:
             data = file.read(most + 1)
     except OSError as error:
         raise InputError(f"it can't be read ({_why(error)})") from None
-    if len(data) > most:  # it grew, or its size was not said
+    if len(data) > most:  # it grew, or its size was not known
         raise InputError(f"it has more than the {most} bytes allowed")
     return data
 

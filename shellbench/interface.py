@@ -1,12 +1,12 @@
 """The Python interface, for notebooks and scripts: `run` and `table`; `case`, `solve` and `picture`.
 
-It takes and finds what the command line takes and finds, in the same store:
+It takes the same arguments as the command line, and uses the same store:
 
 >>> import shellbench
 >>> found = shellbench.run("scordelis_lo", solvers=["fem"])  # doctest: +SKIP
 >>> found[found["primary"]][["solver", "value", "relative_error", "seconds"]]  # doctest: +SKIP
 
-`solve` answers in this very process and keeps no record: for one look, and for the answer itself, a continuous field.
+`solve` runs in the current process and keeps no record. It returns the answer itself, a continuous field:
 
 >>> roof = shellbench.solve(shellbench.case("scordelis_lo"), "fem")  # doctest: +SKIP
 >>> roof.displacement([[0.0, 25.0]])  # doctest: +SKIP
@@ -69,25 +69,25 @@ def run(
     cases
         Names of cases or paths to case files.
     suites, solvers, seeds
-        As ``--suite``, ``--solver`` and ``--seed``.
+        See ``--suite``, ``--solver`` and ``--seed``.
     settings
         By solver: ``{"fem": {"tolerance": 1e-6}}``.
     store
-        Folder of the records. What has a record already is not solved again, unless `force` is given.
+        Folder of the records. Runs with a valid record are not solved again, unless `force` is given.
     jobs, threads, timeout
         Runs at a time, threads of each, and seconds after which one is stopped.
     quiet
-        Whether to print no line for each run that has ended.
+        True to print no line for each ended run.
 
     Returns
     -------
     pandas.DataFrame
-        As `table` returns it, of these cases, suites and solvers. A run that failed has a row, whose `status` says so.
+        The table of these cases, suites and solvers; see `table`. A failed run has a row with its `status`.
 
     Raises
     ------
     InputError
-        If a name is unknown or a file malformed, a setting does not fit, or every solver declines.
+        If a name is unknown, a file malformed or a setting invalid, or if every solver declines.
     """
     where, named = Store(Path(store)), tuple(map(str, cases))
     request = Request(named, tuple(suites), tuple(solvers), settings or {}, tuple(seeds), device, threads)
@@ -108,7 +108,7 @@ def run(
 
 
 def table(*cases: str | Path, suites: Sequence[str] = (), store: str | Path = STORE) -> pd.DataFrame:
-    """Return what was run: a line for each figure of each run, with the columns of ``shellbench table --format json``.
+    """Return a line for each value of each run, with the columns of ``shellbench table --format json``.
 
     Raises
     ------
@@ -132,12 +132,12 @@ def case(name: str | Path) -> Problem:
 
 
 def solve(case: str | Path | Problem, solver: str = "fem", **settings: Any) -> Solution:
-    """Solve a case here and now, and return the answer; nothing is recorded.
+    """Solve a case in the current process, and return the answer; nothing is recorded.
 
     Raises
     ------
     InputError
-        If a name is unknown, a setting does not fit, or the solver declines the case.
+        If a name is unknown, a setting is invalid, or the solver declines the case.
     SolveFailure
         If the solver reached no trustworthy answer.
     """
@@ -154,7 +154,7 @@ def solve(case: str | Path | Problem, solver: str = "fem", **settings: Any) -> S
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure that a notebook shows by itself."""
+    """A figure with its HTML for notebooks."""
 
     figure: Figure
 
@@ -165,12 +165,12 @@ class Picture:
 
 
 def picture(solution: Solution) -> Picture:
-    """Return the deformed shell of an answer as the report draws it, coloured by its displacement.
+    """Return the picture of an answer as in the report: the deformed shell, coloured by its displacement.
 
     Raises
     ------
     InputError
-        If nothing can be drawn of such a problem, or the answer has no finite field.
+        If this kind of problem can't be drawn, or the answer has no finite field.
     """
     from shellbench.report.data.exhibit import style
     from shellbench.report.figures.pictures import shell_of

@@ -1,9 +1,9 @@
-"""Problem, Solution and Solver: what everything else stands on, and what plug-ins import.
+"""Problem, Solution and Solver: the base of the package, and the imports of plug-ins.
 
-A problem is asked, a solver turns it into a solution, and the problem's quantities measure that. The bench and the
-report are written against these three and know no kind of problem and no solver by name. Kinds of problem are found
-through the entry-point group ``shellbench.problems`` and solvers through ``shellbench.solvers``; our own register there
-like anyone's. The definitions are in `shellbench.protocol`, one module each.
+A solver turns a problem into a solution, and the problem's quantities measure the solution. The bench and the report
+use only these three, and no kind of problem or solver by name. Kinds of problem are found through the entry-point group
+``shellbench.problems`` and solvers through ``shellbench.solvers``; built-in ones register there like others. The
+definitions are in `shellbench.protocol`, one module each.
 """
 
 from __future__ import annotations

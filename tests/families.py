@@ -27,7 +27,7 @@ def shells() -> list[str]:
 
 
 def features(name: str) -> set[str]:
-    """Return what a case has: its surface, the kinds of its supports and loads, and what is beside them."""
+    """Return the features of a case: its surface, the kinds of its supports and loads, and its other parts."""
     given = stated(name)
     surface = given.get("surface", {})
     found = {f"surface {surface.get('kind')} {surface.get('closed')} {surface.get('periodic')}"}

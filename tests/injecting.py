@@ -33,7 +33,7 @@ def given(owner: Any, name: str, change: Callable) -> Callable[[pytest.MonkeyPat
 
 
 def room(case: Problem, quantity: str, solver: str) -> float:
-    """Return how far a solver's answer may be from the known value, in its unit: infinitely where it is not gated."""
+    """Return the largest error that passes for a solver, in the quantity's unit; infinite if the value is not gated."""
     judge, tolerance = (
         catalog.known_values(case.name).judge(quantity, case.theory),
         catalog.tolerance(case.name, quantity, solver),
@@ -50,7 +50,7 @@ def share(case: Problem, quantity: str, value: float, solver: str) -> float:
 
 
 def shares_of_tolerances(solution: Any, solver: str) -> dict[str, float]:
-    """Return an answer's errors in units of what is allowed, by gated quantity; NaN where it is none."""
+    """Return an answer's errors in units of the tolerance, by gated quantity; NaN if it is no number."""
     values, gated = measure_all(solution), catalog.tolerances()[solver][solution.case.name]
     return {name: share(solution.case, name, values[name], solver) for name in gated}
 

@@ -268,7 +268,7 @@ def test_step_control_has_no_mechanics():
 
 @cache
 def bodies(solver):
-    """What functions of more than three statements do, as text."""
+    """Return the bodies of functions of more than three statements, as text."""
     return {
         "\n".join(ast.unparse(line) for line in node.body[1:])
         for folder in (PLUGINS / solver / f"shellbench_{solver}", PACKAGE / SOLVERS / solver)

@@ -1,4 +1,4 @@
-"""Whatever is wrong with a file, the reader is told in words of the file: never in those of the library that checks it."""
+"""Faults of a file are reported in words of the file, never in those of the library that checks it."""
 
 import copy
 import json

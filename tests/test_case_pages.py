@@ -58,9 +58,18 @@ def test_the_picture_shows_the_shell(folder: Path) -> None:
     assert not (folder / "hanging_chain.png").exists()  # nothing can be drawn of it
 
 
+def test_ropes_and_shells_of_a_series_are_drawn_too() -> None:
+    for name in ("rope_pendulum", "conditioned_roof", "edit_cantilever_pose"):
+        assert cases.picture(catalog.named_case(name), None, []) is not None, name
+    for name in ("hanging_chain", "field_sine"):
+        assert cases.picture(catalog.named_case(name), None, []) is None, name
+    (axes,) = cases.picture(catalog.named_case("rope_crowd_400"), None, []).axes
+    assert 1 < len(axes.lines) <= cases.CHAINS_DRAWN + 1  # the root beside them
+
+
 def test_the_index_leads_to_each_page(folder: Path) -> None:
     links = re.findall(r"\]\(([^)]+)\)", (folder / "index.md").read_text(encoding="utf-8"))
-    assert links == ["hemisphere_hole.md", "hanging_chain.md"]
+    assert links == ["hemisphere_hole.md", "hemisphere_hole.md", "hanging_chain.md"]  # the first by its other names
     assert all((folder / link).is_file() for link in links)
 
 
@@ -73,16 +82,50 @@ def test_results_are_those_of_the_store(full: Store, tmp_path: Path) -> None:  #
     assert sorted({line.split(" | ")[1] for line in lines}) == ["`toy-noisy`", "`toy`"]
     (noisy,) = [line for line in lines if "`centre`" in line and "toy-noisy" in line]
     assert "0, 1, 2" in noisy
-    assert noisy.endswith("| holds |")
-    assert "built without a store" in (tmp_path / "without" / "strip.md").read_text(encoding="utf-8")
+    assert noisy.endswith("| pass |")
+    assert cases.NO_RESULTS in (tmp_path / "without" / "strip.md").read_text(encoding="utf-8")
 
 
-def test_the_contents_have_the_pages_if_they_are_built(folder: Path, tmp_path: Path) -> None:
+def test_the_cases_are_the_third_entry_of_the_contents(tmp_path: Path) -> None:
     def nav(docs: Path) -> list[object]:
-        config = {"docs_dir": str(docs), "nav": [{"Start": "index.md"}, {"Trust": []}]}
-        return contents.on_config(config)["nav"][1]["Trust"]
+        config = {"docs_dir": str(docs), "nav": [{"Start": []}, {"Use it": []}, {"Reference": []}]}
+        return contents.on_config(config)["nav"]
 
-    assert nav(tmp_path) == []
+    assert len(nav(tmp_path)) == 3
     (tmp_path / "cases").mkdir()
     (tmp_path / "cases" / "index.md").write_text("# The cases", encoding="utf-8")
-    assert nav(tmp_path) == [{"The cases": "cases/index.md"}]
+    assert nav(tmp_path)[2] == {"The cases": "cases/index.md"}
+    sections = re.findall(
+        r"^  - (.*?):", (cases.ROOT / "mkdocs.yml").read_text("utf-8").partition("\nnav:\n")[2], re.MULTILINE
+    )
+    assert sections[:2] == ["Start", "Use it"]
+
+
+def test_the_site_is_built_with_the_pages_of_the_cases() -> None:
+    body = (cases.ROOT / "noxfile.py").read_text(encoding="utf-8").partition("def build_site")[2]
+    assert body.index('"docs/cases.py"') < body.index('"mkdocs"')
+
+
+def test_names_elsewhere_are_of_cases_and_come_first_on_their_page(folder: Path) -> None:
+    names = cases.names_elsewhere()
+    assert set(names) <= set(catalog.case_names())
+    page = (folder / "hemisphere_hole.md").read_text(encoding="utf-8")
+    assert "MacNeal-Harder" in page.partition("## Problem")[0]
+    sources = (cases.ROOT / "references/bibliography.bib").read_text(encoding="utf-8")
+    for name in {name for of_case in names.values() for name in of_case}:
+        author = re.match(r"\w+", name)[0]
+        assert author == "Krysl" or author in sources, name
+
+
+def test_without_a_store_the_results_are_the_committed_rows(tmp_path: Path) -> None:
+    rows = cases.kept_rows()
+    keys = [(row.case, row.solver, row.quantity, row.seed) for row in rows]
+    assert len(keys) == len(set(keys)) > 300
+    cases.write(["square_plate"], None, tmp_path)
+    page = (tmp_path / "square_plate.md").read_text(encoding="utf-8").partition("## Results")[2]
+    (line,) = [line for line in page.splitlines() if line.startswith("| `centre_deflection` | `fem` |")]
+    (row,) = [
+        row for row in rows if (row.case, row.solver, row.quantity) == ("square_plate", "fem", "centre_deflection")
+    ]
+    assert f"| {row.value:.8g} m |" in line
+    assert line.endswith("| pass |")

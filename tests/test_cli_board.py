@@ -56,7 +56,7 @@ def rewrite(path: Path, files: dict[str, bytes]) -> None:
 
 
 def with_checksum(manifest: dict) -> bytes:
-    """A manifest whose checksum is right, whoever wrote it."""
+    """A manifest with a correct checksum, by any author."""
     del manifest["checksum"]
     return json.dumps(manifest | {"checksum": packs._checksum(manifest)}).encode()
 
@@ -70,7 +70,7 @@ def test_a_pack_has_settings_versions_checksum_and_how_to_install(packed: Path, 
     }
     assert all(record == kept[record.run_id] for record in read.records)
     assert (about.solver, about.version) == ("toy", kept[read.records[0].run_id].environment.versions["toy-shells"])
-    assert about.install == f"python -m pip install toy-shells=={about.version}"
+    assert about.install == ""  # no package says where it came from, and none is made up
     assert sum(setting.runs for setting in about.settings) == len(read.records)
     assert {"factor": 0.5} in [setting.overrides for setting in about.settings]
     assert all(name.endswith(".json") for name in members(packed / "toy.zip"))
@@ -108,7 +108,7 @@ def edit_record_alone(files: dict[str, bytes]) -> None:
 
 
 def edit_install(files: dict[str, bytes]) -> None:
-    files[MANIFEST] = files[MANIFEST].replace(b"toy-shells==", b"other-shells==", 1)
+    files[MANIFEST] = files[MANIFEST].replace(b'"install": ""', b'"install": "get other"', 1)
 
 
 def claim_other_settings(files: dict[str, bytes]) -> None:
@@ -180,11 +180,14 @@ def test_pack_and_board_by_the_command_line(shellbench, full: Store, tmp_path: P
     code, out, _ = shellbench("pack", "toy", "--store", full.folder, "--out", folder / "a.zip", "--install", "get toy")
     assert code == 0
     checksum = out.split()[-1]
-    assert shellbench("pack", "toy-noisy", "--store", full.folder, "--out", folder / "b.zip")[0] == 0
+    code, out, _ = shellbench("pack", "toy-noisy", "--store", full.folder, "--out", folder / "b.zip")
+    assert (code, "install:  not stated; --install" in out) == (0, True)
     assert shellbench("board", folder, "--out", tmp_path / "board")[0] == 0
     page = (tmp_path / "board/index.html").read_text(encoding="utf-8")
     assert checksum in page
     assert "get toy" in page
+    assert "Install: not stated" in page
+    assert page.count(">1 of 1<") >= 2  # cases, of those of their suites
     for section in ('id="submissions"', 'id="cases"', 'id="cost"'):
         assert section in page
     data = json.loads((tmp_path / "board/board.json").read_text(encoding="utf-8"))

@@ -1,6 +1,7 @@
 """``shellbench compare``: what is a loss, what is none, what each format says, and what can't be compared."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -60,6 +61,7 @@ def test_what_is_a_loss(shellbench, both, by, factor, more, lost) -> None:  # no
     off(both[1], by, factor=factor)
     code, out, _ = compare(shellbench, both, *more)
     assert (code, "\nloss: strip toy" in out) == (int(lost), lost)
+    assert not lost or re.search(r": (error \S+ % -> \S+ %|A alone meets the tolerance of 1e-07 %)\n", out)
     back = compare(shellbench, both[::-1], *more)
     assert (back[0] == 1) == (by > 0 and factor == 0.5)  # what is lost one way is gained the other
 
@@ -108,7 +110,7 @@ def test_two_solvers_of_a_store(shellbench, full: Store) -> None:  # noqa: F811
 
 
 def test_two_commits_of_a_store(shellbench, full: Store) -> None:  # noqa: F811
-    """The newest answer of a store is not the only one: that of the older commit is held against it."""
+    """The newest answer of a store is not the only one: it is compared with that of the older commit."""
     for record in full.read().records:
         older = record.environment.model_dump() | {"git_sha": "a" * 40, "git_dirty": False}
         changed(full, record, environment=older)

@@ -21,13 +21,14 @@ from rich.console import Console
 
 from shellbench import __main__ as program
 from shellbench import cli
-from shellbench.bench.catalogue import catalog, templates
+from shellbench.bench.catalogue import catalog, listing, templates
 from shellbench.bench.judge import doctor
 from shellbench.bench.run.display import Lines, display
 from shellbench.bench.store.store import Store
 from shellbench.errors import InputError, Interrupted
 from shellbench.problem import Progress
 from shellbench.protocol.spelling import did_you_mean
+from shellbench.solvers.fem.solver import FemSolver
 from tests.bench.conftest import plugin, toys  # noqa: F401 - fixtures
 from tests.bench.running import InThisProcess
 from tests.patience import GUARD
@@ -62,10 +63,19 @@ def test_a_new_case_asks_what_its_template_does(tmp_path: Path, like: str | None
     assert {**case.physics(), "name": ""} == {**given.physics(), "name": ""}
 
 
+def test_fem_converges_on_a_new_case_within_seconds(tmp_path: Path) -> None:
+    case = catalog.find_case(str(templates.write_case("my-shell", None, tmp_path)))
+    solution = FemSolver().solve(case, FemSolver.settings_type())
+    assert (case.name, solution.diagnostics["converged"]) == ("my_shell", True)
+    assert solution.parameters < 5_000
+    # B-splines of degree 6 on 24 x 24 spans, by the program of derivations/linear_splines.py.
+    assert case.primary.measure(solution) == pytest.approx(1.47348454e-6, rel=1e-7)
+
+
 @pytest.mark.parametrize(
     ("name", "like", "said"),
     [
-        ("no-name", None, "can't be the name of a case"),
+        ("no name", None, "can't be the name of a case"),
         ("../mine", None, "can't be the name of a case"),
         ("scordelis_lo", None, "is a case of the suite"),
         ("taken", None, "is there already"),
@@ -81,7 +91,8 @@ def test_a_case_that_can_not_be_written_is_refused(tmp_path: Path, name: str, li
 
 
 def test_a_new_solver_is_whole_and_solves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = templates.write_solver("my-plate", tmp_path)
+    folder = templates.write_solver("my_plate", tmp_path)
+    assert folder.name == "my-plate"
     files = [path for path in folder.rglob("*") if path.is_file()]
     assert {path.relative_to(folder).parts[0] for path in files} >= {
         ".github",
@@ -166,6 +177,14 @@ def test_a_quick_look_solves_prints_and_judges(shellbench, monkeypatch: pytest.M
 def test_names_that_are_nearly_right_are_recognised(name: str, meant: str) -> None:
     assert meant in did_you_mean(name, catalog.case_names())
     assert did_you_mean("xyzzy", catalog.case_names()) == ""
+
+
+def test_the_list_fits_a_screen_and_names_all_suites(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(listing, "list_solver", lambda entry: {"available": False, "reason": ""})
+    lines = listing.overview(100).splitlines()
+    assert len(lines) - len(listing.solver_entries()) <= 42  # and three that name many solvers
+    assert max(map(len, lines)) <= 100
+    assert [name for name in catalog.suite_names() if f" {name} " not in " ".join([*lines, ""])] == []
 
 
 @pytest.mark.parametrize(

@@ -71,7 +71,7 @@ def solved(level: Level) -> dict[str, float]:
 
 
 def tolerances(level: Level, first: dict[str, float], second: dict[str, float]) -> dict[str, float]:
-    """Return how many tolerances lie between two answers."""
+    """Return the number of tolerances between two answers."""
     case = catalog.named_case(level.case)
     return {name: abs(first[name] - value) / room(case, name, "fem") for name, value in second.items()}
 
@@ -92,7 +92,7 @@ def without_fault():
 
 
 class Fault(NamedTuple):
-    """What is broken, and where it must show."""
+    """A fault, and the place where it must show."""
 
     name: str
     level: Level

@@ -85,7 +85,7 @@ def missed(small: Small) -> dict[str, float]:
 
 
 class Fault(NamedTuple):
-    """What is broken, where, and the gated quantity that it must show in, or what is said when it is refused."""
+    """A fault, its place, and the gated quantity in which it must show, or the message of the refusal."""
 
     name: str
     small: Small
@@ -263,7 +263,7 @@ REFUSED = [
 
 @pytest.fixture(autouse=True)
 def no_farther_than_to_buckling(monkeypatch):
-    """What a shell does once it has buckled takes long, and is not asked for here."""
+    """Stop at buckling: the path beyond it takes long, and is not tested here."""
     monkeypatch.setattr(buckling, "_beyond_buckling", lambda *_: iter(()))
 
 

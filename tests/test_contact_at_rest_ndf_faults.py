@@ -68,7 +68,7 @@ def glued(patch):
 
 
 def halved(patch):
-    """Half of the forces are told."""
+    """Report half of the forces."""
     smooth = touching.smoothest
     patch.setattr(touching, "smoothest", lambda *a: smooth(*a) / 2)
 

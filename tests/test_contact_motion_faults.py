@@ -61,7 +61,7 @@ def half_the_force(patch):
 
 
 def glued(patch):
-    """What has touched never comes off."""
+    """Keep every contact closed for good."""
 
     def stuck(self, before):
         held = np.any(before != 0, axis=-1) | (self.gap < 0)

@@ -78,7 +78,7 @@ def without_offset(patch):
 
 
 def halved(patch):
-    """Half of the forces are told."""
+    """Report half of the forces."""
     settled = contact._settled
 
     def half(*a):

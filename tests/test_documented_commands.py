@@ -1,4 +1,4 @@
-"""What README and docs show can be given: commands, with their options and number of names; sessions; Python."""
+"""The examples of README and docs work: commands with their options and arguments, sessions, Python."""
 
 import ast
 import re

@@ -179,7 +179,7 @@ def test_second_forms_are_what_they_compute_and_agree(name):
 
 
 def check_second_form(name, found):
-    """What is kept is what was computed, and agrees with what judges."""
+    """The stored values are the computed ones, and agree with those that judge."""
     known = catalog.known_values(name)
     assert set(found) == {q.name for q in catalog.named_case(name).quantities} - {"largest_displacement"}
     for quantity, estimate in found.items():

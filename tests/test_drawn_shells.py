@@ -1,4 +1,4 @@
-"""Drawn shells: the load of each is that of its answer, supports included, and what is said of its values is enough."""
+"""Drawn shells: the load of each is that of its answer, supports included, and its stated uncertainties suffice."""
 
 import tomllib
 from functools import cache

@@ -1,7 +1,7 @@
-"""What a wrong solver could still pass, and can't any more: each fault is of a kind that an earlier exam let through.
+"""Faults that an earlier exam let pass, and that this exam finds.
 
-As in tests/test_faults.py: the fault is injected, the case is solved and judged as a user would have it. Where the old
-exam's case stays green with the fault in, a test says so: the case that turns red is what was missing.
+As in tests/test_faults.py, the fault is injected, and the case is solved and judged as for a user. If the old exam's
+case stays green with the fault, a test states it: the case that turns red was missing in that exam.
 """
 
 from dataclasses import replace

@@ -68,7 +68,7 @@ def findings(store: Store, solver: str, case: str):
 
 
 class Fault(NamedTuple):
-    """What is broken, on which side, and where it must show."""
+    """A fault, its side, and the place where it must show."""
 
     name: str
     solver: str

@@ -51,7 +51,7 @@ def test_without_a_fault_only_open_findings_are_red(case, name):
 
 
 class Fault(NamedTuple):
-    """What is broken, where it must show, and in whose answer."""
+    """A fault, the place where it must show, and the solver."""
 
     name: str
     case: str

@@ -1,4 +1,4 @@
-"""Files that are none, numbers and names that are too long: one sentence, whatever reads them."""
+"""Invalid files, and numbers and names that are too long, give one sentence in every command."""
 
 import os
 import sys

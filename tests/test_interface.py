@@ -55,6 +55,13 @@ def test_bad_input_is_the_same_sentence_as_on_the_command_line(tmp_path: Path) -
         shellbench.run("strop", store=tmp_path)
 
 
+def test_all_public_names_are_listed_and_documented() -> None:
+    page = (Path(__file__).parents[1] / "docs/api.md").read_text(encoding="utf-8")
+    names = [name for name in dir(shellbench) if not name.startswith("_")]
+    assert names == ["Picture", "case", "picture", "run", "solve", "table"]
+    assert [name for name in names if f"::: shellbench.interface.{name}\n" not in page] == []
+
+
 def test_the_package_is_light_until_it_is_asked() -> None:
     program = "import sys, shellbench; print(sorted({'numpy', 'pandas', 'pydantic', 'torch'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=GUARD, check=True)

@@ -47,7 +47,7 @@ def test_supported_versions_are_those_that_are_tested() -> None:
     said = [one.rpartition(" ")[2] for one in PROJECT["project"]["classifiers"] if re.search(r":: 3\.\d+$", one)]
     assert said == tested
     assert PROJECT["project"]["requires-python"] == f">={tested[0]}"
-    page = (ROOT / "docs/using.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/install.md").read_text(encoding="utf-8")
     assert f"Python {tested[0]} to {tested[-1]}" in page
 
 

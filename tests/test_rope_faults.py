@@ -20,7 +20,7 @@ from tests.injecting import exceeded, given, wrapped
 
 
 class Fault(NamedTuple):
-    """What is broken, and where it must show."""
+    """A fault, and the place where it must show."""
 
     name: str
     case: str

@@ -1,8 +1,8 @@
 """The command line: ``shellbench list | run | table | gate | compare | ...``.
 
-Exit codes: 0 good; 1 a gate fell short or a run failed; 2 bad input or usage; 130 interrupted (the shell's own).
-Every error is one sentence on standard error. Each command imports what it needs when it is called: nothing for
-``--help``. Solvers are imported by `run`, `export` and `list`, and by `gate` where a record is missing.
+Exit codes: 0 success; 1 a gate or a run failed; 2 bad input or usage; 130 interrupted (the shell's own).
+Every error is one sentence on standard error. Each command imports its modules when it is called, and none for
+``--help``. `run`, `export` and `list` import solvers, and `gate` does so if a record is missing.
 """
 
 from __future__ import annotations
@@ -11,11 +11,12 @@ import os
 import sys
 import traceback
 from collections.abc import Callable
+from inspect import cleandoc
 from typing import Annotated, Any
 
 import typer
 
-from shellbench.cli.brought import CommandsOfOthers
+from shellbench.cli.brought import Command, CommandsOfOthers
 from shellbench.cli.compare import compare_command
 from shellbench.cli.first import doctor, new_case, new_solver, quick
 from shellbench.cli.judge import baseline_command, export, gate_command, report, table
@@ -50,6 +51,12 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
+def _unwrapped(text: str) -> str:
+    """Return a docstring, each paragraph on one line: the help breaks lines where the terminal ends."""
+    parts = cleandoc(text).replace("\n--------\n", ":\n\n").split("\n\n")
+    return "\n\n".join(part if part.startswith(" ") else " ".join(part.split()) for part in parts)
+
+
 @app.callback()
 def shellbench(
     version: Annotated[
@@ -59,7 +66,7 @@ def shellbench(
         bool, typer.Option(VERBOSE, help="Before COMMAND: print also where an error came from.")
     ] = False,
 ) -> None:
-    """Take what is common to all commands."""
+    """Read the options that all commands share."""
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {
@@ -81,7 +88,7 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "new-solver": new_solver,
 }
 for name, command in COMMANDS.items():
-    app.command(name)(command)
+    app.command(name, cls=Command, help=_unwrapped(command.__doc__ or ""))(command)
 
 
 def main() -> None:
@@ -92,7 +99,7 @@ def main() -> None:
                 found = f"argument {number}, {without_middle(argument)!r}, has {len(argument)} characters"
                 raise InputError(f"{found}; it may have at most {LONGEST_ARGUMENT}")
         code = app(prog_name="shellbench", standalone_mode=False)
-        if code == Interrupted.exit_code:  # wherever Ctrl-C was caught: while arguments are read, too
+        if code == Interrupted.exit_code:  # wherever Ctrl-C was caught, even while arguments are read
             say("interrupted")
         sys.exit(code)
     except USAGE_ERROR as error:
@@ -114,5 +121,5 @@ def main() -> None:
 
 
 def _quoting_little(sentence: str) -> str:
-    """Return a sentence on one line, each word of it so long at most as what a sentence quotes."""
+    """Return a sentence on one line, with long words shortened."""
     return " ".join(map(without_middle, sentence.split()))

@@ -5,8 +5,8 @@
     [project.entry-points."shellbench.commands"]
     mine = "my_package.cli:command"
 
-It names a function, as typer takes it, or a `typer.Typer` with several. It is imported when it is called, and not for
-``--help``. A name of ours stays ours.
+The entry point names a function for typer, or a `typer.Typer` with several. It is imported when it is called, and not
+for ``--help``. A name of a built-in command can't be replaced.
 """
 
 from __future__ import annotations
@@ -22,8 +22,24 @@ from shellbench.errors import InputError, PluginError, ShellbenchError
 GROUP = "shellbench.commands"
 
 
-class CommandsOfOthers(TyperGroup):
-    """Our commands, and after them those of other packages."""
+class _Untyped:
+    """Shows flags and arguments in the help without their Python types, such as ``<bool>``."""
+
+    def get_params(self, ctx: Any) -> Any:
+        """Return the options and arguments of the command."""
+        found = super().get_params(ctx)  # type: ignore[misc]
+        for one in found:
+            if getattr(one, "is_flag", True):  # an argument has no such attribute
+                one.display_type_rich = lambda ctx: ""
+        return found
+
+
+class Command(_Untyped, TyperCommand):
+    """A command of shellbench."""
+
+
+class CommandsOfOthers(_Untyped, TyperGroup):
+    """The built-in commands, followed by those of other packages."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names of all commands."""
@@ -31,13 +47,13 @@ class CommandsOfOthers(TyperGroup):
         return [*own, *(name for name in _packages() if name not in own)]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Return a command of ours, or what stands for one of another package until it is called."""
+        """Return a built-in command, or the stand-in of one of another package."""
         own = super().get_command(ctx, cmd_name)
         package = None if own else _packages().get(cmd_name)
         return TyperCommand(cmd_name, help=f"Of package {package}.") if package else own
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Return the command that is called, imported now if it is another package's."""
+        """Return the called command; if it is another package's, import it now."""
         name, command, rest = super().resolve_command(ctx, args)
         if name is not None and super().get_command(ctx, name) is None:
             return name, _loaded(name), rest
@@ -79,8 +95,8 @@ def _as_command(found: Any) -> Any:
 
 
 def _one_sentence(name: str, error: Exception) -> NoReturn:
-    """Raise what a command raised as one sentence; its exits and errors of usage are its own."""
-    # Typer gives its error of usage no public name: it is the base of that of a bad parameter.
+    """Turn the exceptions of a command into one sentence; its exits and errors of usage are unchanged."""
+    # Typer's error of usage has no public name: it is the base class of the error of a bad parameter.
     passed = (ShellbenchError, typer.Exit, typer.Abort, typer.BadParameter.__base__)
     if isinstance(error, passed):  # type: ignore[arg-type]
         raise error

@@ -1,4 +1,4 @@
-"""The command that compares runs of two times, or two solvers: ``compare``."""
+"""The command ``compare``, which compares runs of two times, or two solvers."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SIDE = "STORE|PACK|SOLVER|COMMIT"
 
 
 class ComparisonFormat(StrEnum):
-    """How to print a comparison."""
+    """Format of a comparison."""
 
     text = "text"
     markdown = "markdown"
@@ -68,16 +68,16 @@ def compare_command(
     ] = False,
     wide: WideOption = False,
 ) -> None:
-    """Hold two sides against each other: values, errors, seconds, memory, and what only one of them has.
+    """Compare two sides: values, errors, seconds, memory, and runs that only one of them has.
 
     A side is a folder of records, a pack (FILE.zip), a solver with runs in --store, or a commit that made runs there
-    (its first digits, or a name that git knows, as HEAD~1). Solvers are compared with solvers, at default settings; all
-    else run by run, whatever its code was.
+    (its first digits, or a name for git, as HEAD~1). Solvers are compared with solvers, at default settings. All other
+    sides are compared run by run, with any state of the code.
 
-    Exit 1 if B lost something: a run that ended worse (ok, not settled, failed), a frozen tolerance that is missed
-    now, or an error that grew by more than --threshold. An error within three uncertainties of its known value says
-    nothing. Where no value is known a figure can only change. Seconds and memory are ratios, which count only if
-    asked for, and only between like machines. Exit 2 if nothing can be compared.
+    Exit 1 if B has a loss: a run that ended worse (ok, not settled, failed), a frozen tolerance that it no longer
+    passes, or an error that grew by more than --threshold. An error within three uncertainties of the known value
+    counts as zero. Without a known value, a value can only change. Ratios of seconds and memory count only with
+    --seconds and --memory, and only between equal machines. Exit 2 if nothing can be compared.
 
     Examples
     --------

@@ -25,8 +25,8 @@ What next:
 def quick(store: StoreOption = DEFAULT_STORE, wide: WideOption = False) -> None:
     """Solve the suite `quick` by fem and ndf-ritz, and print the table and the verdict.
 
-    `run --quick` makes the same runs, and `check-solver --quick` asks another solver the same cases. Runs that have
-    a record are kept.
+    `run --quick` makes the same runs, and `check-solver --quick` solves the same cases with another solver. Runs with
+    a valid record are kept.
     """
     from shellbench.bench.judge import compare, verdicts
     from shellbench.bench.judge.expected import Scope
@@ -52,10 +52,10 @@ def quick(store: StoreOption = DEFAULT_STORE, wide: WideOption = False) -> None:
 
 
 def doctor(store: StoreOption = DEFAULT_STORE) -> None:
-    """Look at this machine: versions, threads, BLAS, GPU, memory, disk, solvers, and a solve of one second.
+    """Check this machine: versions, threads, BLAS, GPU, memory, disk, solvers, and a solve of one second.
 
-    The answer of the solve is held against its known value. A line begins with ok, note (it works, and there is
-    something to know) or BAD. The exit code is 1 if something is BAD.
+    The answer of the solve is compared with its known value. A line begins with ok, note (it works, with a remark) or
+    BAD. The exit code is 1 if something is BAD.
     """
     from shellbench.bench.judge.doctor import examine
     from shellbench.bench.store.store import Store
@@ -75,7 +75,7 @@ def _echo(text: str, width: int | None) -> None:
 
 
 def new_case(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="What the case is to be called: letters, digits and _.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the case: letters, digits, _ and -.")],
     like: Annotated[
         str | None,
         typer.Option(
@@ -91,7 +91,7 @@ def new_case(
         ),
     ] = None,
 ) -> None:
-    """Write a case of your own, NAME.toml, into this folder: a shell that both kinds of solver take.
+    """Write a case of your own, NAME.toml, into this folder: a shell for both kinds of solver.
 
     Examples
     --------
@@ -114,19 +114,17 @@ def new_case(
 
 
 def new_solver(
-    name: Annotated[
-        str, typer.Argument(metavar="NAME", help="What the solver is to be called: small letters, digits and -.")
-    ],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the solver: small letters, digits, - and _.")],
 ) -> None:
     """Write a package with a solver of your own into the folder NAME: a plate by a double sine series, ready to run.
 
-    Its mechanics are there to be replaced by yours; the rest can stay. The README of the folder says which is which.
+    Replace its mechanics by yours and keep the rest. The README of the folder lists the files of both.
     """
     from shellbench.bench.catalogue.templates import write_solver
 
     folder = write_solver(name, Path())
     typer.echo(f"{folder}/ is written. What next:")
     typer.echo(f'  python -m pip install --editable "{folder}[test]"')
-    typer.echo(f"  shellbench check-solver {name} --quick      does it keep the protocol, and what is its grade?")
-    typer.echo(f"  shellbench run square_plate --solver {name}")
-    typer.echo(f"  {folder}/README.md                          which file is what")
+    typer.echo(f"  shellbench check-solver {folder.name} --quick      check it against the protocol, and grade it")
+    typer.echo(f"  shellbench run square_plate --solver {folder.name}")
+    typer.echo(f"  {folder}/README.md                          the purpose of each file")

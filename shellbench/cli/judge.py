@@ -1,4 +1,4 @@
-"""The commands about what was run: ``table``, ``gate``, ``baseline``, ``report`` and ``export``."""
+"""The commands for existing runs: ``table``, ``gate``, ``baseline``, ``report`` and ``export``."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from shellbench.cli.options import (
 )
 from shellbench.errors import InputError
 
-FRAMES = 49  # of a series, unless told
+FRAMES = 49  # default number of states of a series
 
 if TYPE_CHECKING:
     pass
@@ -42,9 +42,9 @@ def table(
     suite: SuiteOption = None,
     wide: WideOption = False,
 ) -> None:
-    """Print the headline figures, the known values beside them, the errors and what each answer cost.
+    """Print the headline values, the known values, the errors and the cost of each answer.
 
-    Shown is what was run, each run once; with --suite, all of its runs that there are.
+    The table has all runs, each once; with --suite, all existing runs of this suite.
 
     JSON is a list of objects, one for each case, solver, settings, seed and quantity; the other formats print the
     headline quantity of each case.
@@ -65,7 +65,7 @@ def table(
         say(f"store {store} has no records that count of what was asked for: make some by `shellbench run`")
     shown = tables.render(rows, cast(Any, format.value), store=Store(store), whole=bool(suite), width=text_width(wide))
     typer.echo(shown, nl=False)
-    if rows and format in {Format.text, Format.markdown} and not suite and (more := compare.beyond(rows)):
+    if rows and format in {Format.text, Format.markdown} and not suite and (more := compare.missing_runs(rows)):
         typer.echo(f"\n{more}")
 
 
@@ -80,17 +80,16 @@ def gate_command(
     baseline: BaselineOption = DEFAULT_BASELINE,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print the green rows too.")] = False,
 ) -> None:
-    """Judge the records: exit 0 only if every gate holds.
+    """Judge the records: exit 0 only if every gate passes.
 
-    Judged is what was run; what was planned and did not end is red. With --suite, all that it gates is judged, and a
-    gated row without a record is red. Cases, --solver and --seed narrow what is judged, and it says so. If nothing
-    is judged, the exit code is 2.
+    The gate judges all runs. A planned run that did not end is red. With --suite, every gated value of this suite is
+    judged, and a gated row without a record is red. Cases, --solver and --seed restrict the judgement, and the output
+    lists the restrictions. The exit code is 2 if nothing is judged.
 
-    Accuracy holds each quantity against its known value at the tolerance frozen for the solver. The lock holds cases,
-    known values and tolerances of the suites that are judged: what makes the exam easier is red. Regression holds a
-    figure against the baseline.
-    Cost compares seconds, memory and parameters with the baseline's, between runs on like hardware. The latter two
-    are reported, and count only if asked for.
+    Accuracy compares each quantity with its known value, at the solver's frozen tolerance. The lock protects cases,
+    known values and tolerances of the judged suites: changes that make the exam easier are red. Regression compares
+    values with the baseline. Cost compares seconds, memory and parameters with the baseline, between runs on equal
+    hardware. Regression and cost are reported, and count only with --regression and --cost.
     """
     from shellbench.bench.catalogue import catalog
     from shellbench.bench.judge import verdicts
@@ -126,10 +125,10 @@ def baseline_command(
         typer.Option("--like", metavar="DIR", help="Store of the same runs from another processor; may be repeated."),
     ] = None,
 ) -> None:
-    """Show how the records differ from the baseline, and with --write make them the new one.
+    """Show the differences of the records from the baseline, and with --write make them the new baseline.
 
-    Only runs whose gated rows all hold can be remembered. Runs outside of --suite and --solver stay as they were.
-    What values differ by from those of --like widens what the regression gate allows.
+    Only runs whose gated rows all pass can be stored. Entries outside of --suite and --solver stay unchanged.
+    Differences from the values of --like widen the band of the regression gate.
     """
     from shellbench.bench.judge import baseline as baselines
     from shellbench.bench.judge import verdicts
@@ -165,7 +164,7 @@ def report(
 ) -> None:
     """Write the report: tables in Markdown, CSV, LaTeX and HTML, figures, and a page that shows them.
 
-    It is about what was run; with --suite, about that suite. Records are all it needs: no solver has to be installed.
+    The report has all runs; with --suite, those of this suite. It needs only records: no solver has to be installed.
     """
     from shellbench.bench.judge import compare
     from shellbench.bench.judge.gate import check_filled, missing_rows
@@ -226,7 +225,7 @@ def export(
     ] = None,
     store: StoreOption = DEFAULT_STORE,
 ) -> None:
-    """Write a stored solution, sampled as finely as you like, for another program.
+    """Write a stored solution, sampled at any resolution, for another program.
 
     The grid's points have displacement (m), strains (covariant components 11, 22, 12) and energy densities (J/m2). In
     .vtu the shell is undeformed, and viewers warp it by the displacement; .obj is the deformed shape.
@@ -259,4 +258,4 @@ def export(
         return
     states = exports.samples(where, stored, resolution, exports.marks_of(stored, frames or FRAMES))
     count = series.export_series(states, out, scale)
-    typer.echo(f"written to {out if out.suffix in series.SERIES else series.numbered(out, 0)}: {count} states")
+    typer.echo(f"written to {out if out.suffix in series.SERIES else series.numbered_file(out, 0)}: {count} states")

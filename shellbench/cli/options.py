@@ -1,4 +1,4 @@
-"""What several commands take, and how they speak: options, exit codes, lines on standard error."""
+"""Shared parts of commands: options, exit codes, and messages on standard error."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-LEAST_WIDTH = 60  # letters: less than that no table can be
+LEAST_WIDTH = 60  # smallest width of a table, in characters
 LARGEST_SEED = 2**31 - 1
 DEFAULT_STORE = Path("reports/runs")
 DEFAULT_REPORT = Path("reports/latest")
@@ -27,7 +27,7 @@ class Device(StrEnum):
 
 
 class Format(StrEnum):
-    """How to print a table."""
+    """Format of a table."""
 
     text = "text"
     markdown = "markdown"
@@ -58,7 +58,7 @@ def _complete_names(incomplete: str) -> list[str]:
     return [*_complete_cases(incomplete), *_complete_suites(incomplete), *_complete_solvers(incomplete)]
 
 
-# What shells offer on the tabulator key (`shellbench --install-completion`).
+# Completions for the tabulator key (`shellbench --install-completion`).
 CASES, SUITES, SOLVERS, NAMES = (
     {"autocompletion": complete} for complete in (_complete_cases, _complete_suites, _complete_solvers, _complete_names)
 )
@@ -85,7 +85,7 @@ SeedOption = Annotated[
 ]
 CasesArgument = Annotated[
     list[str] | None,
-    typer.Argument(metavar="[CASE|PATH.toml]...", help="Only these cases, of all that were run.", **CASES),
+    typer.Argument(metavar="CASE|PATH.toml", help="Only these cases, of all that were run.", **CASES),
 ]
 BaselineOption = Annotated[
     Path, typer.Option("--baseline", metavar="FILE", help="What the regression and cost gates remember.")
@@ -96,7 +96,7 @@ WideOption = Annotated[
 
 
 def text_width(wide: bool) -> int | None:
-    """Return the letters that a line of a table may have: those of the terminal; None, for any, where there is none."""
+    """Return the width of a table: that of the terminal; None, for any width, without a terminal."""
     if wide or not (sys.stdout.isatty() or os.environ.get("COLUMNS")):
         return None
     return max(LEAST_WIDTH, shutil.get_terminal_size().columns)
@@ -108,7 +108,7 @@ def say(sentence: str) -> None:
 
 
 def note(sentence: str) -> None:
-    """Write what else to know to standard error."""
+    """Write a note to standard error."""
     say(f"note: {sentence}")
 
 
@@ -119,7 +119,7 @@ def warn(sentences: tuple[str, ...]) -> None:
 
 
 def settings_of(texts: Sequence[str] | None) -> dict[str, dict[str, Any]]:
-    """Return settings by solver from what `--set` was given; InputError if one is malformed."""
+    """Return settings by solver from the values of `--set`; InputError if one is malformed."""
     from shellbench.bench.plugins.settings import parse_setting
 
     given: dict[str, dict[str, Any]] = {}

@@ -1,4 +1,4 @@
-"""The command ``passport``: which stiffness a solver really simulates."""
+"""The command ``passport``, which measures the stiffnesses that a solver really simulates."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ def passport_command(
     store: StoreOption = DEFAULT_STORE,
     wide: WideOption = False,
 ) -> None:
-    """Tell which material a solver really simulates: its stiffnesses as multiples of those that it was given.
+    """Measure the material that a solver really simulates: its stiffnesses as multiples of the given ones.
 
-    Stretch, shear, twist, bending under its own weight up to Gamma = q L^3 / B = 1000, and free fall. The runs are
-    those of the suite `passport`, on several meshes where it declares them; a ratio is that of the finest, with its
-    uncertainty. What a solver declines is said. The exit code is 1 if nothing could be measured or a run failed.
+    The tests are stretch, shear, twist, bending under its own weight up to Gamma = q L^3 / B = 1000, and free fall. The
+    runs are those of the suite `passport`, some of them on several meshes. A ratio is that of the finest mesh, with its
+    uncertainty. Declined cases are listed. The exit code is 1 if nothing could be measured or a run failed.
 
     Examples
     --------

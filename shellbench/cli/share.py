@@ -21,15 +21,13 @@ def pack(
     ] = None,
     install: Annotated[
         str,
-        typer.Option(
-            "--install", metavar="COMMAND", help="How to install the solver; said by its package if not given."
-        ),
+        typer.Option("--install", metavar="COMMAND", help="How to install the solver. Default: from its repository."),
     ] = "",
 ) -> None:
     """Pack a solver's records into one file, to submit them to a board.
 
-    Packed are the runs that count, of the suite's own cases: values, settings, versions, seconds and machine, each
-    record with its checksum. The file is a zip of JSON. It has no solutions and no code.
+    The pack has the valid runs of the suite's own cases: values, settings, versions, seconds and machine, each record
+    with its checksum. The file is a zip of JSON. It has no solutions and no code.
 
     Examples
     --------
@@ -49,7 +47,7 @@ def pack(
     runs = len(manifest.runs)
     typer.echo(
         f"written to {file}: {runs} run{'' if runs == 1 else 's'} of {solver} {manifest.version}\n"
-        f"install:  {manifest.install}\n"
+        f"install:  {manifest.install or 'not stated; --install COMMAND states it'}\n"
         f"checksum: {manifest.checksum}"
     )
 
@@ -64,8 +62,8 @@ def board(
 ) -> None:
     """Build a static page from packs: by case, and by cost at equal error.
 
-    Each pack is checked first. One that was changed since it was written is refused, and no page is built. Errors and
-    verdicts are made anew from today's known values.
+    Each pack is checked first. If a pack was changed since it was written, it is refused, and no page is built. Errors
+    and verdicts are computed from today's known values.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The commands that ask solvers: ``list``, ``run`` and ``check-solver``."""
+"""The commands that use solvers: ``list``, ``run`` and ``check-solver``."""
 
 from __future__ import annotations
 
@@ -33,24 +33,24 @@ if TYPE_CHECKING:
     from shellbench.bench.store.store import Store
 
 
-QUICK_SOLVERS = ("fem", "ndf-ritz")  # of either kind the one that takes seconds
+QUICK_SOLVERS = ("fem", "ndf-ritz")  # the solver of each kind that takes seconds
 
 
 def list_command(
     name: Annotated[
         str | None,
         typer.Argument(
-            metavar="[NAME|PATH.toml]", help="A case, a variant such as CASE@oblique, a suite or a solver.", **NAMES
+            metavar="NAME|PATH.toml", help="A case, a variant such as CASE@oblique, a suite or a solver.", **NAMES
         ),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
     every: Annotated[bool, typer.Option("--all", help="A line for each case instead.")] = False,
     wide: WideOption = False,
 ) -> None:
-    """List suites and solvers by kind of problem; with a name, all about that one.
+    """List suites and solvers by kind of problem; with a name, describe this one.
 
-    Of a case that is its question, what is known of each quantity, and what each solver is allowed; of a suite its
-    cases and runs; of a solver its settings, what it declines, and its tolerances.
+    A case is described by its question, its known values, and the tolerance of each solver; a suite by its cases and
+    runs; a solver by its settings, the cases that it declines, and its tolerances.
 
     Examples
     --------
@@ -72,7 +72,7 @@ def list_command(
 
 @contextlib.contextmanager
 def plugins_are_input() -> Iterator[None]:
-    """Take a plug-in that does not answer for bad input: the commands here are about plug-ins."""
+    """Turn the error of a plug-in that does not answer into bad input, because these commands are about plug-ins."""
     try:
         yield
     except PluginError as error:
@@ -82,9 +82,7 @@ def plugins_are_input() -> Iterator[None]:
 def run(
     cases: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="[CASE|PATH.toml]...", help="Names of cases, or paths to case files of your own.", **CASES
-        ),
+        typer.Argument(metavar="CASE|PATH.toml", help="Names of cases, or paths to case files of your own.", **CASES),
     ] = None,
     suite: SuiteOption = None,
     solver: SolverOption = None,
@@ -147,14 +145,14 @@ def run(
 ) -> None:
     """Solve cases and keep the answers as records.
 
-    Name cases, suites or both. A suite runs the solvers, settings and seeds that it declares; --solver narrows it
-    to those, --seed and --set replace what it declares. A case without a suite runs as its first suite declares,
+    Name cases, suites or both. A suite runs its declared solvers, settings and seeds; --solver restricts it to these
+    solvers, --seed and --set replace its seeds and settings. A case without a suite runs as its first suite declares,
     a case of your own with every solver of the obstacle course.
 
-    What has a record already is kept, so a run that was interrupted goes on where it stopped; failed runs are
-    tried again. `run` does not judge the answers: `gate` does.
+    Runs with a valid record are kept, so an interrupted command continues where it stopped. Failed runs are tried
+    again. `run` does not judge the answers: `gate` does.
 
-    The exit code is 1 if a run failed, or if a solver says of its answer that it has not settled: that answer is
+    The exit code is 1 if a run failed, or if a solver states that its answer has not settled. Such an answer is
     recorded with its value and uncertainty, and no gate passes it.
 
     Examples
@@ -194,7 +192,7 @@ def run(
 
 
 def carry_out(request: Request, where: Store, executor: Executor, *, force: bool = False, verbose: bool = False) -> int:
-    """Plan, run and tell; return the exit code."""
+    """Plan and make the runs, and print the result; return the exit code."""
     from rich.console import Console
 
     from shellbench.bench.run.display import display
@@ -221,7 +219,7 @@ def carry_out(request: Request, where: Store, executor: Executor, *, force: bool
 
 
 def _print_logs(where: Store, outcomes: list[Outcome]) -> None:
-    """Print what runs wrote that did not end well."""
+    """Print the output of runs that did not end well."""
     from shellbench.bench.run.display import run_name
     from shellbench.bench.store.store import LOG
 
@@ -246,7 +244,7 @@ def _executor(scheduler: str | None, jobs: int | None, threads: int | None, time
 
 
 def _summary(plan: Plan, outcomes: list[Outcome]) -> int:
-    """Print how the runs ended, and return the exit code."""
+    """Print the results of the runs, and return the exit code."""
     from shellbench.bench.run.display import run_name
     from shellbench.bench.store.record import NOT_SETTLED
 
@@ -317,16 +315,16 @@ def check_solver_command(
 ) -> None:
     """Check that a solver keeps the protocol, one line a check, and grade it.
 
-    Asked are, among others, continuous answers, determinism, units, rigid motions, a rate of convergence, energies,
-    and honest counts of parameters and bytes. A solver's theories say which kind of problem it is asked: a shell or a
-    rope. A solver that crashes or hangs fails the check in which it does.
+    The checks include continuous answers, determinism, units, rigid motions, a rate of convergence, energies, and
+    correct counts of parameters and bytes. A solver's theories determine its kind of problem: a shell or a rope. A
+    solver that crashes or hangs fails the current check.
 
-    The grade is the best of the classes 1e-2, 1e-3, 1e-4 that it holds in every figure of every case that judges it; of
-    the cases that --case names if any are named. Exit 1 if a check fails or no class is held, 2 if it declines all.
+    The grade is the best of the classes 1e-2, 1e-3, 1e-4 that it reaches in every value of every judged case, or of
+    the cases of --case. Exit 1 if a check fails or no class is reached, 2 if it declines all.
 
-    A class needs checks that values can't replace: continuity, energies, linearity, placement, and work. What they
-    found is kept in the store; `gate`, `pack` and `board` call a solver without it "not checked". Beside the grade the
-    field is compared with that of `fem` at points that no case asks for.
+    A class needs checks that values can't replace: continuity, energies, linearity, placement, and work. Their results
+    are kept in the store; `gate`, `pack` and `board` call a solver without them "not checked". The field is also
+    compared with that of `fem` at points of no case; this does not change the grade.
 
     Examples
     --------

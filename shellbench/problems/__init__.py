@@ -1,1 +1,1 @@
-"""Kinds of problem: what is asked of solvers."""
+"""Kinds of problem that solvers can be given."""

@@ -63,12 +63,12 @@ class Expression:
     constants
         Named constants of the case file, beside pi.
     piecewise
-        Whether min(a, b), max(a, b), abs(a) and where(a < b, c, d) may stand in it.
+        Whether it may contain min(a, b), max(a, b), abs(a) and where(a < b, c, d).
 
     Raises
     ------
     InputError
-        If the text is anything else than a formula of allowed parts.
+        If the text is no formula of allowed parts.
     """
 
     def __init__(
@@ -86,9 +86,10 @@ class Expression:
 
     @property
     def parts(self) -> tuple[Expression, ...]:
-        """What may vary quickly in a long formula: its calls, divisors and high powers; itself if it is short.
+        """Parts of a long formula that may vary quickly: its calls, divisors and high powers; a short formula itself.
 
-        A long formula is a polynomial of these. Intervals of it as a whole would be as wide as it is long.
+        A long formula is a polynomial of these parts. An interval of the whole formula would be too wide, since
+        interval bounds grow with its length.
         """
         if sum(1 for _ in ast.walk(self._tree)) <= LONG:
             return (self,)
@@ -98,12 +99,12 @@ class Expression:
 
     @property
     def constant(self) -> bool:
-        """Whether no variable stands in the formula."""
+        """True if the formula contains no variable."""
         return not any(self.depends_on(name) for name in self._variables)
 
     @property
     def key(self) -> tuple[object, ...]:
-        """All that the formula is made of, to know it by."""
+        """Text, variables and constants of the formula: its key in caches."""
         return self.text, self._variables, tuple(self._constants.items()), self._piecewise
 
     @classmethod
@@ -112,12 +113,12 @@ class Expression:
         return cls(key[0], key[1], dict(key[2]), key[3])
 
     def depends_on(self, variable: str) -> bool:
-        """Tell whether a variable stands in the formula."""
+        """Return True if the formula contains a variable."""
         return any(isinstance(node, ast.Name) and node.id == variable for node in ast.walk(self._tree))
 
     @property
     def rivals(self) -> tuple[tuple[Expression, ...], ...]:
-        """By call that is piecewise, what stands inside first, the formulas the least of which decides what it is."""
+        """Rival formulas of each piecewise call, inner calls first; the least rival decides the call's value."""
         found: list[list[ast.expr]] = []
         for node in ast.walk(self._tree):
             match node:
@@ -133,7 +134,7 @@ class Expression:
         return tuple(tuple(self._part(tree, lines) for tree in trees) for trees in found[::-1])
 
     def _part(self, tree: ast.expr, lines: tuple[bytes, ...]) -> Expression:
-        """Return a part of the formula, which need not be read again."""
+        """Return a part of the formula, without parsing it again."""
         part = object.__new__(Expression)
         part.text, part._tree = ast.unparse(tree), tree
         part._variables, part._constants, part._piecewise = self._variables, self._constants, self._piecewise
@@ -220,7 +221,7 @@ def derivatives_of(
 
 
 class _Formula(NamedTuple):
-    """What decides whether a formula is allowed: its text, and the names and functions that may stand in it."""
+    """A formula's text with the names and functions that it may contain; these decide if it is allowed."""
 
     text: str
     variables: tuple[str, ...]
@@ -236,7 +237,7 @@ Evaluation = Callable[[dict[str, Taylor], int], Taylor]
 def _read(
     text: str, variables: tuple[str, ...], constants: tuple[str, ...], piecewise: bool
 ) -> tuple[ast.expr, Evaluation]:
-    """Parse and check a formula, once: cases and their variants share most of theirs, whatever their constants are."""
+    """Parse and check a formula, cached: cases and their variants share most formulas, whatever their constants."""
     if len(text) > MAX_LENGTH:
         raise InputError(f"a formula of {len(text)} characters is longer than the {MAX_LENGTH} allowed")
     try:
@@ -323,7 +324,7 @@ def _evaluation(node: ast.AST, lines: tuple[bytes, ...]) -> Evaluation:
             words, call = _words(node, lines), _call(node, lines)
 
             def called(values: dict[str, Taylor], order: int) -> Taylor:
-                # where a coordinate is itself a formula, as in variants, it stands in many places: it is made once
+                # in variants a coordinate is itself a formula, which occurs in many places: it is evaluated once
                 if words not in values:
                     values[words] = call(values, order)
                 return values[words]
@@ -349,7 +350,7 @@ def _parts(node: ast.AST) -> Iterator[ast.expr]:
 
 
 def _words(node: ast.expr, lines: tuple[bytes, ...]) -> str:
-    """Return the text of a part; to unparse what stands in a nest would take the square of its depth."""
+    """Return the text of a part; `ast.unparse` on a nested part would take time as the square of its depth."""
     rows = [*lines[node.lineno - 1 : node.end_lineno]]
     rows[-1] = rows[-1][: node.end_col_offset]
     rows[0] = rows[0][node.col_offset :]

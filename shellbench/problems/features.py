@@ -1,7 +1,7 @@
-"""Where formulas vary so quickly that samples of them may miss it, found by bounds that hold between samples, too.
+"""Places where formulas vary so quickly that samples may miss it, found by bounds that also hold between samples.
 
-A rectangle is divided until what samples of its cells can't tell is a small share of the whole. In a cell of size h
-that is what a polynomial through Chebyshev's points may be off by,
+A rectangle is divided until the error of samples of its cells is a small share of the whole. In a cell of size h this
+is the error bound of a polynomial through Chebyshev's points,
 
     e = min( max f - min f,  max |f^(k)|/k! 2 (h/4)^k ),    k = 1 .. 6,
 
@@ -34,23 +34,23 @@ Group = tuple[Sequence[Expression], float]
 TOLERANCES: dict[Measure, float] = {"integral": 1e-5, "curvature": 1e-3}
 """Shares of the whole: a tenth of the finest class of accuracy (1e-4) that answers are judged by. Of the second
 derivatives of a surface, which layers average over their length, a thousandth."""
-MOST_CELLS = 20_000  # of a formula: more take seconds, and what needs them no mesh would follow
+MOST_CELLS = 20_000  # of a formula: more take seconds, and no mesh would resolve such a formula
 FIRST = 8  # cells a side, at first
 ORDER = 6  # of the polynomials: cells and panels have as many Gauss points a side
 AT_ONCE = 0.01  # of the largest share: cells that are halved together have no less
-AT_A_TIME = 1024  # cells: what their series take stays in the cache
+AT_A_TIME = 1024  # cells: their series fit into the cache
 SHORTEST = 1e-12  # of the side: a shorter cell holds a jump, a kink or a pole
-NARROW = 1 / 64  # of the side: samples of all meshes and rules are denser than what is wider
+NARROW = 1 / 64  # of the side: samples of all meshes and rules resolve wider features
 STRAIGHT = 1e-4  # curvature, in units of slope over side, of a surface that counts as none
-POINTLIKE, MOST_PEAKS = NARROW / 16, 8  # of the side: cells of what is as good as a point; and so many of these
+POINTLIKE, MOST_PEAKS = NARROW / 16, 8  # of the side: cells that count as a point, and the largest number of these
 ALIKE = 1e-6  # relative: longer cells are longer
-FARTHER, GROWS = 16, 0.8  # sizes of the last cells from which one looks at a pole; what is smaller has an integral
+FARTHER, GROWS = 16, 0.8  # sizes of the last cells at which a pole is tested; a slower growth has an integral
 NAMES = ("xi1", "xi2")
 
 
 @dataclass(frozen=True)
 class Division:
-    """Cells of a rectangle in each of which polynomials tell a formula.
+    """Cells of a rectangle; in each, polynomials resolve a formula.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class Division:
     halved
         (n, 2) whether a cell was halved along each coordinate.
     undecided
-        A place where the formula varies more quickly than the smallest cells tell; None if there is none.
+        A place where the formula varies more quickly than the smallest cells resolve; None if there is none.
     pole
         A place where it is not finite, or grows without bound; None if there is none.
     """
@@ -92,9 +92,9 @@ class Division:
         return np.unique([self.low[there, axis], self.high[there, axis]])
 
     def peaks(self, axes: Sequence[int], most: float) -> list[tuple[Place, float]]:
-        """Return the middles of where cells are shortest, if less than `most` of each side, and how short that is.
+        """Return the middles and the length of the shortest cells, if these are shorter than `most` of each side.
 
-        `axes` are the coordinates along which they have to be. What has many such places is none of them.
+        `axes` are the coordinates along which they have to be short. A formula with many such places has no peaks.
         """
         if self.undecided is not None:
             return []
@@ -134,7 +134,7 @@ class Division:
             for at in (low + slack, high - slack)
         )
         # 1. Cells of the mesh that are longer than a narrow cell in them are cut.
-        # 2. Their parts are what they have in common with each cell of the division. Others stay whole.
+        # 2. Their parts are their intersections with the cells of the division. Other cells stay whole.
         cut = np.zeros(shape, dtype=bool)
         for k in np.flatnonzero(narrow.any(axis=1)).tolist():
             here = tuple(slice(first[k, a], last[k, a] + 1) for a in (0, 1))
@@ -166,20 +166,20 @@ def cut_line(line: Array, at: Array, periodic: bool) -> Array:
 
 
 def divided(groups: Sequence[Group], box: Box, measure: Measure = "integral", lines: Lines = ((), ())) -> Division:
-    """Divide a rectangle until samples tell formulas; see `shellbench.problems.features`.
+    """Divide a rectangle until samples resolve the formulas; see `shellbench.problems.features`.
 
     Parameters
     ----------
     groups
-        Formulas of xi1, xi2 and t, and t. Formulas of a group are components of one vector: they are compared with
-        each other. Cells tell all groups.
+        Formulas of xi1, xi2 and t, and t. Formulas of a group are components of one vector: they are compared with each
+        other. The cells resolve all groups.
     box
         The rectangle.
     measure
-        Whether the integral of what samples can't tell is compared with that of the formulas, or that of their second
-        derivatives with these, as of surfaces.
+        Whether the integral of the samples' error is compared with that of the formulas; or, as for surfaces, the error
+        of second derivatives with these.
     lines
-        Values of xi1, and of xi2, at which kinks are known: cells end there.
+        Values of xi1, and of xi2, with known kinks: cells end there.
     """
     keys = tuple((tuple(formula.key for formula in formulas), t) for formulas, t in groups)
     return _divided(keys, box, measure, lines)
@@ -216,14 +216,15 @@ class Dividing:
 
     @cached_property
     def nothing(self) -> Array:
-        """Lengths (2,) that are none, or rounding."""
+        """Lengths (2,) below which a side is zero or rounding."""
         return np.asarray(SHORTEST * self.side + 8 * np.finfo(float).eps * np.abs(self.box).max(axis=1))
 
     def of(self, cells: Division) -> Division:
-        """Return the cells, halved until they tell the formulas."""
-        # 1. What samples can't tell of each cell, along each coordinate, times the cell's area, and the whole.
-        # 2. The cells with the most of it, but for those which together have less than the tolerance, are halved.
-        # 3. Cells without size hold a jump, a kink or a pole, which is looked at from its sides.
+        """Return the cells, halved until they resolve the formulas."""
+        # 1. The error of samples in each cell, along each coordinate, times the cell's area; and the integral of the
+        #    formulas.
+        # 2. The cells with the largest errors are halved, except those whose errors together are below the tolerance.
+        # 3. Cells without size contain a jump, a kink or a pole, which is tested from its sides.
         low, high, halved = cells.low, cells.high, cells.halved
         error, whole = self.told(low, high)
         while True:
@@ -251,13 +252,13 @@ class Dividing:
         return Division(low, high, halved, undecided, pole or cells.pole)
 
     def told(self, low: Array, high: Array) -> tuple[Array, Array]:
-        """Return what samples of cells can't tell along each axis (n, axes), and the least magnitude (n,) there."""
+        """Return the error of samples along each axis (n, axes) and the formulas' least magnitude (n,), by cell."""
         parts = [slice(start, start + AT_A_TIME) for start in range(0, len(low), AT_A_TIME)]
         each = [self._told(low[part], high[part]) for part in parts]
         return np.concatenate([error for error, _ in each]), np.concatenate([whole for _, whole in each])
 
     def _told(self, low: Array, high: Array) -> tuple[Array, Array]:
-        # On a known line a formula is neither of its pieces: cells are looked at from a little inside. Around a closed
+        # On a known line a formula has neither of its pieces: cells are evaluated a little inside. Around a closed
         # coordinate such a formula has another kink at the seam.
         inside = [low.copy(), high.copy()]
         for a in (a for a in self.axes if self.lines[a]):
@@ -285,7 +286,7 @@ class Dividing:
         return error, whole
 
     def halves(self, low: Array, high: Array, halved: Mask, error: Array) -> tuple[Array, Array, Mask]:
-        """Return the halves of cells, across the coordinate of the larger error, or the longer one of the same."""
+        """Return the halves of cells, across the coordinate of the larger error; at equal errors, the longer side."""
         relative = (high - low)[:, self.axes] / self.side[self.axes]
         most = error == error.max(axis=1, keepdims=True)
         axis = np.array(self.axes)[np.argmax(np.where(most, relative, -1.0), axis=1)]

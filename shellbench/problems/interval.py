@@ -1,10 +1,10 @@
-"""Intervals that hold all values of a formula on a box: what samples of it can't tell.
+"""Intervals that enclose all values of a formula on a box, also those between samples.
 
-An `Interval` stands where `Taylor` series have arrays of numbers, so that one evaluation of a formula encloses its
+An `Interval` takes the place of arrays of numbers in `Taylor` series, so that one evaluation of a formula encloses its
 values, or any of its derivatives, over many boxes at once (Moore, Kearfott & Cloud, Introduction to Interval Analysis,
 2009, chapters 5 and 6). NumPy's functions of an interval are those of `_FUNCTIONS`; others are refused.
 
-Where an argument leaves the domain of a function, nothing is known of its value: the interval is then unbounded.
+If an argument leaves the domain of a function, its value is unknown: the interval is then unbounded.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-ROUNDED = 2.0**-52  # relative: what one operation may round away, to either side
+ROUNDED = 2.0**-52  # relative: rounding of one operation, to either side
 APPROXIMATED = 2.0**-49  # relative: the same of functions whose last digits are the library's choice
 
 
@@ -37,7 +37,7 @@ class Interval(NDArrayOperatorsMixin):
     ndim = 1
 
     def __init__(self, low: Array, high: Array) -> None:
-        # what is no number is a bound that is not known
+        # NaN is an unknown bound
         unknown = np.isnan(low) | np.isnan(high)
         self.low, self.high = (low, high) if not unknown.any() else _without(low, high)
 
@@ -60,7 +60,7 @@ class Undecided:
     fails: NDArray[np.bool_]
 
     def chosen(self, first: Any, second: Any, known: bool) -> Interval:
-        """Return the one or the other; where both may be it, what holds both if that is `known`, or else no bounds."""
+        """Return one or the other; if both are possible, an enclosure of both if that is `known`, else no bounds."""
         one, other = interval_of(first), interval_of(second)
         low = np.minimum(one.low, other.low) if known else -np.inf
         high = np.maximum(one.high, other.high) if known else np.inf
@@ -80,14 +80,14 @@ def interval_of(value: Any) -> Interval:
 
 
 def is_interval(*values: Any) -> bool:
-    """Tell whether any of the values is an interval."""
+    """Return True if any of the values is an interval."""
     return any(isinstance(value, Interval) for value in values)
 
 
 def products(first: Sequence[Any], second: Sequence[Any]) -> list[Interval]:
-    """Return the first coefficients of the product of two power series, whose own ones are intervals or numbers.
+    """Return the first coefficients of the product of two power series with intervals or numbers as coefficients.
 
-    Of middles and radii, (a +- r) (b +- s) is in a b +- (|a| s + r (|b| + s)): coefficients go through it together.
+    With middles and radii, (a +- r) (b +- s) lies in a b +- (|a| s + r (|b| + s)), for all coefficients at once.
     """
     (a, r), (b, s) = _middles(first), _middles(second)
     size, most = np.abs(a), np.abs(b) + s
@@ -136,7 +136,7 @@ def _multiply(a: Any, b: Any) -> Interval:
         ends = (a.low * b.low, a.low * b.high, a.high * b.low, a.high * b.high)
         low = np.fmin(np.fmin(ends[0], ends[1]), np.fmin(ends[2], ends[3]))
         high = np.fmax(np.fmax(ends[0], ends[1]), np.fmax(ends[2], ends[3]))
-    # a product of zero and what has no bound is zero: the bound is none of the values
+    # a product of zero and an infinite bound is zero: the bound itself is not a value
     if (nothing := np.isnan(low)).any():
         low, high = np.where(nothing, 0.0, low), np.where(nothing, 0.0, high)
     return _outward(low, high)
@@ -194,7 +194,7 @@ _exp = _rising(np.exp)
 
 def _log(x: Interval) -> Interval:
     found = _within(x, 0.0, math.inf, np.log)
-    # near 1 the logarithm is as small as what its argument has lost
+    # near 1 the logarithm is as small as the rounding of its argument
     return Interval(found.low - APPROXIMATED, found.high + APPROXIMATED)
 
 
@@ -205,7 +205,7 @@ def _cosine(x: Interval) -> Interval:
     wide = ~(x.high - x.low < turn) | ~(x.size < 1e15)
 
     def holds(at: float) -> NDArray[np.bool_]:
-        """Tell whether some at + n turns is inside."""
+        """Return True if at + n turns is inside for some n."""
         return wide | (np.floor((x.high + slack - at) / turn) >= np.ceil((x.low - slack - at) / turn))
 
     low = np.where(holds(math.pi), -1.0, np.minimum(*ends) - APPROXIMATED)

@@ -1,8 +1,8 @@
-"""Where piecewise formulas have kinks or jump, found from the formulas: lines along the coordinates, or a refusal.
+"""Kinks and jumps of piecewise formulas, found from the formulas: lines along the coordinates, or a refusal.
 
-`min`, `max`, `abs` and `where` change over where another of their rivals is the least. If that depends on one
-coordinate alone, the places are coordinate lines, which meshes and quadratures can take for their own. Others can't be
-taken. Intervals tell where one rival is less than all others, however narrow the rest is.
+`min`, `max`, `abs` and `where` change over where another of their rivals becomes the least. If that depends on one
+coordinate alone, the places are coordinate lines, at which cells of meshes and quadratures can end. Other lines are
+refused. Intervals show where one rival is less than all others, however narrow the rest is.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def kink_lines(formula: Expression, bounds: Box) -> tuple[list[float], list[floa
 
 
 def _live(formula: Expression, rivals: Sequence[Expression], bounds: Box) -> Sequence[Expression]:
-    """Return the rivals that may change over somewhere: all of one coordinate, or what the cells of both leave.
+    """Return the rivals that may change over somewhere: all of one coordinate, or those left by cells of both.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def _difference(first: Expression, second: Expression) -> str:
 
 
 def _changes(formula: Expression, rivals: Sequence[Expression], axis: int, bounds: Box) -> list[float]:
-    """Return where along a coordinate another rival becomes the least, or InputError if there are too many places."""
+    """Return the places on a coordinate where another rival becomes the least; InputError if there are too many."""
     box = tuple(b if a == axis else (0.0, 0.0) for a, b in enumerate(bounds))
     low, high = grid((box[0], box[1]), [8 * FIRST if a == axis else 1 for a in (0, 1)])
     nothing = SHORTEST * (bounds[axis][1] - bounds[axis][0]) + 8 * np.finfo(float).eps * np.abs(bounds[axis]).max()
@@ -109,7 +109,7 @@ def _changes(formula: Expression, rivals: Sequence[Expression], axis: int, bound
             raise InputError(f"'{formula.quoted}' changes over at more than {MOST_LINES} values of {NAMES[axis]}")
         low, high = _halved(low, high, axis)
     before, after = (np.concatenate(ends) for ends in zip(*brackets, strict=True))
-    # what lies on an end of cells lies between them
+    # a place on an end of cells lies between them
     before[:, axis] = np.maximum(before[:, axis] - nothing, bounds[axis][0])
     after[:, axis] = np.minimum(after[:, axis] + nothing, bounds[axis][1])
     first, then = (_values(rivals, ends).argmin(axis=0) for ends in (before, after))
@@ -133,9 +133,9 @@ def _values(rivals: Sequence[Expression], points: Array) -> Array:
 
 
 def _rivalling(rivals: Sequence[Expression], low: Array, high: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Tell which rivals (r, n) may be the least somewhere in a cell, and in which cells (n,) two are so one by one.
+    """Return masks: of rivals (r, n) that may be the least in a cell, and of cells (n,) where two are so in turn.
 
-    That is where their difference only rises, or only falls, along the one coordinate that counts.
+    In these cells the difference of the two only rises, or only falls, along the one coordinate that counts.
     """
     boxes, half, mine = boxes_of(low, high, 1.0), (high - low) / 2, np.arange(len(low))
     at = _values(rivals, (low + high) / 2)
@@ -145,7 +145,7 @@ def _rivalling(rivals: Sequence[Expression], low: Array, high: Array) -> tuple[N
         values = [rival.enclosed(boxes)[0] for rival in rivals]
         near = np.stack([v.low for v in values]) <= np.stack([v.high for v in values])[first, mine]
         some = np.flatnonzero(near.any(axis=1)).tolist()
-        # 2. By the difference to the one that is the least in the middle: its value there, and its slopes.
+        # 2. By the difference to the rival that is the least in the middle: its value there, and its slopes.
         place = np.searchsorted(some, first)
         reach = np.zeros((len(some), len(low)))
         rises: NDArray[np.bool_] = np.ones(reach.shape, dtype=bool)

@@ -1,4 +1,4 @@
-"""What moves as it is told: places in space as formulas of the time, for roots and obstacles."""
+"""Prescribed motions: places in space as formulas of the time, for roots and obstacles."""
 
 from __future__ import annotations
 

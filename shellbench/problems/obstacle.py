@@ -1,7 +1,7 @@
 """Obstacles: bodies that masses and shells can't enter, given by their signed distance phi.
 
-phi is negative inside. Its gradient has length one and points outward. All bodies can move without turning. Of a
-formula that is no distance, phi over the length of its gradient is one to first order: exact at the surface.
+phi is negative inside. Its gradient has length one and points outward. All bodies can move without turning. For a
+formula that is no distance, phi over the length of its gradient is a distance to first order, exact at the surface.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ QUOTED = 60  # characters of a formula in a message
 
 
 class Body(Model):
-    """What obstacles have in common."""
+    """Base of all obstacles: a centre, friction and a signed distance."""
 
     centre: Path = Field(description="where it is, m: numbers, or formulas of the time t")
     friction: Annotated[Finite, Field(ge=0)] = Field(0.0, description="Coulomb's coefficient")
@@ -78,7 +78,7 @@ class Directed(Body):
 
 
 class HalfSpace(Directed):
-    """All that is below a plane through the centre."""
+    """The half-space below a plane through the centre."""
 
     kind: Literal["plane"]
 
@@ -108,7 +108,7 @@ class Plate(Directed):
 
 
 class Capsule(Body):
-    """A ball that is drawn along a segment."""
+    """A ball swept along a segment."""
 
     kind: Literal["capsule"]
     half_axis: Vector = Field(description="from the centre to an end of the segment, m")
@@ -155,7 +155,7 @@ def _parsed(formula: str) -> Expression:
 
 
 class FormulaBody(Body):
-    """All where a formula is negative. Distances are phi over the length of its gradient."""
+    """The body where a formula is negative. Distances are phi over the length of its gradient."""
 
     kind: Literal["formula"]
     centre: Path = Field((0.0, 0.0, 0.0), description="where x = y = z = 0, m: numbers, or formulas of the time t")
@@ -168,7 +168,7 @@ class FormulaBody(Body):
         return phi
 
     def _to_first_order(self, offsets: Array) -> tuple[Array, Array]:
-        """Return phi (...) and its gradient (..., 3), both over the gradient's length; InputError if that is none."""
+        """Return phi (...) and its gradient (..., 3), both over the gradient's length; InputError if that is zero."""
         x, y, z = np.moveaxis(offsets, -1, 0)
         # series have two variables: one pass for x and y, one for z
         across = {"x": Taylor.variable(x, 0, 1), "y": Taylor.variable(y, 1, 1), "z": Taylor.constant(z, 1)}
@@ -178,7 +178,7 @@ class FormulaBody(Body):
         phi = np.broadcast_to(level.value, x.shape)
         gradient = np.stack([np.broadcast_to(slope, x.shape) for slope in slopes], axis=-1)
         steep = np.linalg.norm(gradient, axis=-1)
-        somewhere = np.isfinite(offsets).all(axis=-1)  # what has diverged is said elsewhere
+        somewhere = np.isfinite(offsets).all(axis=-1)  # divergence is reported elsewhere
         wrong = somewhere & ~(np.isfinite(phi) & np.isfinite(steep) & (steep > 0))
         if wrong.any():
             place = ", ".join(f"{value:g}" for value in offsets[wrong][0])

@@ -1,4 +1,4 @@
-"""Where formulas are not finite, not positive, or not smooth: found by halving cells whose bounds do not tell."""
+"""Places where formulas are not finite, not positive, or not smooth, found by halving undecided cells."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ MOST_LOOKED_AT = 1024  # cells whose bounds do not tell whether a formula is fin
 def bad_place(formula: Expression, box: Box, least: float = -np.inf, t: float = 1.0, order: int = 0) -> Place | None:
     """Return a place where a formula, or a derivative up to an order, is not a number in range, or None.
 
-    In range is what is at most `LARGEST` in size; the formula itself is above `least` as well.
+    A number in range is at most `LARGEST` in size; the formula itself is also above `least`.
 
-    Cells whose bounds do not tell are halved. Of many some are looked at; what they leave, solvers' divisions tell.
+    Cells whose bounds do not decide are halved. If there are many, only some are examined; the divisions of solvers
+    find the rest.
     """
     axes = [a for a in (0, 1) if box[a][1] > box[a][0] and formula.depends_on(NAMES[a])]
     low, high = grid(box, [FIRST if a in axes else 1 for a in (0, 1)])
@@ -51,8 +52,9 @@ def bad_place(formula: Expression, box: Box, least: float = -np.inf, t: float = 
 def rough_place(formulas: Sequence[Expression], box: Box) -> tuple[Place, tuple[Array, Array], int] | None:
     """Return a place where slopes or curvatures jump, or have no bounds, for whatever reason; None if there is none.
 
-    With it come the points (2,) on its two sides, and the least order of the derivatives that differ there. Cells
-    on which intervals bound all second derivatives hold no such place. Of many others some are looked at.
+    With it come the points (2,) on its two sides, and the least order of the derivatives that differ there. Cells on
+    which intervals bound all second derivatives contain no such place. If there are many other cells, only some are
+    examined.
     """
     for formula in formulas:
         axes = [a for a in (0, 1) if formula.depends_on(NAMES[a])]
@@ -79,7 +81,7 @@ def rough_place(formulas: Sequence[Expression], box: Box) -> tuple[Place, tuple[
 
 
 def _jump(formulas: Sequence[Expression], ends: Array, box: Box) -> int | None:
-    """Return the least order of derivatives that differ at two points, relative to what they are; None if none do."""
+    """Return the least order of derivatives that differ relatively at two points; None if none do."""
     with np.errstate(all="ignore"):
         found = [formula.derivatives(ends, 2) for formula in formulas]
     side = np.array([stop - start for start, stop in box])

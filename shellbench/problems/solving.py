@@ -1,4 +1,4 @@
-"""What solvers of all kinds have in common: how they take a case, settings and progress. No mechanics."""
+"""Base classes of the solvers of all kinds: they check the case and its settings, and report progress. No mechanics."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from shellbench.problem import Capabilities, Progress, ProgressCallback, Setting
 
 
 def silent(progress: Progress) -> None:
-    """Tell nobody."""
+    """Ignore the progress."""
 
 
 class CheckedSolver(ABC):
-    """A solver that answers what it does not decline; see `shellbench.problem.Solver` for the protocol.
+    """A solver that answers all cases that it does not decline; see `shellbench.problem.Solver` for the protocol.
 
     Attributes
     ----------
     uses_start
-        Whether it goes on from an earlier solution; one is refused otherwise.
+        Whether it can continue from an earlier solution; otherwise it refuses one.
     """
 
     name: ClassVar[str]
@@ -30,18 +30,18 @@ class CheckedSolver(ABC):
 
     @abstractmethod
     def declines(self, case: Any) -> str | None:
-        """Return why it can't take a problem, as one clause, or None if it can."""
+        """Return the reason that the solver declines a problem, as one clause, or None if it takes it."""
 
     def declines_quantity(self, case: Any, quantity: Any) -> str | None:
-        """Return why it can't give a quantity of a problem that it takes, as one clause, or None if it can."""
+        """Return the reason that it can't give a quantity of a problem that it takes, or None if it can; one clause."""
         return None
 
     def refusal(self, case: Any) -> str | None:
-        """Return why it can't give all that a problem asks, as one clause, or None if it can."""
+        """Return the reason that it can't give everything that a problem asks, as one clause, or None if it can."""
         return self.declines(case) or next(iter(declined_quantities(self, case).values()), None)
 
     def declines_with(self, case: Any, settings: Any) -> str | None:
-        """Return why it can't take a problem with settings; what `declines` says unless settings matter."""
+        """Return the reason that it declines a problem with these settings, or None; by default that of `declines`."""
         return self.declines(case)
 
     def solve(
@@ -51,12 +51,12 @@ class CheckedSolver(ABC):
         start: Solution | Path | None = None,
         progress: ProgressCallback | None = None,
     ) -> Solution:
-        """Solve a case with settings, or what makes some.
+        """Solve a case with settings, or with data from which settings are made.
 
         Raises
         ------
         SolveFailure
-            If no trustworthy answer was reached; what was reached comes with it.
+            If no trustworthy answer was reached; the partial solution comes with it.
         InputError
             If the solver declines the case, the settings do not fit it, or `start` is of no use to the solver.
         """
@@ -74,7 +74,7 @@ class CheckedSolver(ABC):
     def answer_from(
         self, start: Solution | Path | None, case: Any, settings: Any, progress: ProgressCallback
     ) -> Solution:
-        """Solve a case that is not declined; `start` is None unless the solver has a use for it."""
+        """Solve a case that is not declined; `start` is None unless the solver can use it."""
 
 
 class FreshSolver(CheckedSolver):

@@ -1,4 +1,4 @@
-"""Truncated Taylor series in (xi1, xi2): what formulas are evaluated on, so that their derivatives are exact.
+"""Truncated Taylor series in (xi1, xi2); formulas are evaluated on them, so that their derivatives are exact.
 
 Griewank & Walther, Evaluating Derivatives, 2nd ed., chapter 13.
 """
@@ -53,7 +53,7 @@ class Taylor:
 
     @classmethod
     def _of_value(cls, value: Array) -> Taylor:
-        """Return a series of order zero: long formulas of loads are made of these, and take as long as Python does."""
+        """Return a series of order zero, by a quick path: long formulas of loads cost as much as Python's calls."""
         made = cls.__new__(cls)
         made.terms, made.order = {(0, 0): value}, 0
         return made
@@ -98,7 +98,7 @@ class Taylor:
         """Return the product of series of intervals along one variable."""
         rows = products(*([x.terms.get((k, 0), np.zeros(())) for k in range(self.order + 1)] for x in (self, other)))
         terms: dict[tuple[int, int], Any] = {(k, 0): row for k, row in enumerate(rows)}
-        # the value keeps what a square, or a bound of zero, has sharper
+        # the value keeps the sharper bounds of a square, or of a bound of zero
         return Taylor({**terms, (0, 0): self.value * other.value}, self.order)
 
     def __truediv__(self, other: Taylor) -> Taylor:
@@ -107,9 +107,9 @@ class Taylor:
     def chosen(
         self, other: Taylor, mask: NDArray[np.bool_] | Undecided, compared: Sequence[Taylor] = (), known: int = 0
     ) -> Taylor:
-        """Return this series where the mask, which comes of what was `compared`, says so, and the other one elsewhere.
+        """Return this series where the mask of a comparison (`compared`) is true, and the other one elsewhere.
 
-        Of intervals it may be either: then derivatives up to the order `known` are those of both, and others unbounded.
+        For intervals either may be chosen: then derivatives up to the order `known` enclose both; others are unbounded.
         """
         zero = np.asarray(0.0)
         keys = self.terms.keys() | other.terms.keys()
@@ -214,7 +214,7 @@ def cosh_terms(v: Array, order: int) -> list[Array]:
 def integrated(
     function: Callable[[Array], Array], slope: Callable[[Taylor], Taylor]
 ) -> Callable[[Array, int], list[Array]]:
-    """Scaled derivatives of a function that is known by its value and by the series of its slope."""
+    """Return the scaled derivatives of a function from its value and the series of its slope."""
 
     def outer(v: Array, order: int) -> list[Array]:
         series = slope(Taylor.variable(v, axis=0, order=max(order - 1, 0)))

@@ -1,4 +1,4 @@
-"""What everything stands on, one module each: problem, quantity, solution, solver and kind of problem.
+"""The base of the package, one module each: problem, quantity, solution, solver and kind of problem.
 
 It imports `shellbench.errors` and `shellbench.files`, and nothing else of the package. Solvers, kinds and plug-ins
 import its names from `shellbench.problem`.

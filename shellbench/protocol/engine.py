@@ -1,8 +1,8 @@
-"""Engines: programs of others that a solver stands on, which come with a plug-in or an extra.
+"""Engines: third-party programs that a solver uses, which come with a plug-in or an extra.
 
-The engine decides the answer as much as the solver's own source does, so its version must be part of a run's
-identity. A solver on an engine has a setting `engine`, whose default is `engine_version` of the distribution, and
-refuses any other value; records that an engine of another version has made do not answer any more.
+The answer depends on the engine as much as on the solver's own source. The engine's version must therefore be part of a
+run's identity. A solver on an engine has a setting `engine`, whose default is `engine_version` of the distribution, and
+refuses any other value. Records from another version of the engine are not valid any more.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ def engine_version(distribution: str) -> str | None:
 
 
 def thread_limit() -> int:
-    """Return how many threads a solve may use, as OMP_NUM_THREADS says now; one if it does not."""
+    """Return the number of threads that a solve may use, from OMP_NUM_THREADS; one if it is not set."""
     told = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
     return int(told) if told.isdigit() and int(told) > 0 else 1
 
 
 def need(extra: str, distributions: Iterable[str], package: str = "shellbench") -> None:
-    """Make sure that what an extra of a package installs is there, or the package itself if the extra is empty.
+    """Check that the packages of an extra are installed, or the package itself if the extra is empty.
 
     Raises
     ------
     InputError
-        If not; it says what to install.
+        If not, with the package to install.
     """
     missing = [name for name in distributions if engine_version(name) is None]
     if missing:

@@ -1,6 +1,6 @@
-"""What is kept of a solution beside its values: its history, and what was looked at all along and in samples.
+"""Data that records keep of a solution beside its values: its history, and measurements along the way and on samples.
 
-Problems give these accounts of their solutions, records keep them, and neither knows the other.
+Problems compute these data from their solutions, and records store them. Problems and records don't import each other.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from shellbench.protocol.schema import LARGEST, Model
 
 Phase = Literal["solve", "path", "critical", "time"]
 
-LARGEST_COUNT = 2**63 - 1  # of a count: what fits 64 bits
+LARGEST_COUNT = 2**63 - 1  # largest count: 64 bits
 LONGEST_RUN = 1e10  # seconds: three centuries
 
 
 def finite(value: Any) -> float | None:
-    """Return a figure; None if there is none, or it is not finite or larger than any that a record keeps.
+    """Return a number; None if there is none, or if it is not finite or too large for a record.
 
     Raises
     ------
     ValueError
-        If it is complex: its real part alone would look like an answer.
+        If it is complex, because its real part alone would look like an answer.
     """
     if np.iscomplexobj(value):
         raise ValueError(f"found {value}, which is no real number")
@@ -57,7 +57,7 @@ class StateEnergies(Model):
     Attributes
     ----------
     at
-        The state's mark (a time, a load factor, or what else the problem tells its states by).
+        The state's mark: a time, a load factor, or another mark of the problem.
     """
 
     at: Figure
@@ -66,16 +66,16 @@ class StateEnergies(Model):
 
 
 class Series(Model):
-    """What one thing was along the way, in SI units or the case's own.
+    """A quantity along the way, in SI units or the case's own.
 
     Attributes
     ----------
     name
-        What the quantities that measure it are called, without their mark.
+        Common name of the quantities that measure it, without their mark.
     quantities
-        Names of these quantities; none of an energy that the case does not ask for.
+        Names of these quantities; empty for an energy that the case does not ask for.
     marks, values
-        (k,) times, s, or load factors, increasing, and what it was then.
+        (k,) times, s, or load factors, increasing, and the values at them.
     """
 
     name: str
@@ -93,7 +93,7 @@ class Series(Model):
 
 
 class ResolutionStep(Model):
-    """The same solution seen through a grid of `points` x `points` samples.
+    """The same solution sampled on a grid of `points` x `points` samples.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ class ResolutionStep(Model):
         Largest difference at fixed material points between a query as part of this grid and one by itself, m.
     interpolation_difference
         Largest difference at the points of the finest grid between this grid's bilinear interpolant and the
-        field itself, m: what a mesh of this resolution would add.
+        field itself, m: the error that a mesh of this resolution would add.
     interpolation_rms
         The same as root mean square over these points, m.
     largest_displacement
@@ -116,7 +116,7 @@ class ResolutionStep(Model):
 
 
 class FrameRateStep(Model):
-    """The same motion seen through `frames` even instants, both ends counted, at the first of the record's probes.
+    """The same motion sampled at `frames` even instants, both ends counted, at the first of the record's probes.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ class FrameRateStep(Model):
         Largest difference at fixed instants between a query among these frames and one by itself, m.
     interpolation_difference, interpolation_rms
         Largest and root mean square difference, over even instants at twice the finest rate, between the motion and
-        frames joined by straight lines, m: what a sequence of meshes at this rate would add.
+        frames joined by straight lines, m: the error that a sequence of meshes at this rate would add.
     largest_displacement
         Largest magnitude at the probes, m.
     """
@@ -138,23 +138,24 @@ class FrameRateStep(Model):
 
 
 class SelfIntersection(Model):
-    """Whether triangles on a grid of a deformed surface pass through each other.
+    """Self-intersection of a deformed surface, by triangles on a grid.
 
     Attributes
     ----------
     points
-        Of the grid, along each coordinate.
+        Number of grid points along each coordinate.
     states
-        Kept states that were looked at, in their order: up to the first in which the surface passes through itself.
+        Number of kept states that were checked, in order, up to the first self-intersection.
     free_until
-        Mark of the last of them in which it does not; None if it does in the first.
+        Mark of the last checked state without self-intersection; None if the first state has one.
     at, places
-        Mark of the first in which it does, and two of the material points that meet there; None and none if it never
-        does.
+        Mark of the first self-intersection, and two of the material points that meet there; None and empty if there is
+        none.
     sag
-        About how far the triangles lie from the surface, at most, m.
+        Estimate of the largest distance between the triangles and the surface, m.
     words
-        All that in a clause, or from when on it is not known, and why; empty if it never does.
+        Description in a clause, or the mark from which on it is not known, and the reason; empty if there is no
+        self-intersection.
     """
 
     points: tuple[Count, Count]
@@ -174,7 +175,7 @@ class PrecisionStep(Model):
     format
         "float64" (as solved), "float32" or "float16".
     storage_bytes
-        Bytes needed to keep it so.
+        Bytes of the solution in this format.
     largest_difference, rms_difference
         From the solution as solved, over all the record's probes and marks, m; None if it is not finite any more.
     quantities

@@ -1,4 +1,4 @@
-"""Kinds of problem: all that an entry point of the group ``shellbench.problems`` names."""
+"""Kinds of problem, for the entry points of the group ``shellbench.problems``."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ Account = Callable[[Any, Any, Mapping[str, float]], Sequence[Model]]
 
 @dataclass(frozen=True)
 class Variant:
-    """A way to ask the same question otherwise.
+    """An equivalent statement of the same question.
 
     Attributes
     ----------
     words
-        What titles say of it.
+        Description in titles.
     make
         Takes a problem; returns the data of the variant. It may raise InputError with the reason, as a clause, why
-        the problem can't be asked so.
+        the problem has no such variant.
     """
 
     words: str
@@ -37,33 +37,33 @@ class Variant:
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of problem, as its entry point names it.
+    """A kind of problem, the target of its entry point.
 
     Attributes
     ----------
     problem
-        Its problems, read from files.
+        Class of its problems, read from files.
     keep
-        Takes a solution and its problem; returns the arrays that are kept for comparison and pictures, by name. None if
-        the solution has no finite answer.
+        Takes a solution and its problem; returns the arrays for comparison and pictures, by name. None if the solution
+        has no finite answer.
     accounts
-        What else a record keeps, by the record's field: without it a run is not whole.
+        Other required data of a record, by the record's field: without them a run is incomplete.
     studies
-        What stands beside the answer, by the record's field: a study that fails is left out.
+        Optional data of a record, by the record's field: a study that fails is left out.
     portrait
-        Takes a problem; returns what a report can ask it.
+        Takes a problem; returns its description for reports.
     variants
-        The same question asked otherwise, by name: known values carry over.
+        Equivalent statements of the same question, by name, with the same known values.
     sample
-        Takes a solution, points a side, a mark (None: the last state) and a title; returns what is exported. None if
-        solutions of this kind are no surfaces.
+        Takes a solution, points a side, a mark (None: the last state) and a title; returns the sample for export. None
+        if solutions of this kind are no surfaces.
     from_file
         Takes a file with data of a user's own, such as a mesh, and the path of a case file; returns the text of a case
-        to begin with. It may raise InputError with the reason, as a clause. None if there are no such files.
+        as a start. It may raise InputError with the reason, as a clause. None if there are no such files.
     headline, headlines
-        What its headline quantities are, for the heading of their table; other words by unit.
+        Name of its headline quantities, for the heading of their table; other names by unit.
     exam, quick
-        Suites by which a solver is graded, in minutes, and at a first look.
+        Suites that grade a solver, in minutes, and at a first look.
     """
 
     problem: type[Problem]
@@ -81,5 +81,5 @@ class Kind:
 
     @property
     def theories(self) -> tuple[str, ...]:
-        """Theories that its problems can ask for; none if they do not say which."""
+        """Theories of its problems; none if they are not stated."""
         return tuple(map(str, get_args(self.problem.model_fields["theory"].annotation)))

@@ -1,4 +1,4 @@
-"""Known values that a case file brings along: what its author holds answers against."""
+"""Known values in a case file, from its author."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from pydantic import Field, model_validator
 
 from shellbench.protocol.schema import Finite, Flag, Model, Name, Positive
 
-SHARPER = 3.0  # a tolerance is so many uncertainties of its known value at least, or the value could not judge
+SHARPER = 3.0  # least tolerance in uncertainties of its known value; with less the value could not judge
 
 
 class Known(Model):
-    """What one quantity of the case should be.
+    """The known value of one quantity of a case.
 
     Attributes
     ----------
@@ -22,14 +22,14 @@ class Known(Model):
     value
         In the quantity's unit.
     uncertainty
-        Half width that surely covers the truth, in the same unit.
+        Half width of an interval that surely contains the true value, in the same unit.
     source
-        Where it comes from: a book and its page, a formula, a measurement.
+        Source of the value: a book and its page, a formula, a measurement.
     tolerance
         The largest error that passes, relative to the value and below 1. It gates every solver that answers with
         default settings. Without it the value is shown and judges nothing.
     absolute
-        Whether the tolerance is in the quantity's unit instead.
+        True if the tolerance is in the quantity's unit instead.
     """
 
     quantity: Name
@@ -58,7 +58,7 @@ class Known(Model):
 
 
 def check_known(known: Iterable[Known], quantities: Iterable[str]) -> None:
-    """Raise ValueError if a known value is of no quantity, or two are of the same."""
+    """Raise ValueError if a known value has no quantity of the case, or if two have the same quantity."""
     names, seen = tuple(quantities), set()
     for one in known:
         if one.quantity not in names:

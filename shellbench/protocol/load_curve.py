@@ -1,4 +1,4 @@
-"""The curve of load against displacement that a solution's path leaves in its history."""
+"""The curve of load against displacement, from the history of a solution's path."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 FEWEST = 4  # points through which a cubic spline without further conditions is drawn
 SAME_DISPLACEMENT = 1e-9  # relative
-TOGETHER = 1e-6  # relative distance of two states below which only one counts: a spline would turn over their errors
+TOGETHER = 1e-6  # relative distance of two states below which only one counts: a spline would follow their errors
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Curve:
     Attributes
     ----------
     factors, displacements
-        (n,) of one state after the other; the first one is at rest.
+        (n,) of consecutive states; the first one is at rest.
     """
 
     factors: Array
@@ -40,7 +40,7 @@ class Curve:
 
     @classmethod
     def of(cls, history: Iterable[Step], quantity: str) -> Curve:
-        """Take the curve of a quantity from a solution's history.
+        """Return the curve of a quantity from a solution's history.
 
         Raises
         ------
@@ -70,12 +70,12 @@ class Curve:
         return _cubic_spline(lengths, points)
 
     def factor_at(self, displacement: float) -> float:
-        """Return the load factor where the displacement first has a value.
+        """Return the load factor at which the displacement first has the given value.
 
         Raises
         ------
         ValueError
-            If the path does not get there.
+            If the path does not reach it.
         """
         spline = self._spline
         end = int(np.argmax(self.displacements >= displacement * (1 - SAME_DISPLACEMENT)))
@@ -111,6 +111,6 @@ class Curve:
 
 
 def _cubic_spline(x: Array, y: Array) -> CubicSpline:
-    from scipy.interpolate import CubicSpline  # here, for what draws no curve should not wait for its import
+    from scipy.interpolate import CubicSpline  # imported here, so that code without curves does not wait for the import
 
     return CubicSpline(x, y)

@@ -1,4 +1,4 @@
-"""Cases and solutions as notebooks show them: small tables in HTML."""
+"""HTML of cases and solutions for notebooks: small tables."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Any
 
 
 def case_html(case: Any) -> str:
-    """Return a case as HTML: title, theory and what is asked."""
+    """Return a case as HTML: title, theory and quantities."""
     asked = [(q.name, q.description, q.unit, case.telling_mark(q)) for q in case.quantities]
     about = f"{case.name}, kind {case.kind}, {case.theory}, units {case.units}"
     return _html(case.title, about, ("quantity", "what it is", "unit", "at"), asked)
 
 
 def solution_html(solution: Any) -> str:
-    """Return a solution as HTML: the figures that its case asks for, and how sure the solver is of each."""
+    """Return a solution as HTML: the values of its case, each with the solver's uncertainty."""
     lines = []
     for quantity in solution.case.quantities:
         try:

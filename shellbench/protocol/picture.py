@@ -1,7 +1,7 @@
-"""Portraits: what a problem tells of itself beside its values, so that a report can draw it and put it in order.
+"""Portraits: descriptions of problems beside their values, by which a report draws and sorts them.
 
-The report asks a portrait and knows no kind of problem. The answers here are those of a problem of which nothing can be
-drawn and nothing is known but its quantities; a kind that has more to tell derives its own portrait.
+The report uses portraits and knows no kind of problem. The base class describes a problem that can't be drawn and has
+only quantities; other kinds derive their own portraits.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 class Asked(Protocol):
-    """A quantity, as far as tables and figures name it."""
+    """Interface of a quantity for tables and figures."""
 
     @property
     def name(self) -> str:
@@ -31,7 +31,7 @@ class Asked(Protocol):
 
     @property
     def description(self) -> str:
-        """What it is, in words; may be empty."""
+        """Description in words; may be empty."""
         ...
 
     @property
@@ -41,7 +41,7 @@ class Asked(Protocol):
 
 
 class Drawable(Protocol):
-    """A problem, as far as any portrait asks it."""
+    """Interface of a problem for portraits."""
 
     @property
     def name(self) -> str:
@@ -50,7 +50,7 @@ class Drawable(Protocol):
 
     @property
     def title(self) -> str:
-        """What tables call it."""
+        """Title in tables."""
         ...
 
     @property
@@ -70,22 +70,22 @@ class Drawable(Protocol):
 
     @property
     def quantities(self) -> Sequence[Asked]:
-        """What is asked."""
+        """The quantities that the problem asks for."""
         ...
 
 
 @dataclass(frozen=True)
 class Along:
-    """One thing that a problem measures all along the way.
+    """One series that a problem measures along the way.
 
     Attributes
     ----------
     name
-        Of its quantities, without their mark.
+        Common name of its quantities, without their mark.
     quantity
         The first of them, or one like it.
     quantities
-        Those that measure it, by name; none if the problem does not ask for it.
+        Names of the quantities that measure it; none if the problem does not ask for it.
     """
 
     name: str
@@ -100,9 +100,9 @@ class PathSeries:
     Attributes
     ----------
     name
-        What their names have in common.
+        Common part of their names.
     description
-        What their descriptions have in common, but for the mark.
+        Common part of their descriptions, without the mark.
     """
 
     name: str
@@ -113,7 +113,7 @@ class PathSeries:
 
 @dataclass(frozen=True)
 class LoadAxis:
-    """How loads are shown: the load factor times `scale`."""
+    """The axis of loads: the load factor times `scale`."""
 
     scale: float
     label: str
@@ -150,18 +150,18 @@ class Critical:
 
 @dataclass(frozen=True)
 class Scene:
-    """How a surface is drawn of which a run kept points on a grid (n1, n2).
+    """Drawing of a surface from the points of a run on a grid (n1, n2).
 
     Attributes
     ----------
     size
-        Of the two parameters' ranges.
+        Lengths of the two parameters' ranges.
     scale
-        Factor of the displacement; None to choose one by which the largest can be seen.
+        Factor of the displacement; None for a factor that makes the largest displacement visible.
     as_it_is
-        Whether displacements larger than the surface are drawn as they are.
+        True if displacements larger than the surface are drawn without scaling.
     direction
-        Colour by this component, or by that into what the surface encloses; by the magnitude if None.
+        Component that determines the colour; "inward" for that into the enclosed side; None for the magnitude.
     view
         Elevation and azimuth of the camera, degrees.
     held
@@ -185,14 +185,14 @@ class Scene:
 
 @dataclass(frozen=True)
 class Thinness:
-    """How thin a shell is: its thickness over its extent, and what it has in common with thinner ones.
+    """Thinness of a shell: its thickness over its extent, and the family of shells that differ only in thickness.
 
     Attributes
     ----------
     family
-        Equal for shells that differ in nothing but thickness, names, prose and loads.
+        Equal for shells that differ only in thickness, names, texts and loads.
     membrane, bending
-        Names of the quantities that are the parts of its strain energy; empty if they are not asked for.
+        Names of the quantities for the parts of its strain energy; empty if they are not asked for.
     """
 
     ratio: float
@@ -202,7 +202,7 @@ class Thinness:
 
 
 class Portrait:
-    """What a problem tells of itself; here, of one of which nothing can be drawn.
+    """The description of a problem for reports. This base class describes a problem that can't be drawn.
 
     Parameters
     ----------
@@ -220,7 +220,7 @@ class Portrait:
 
     @property
     def title(self) -> str:
-        """What tables call it."""
+        """Title in tables."""
         return self.problem.title
 
     @property
@@ -240,7 +240,7 @@ class Portrait:
 
     @property
     def quantities(self) -> Sequence[Asked]:
-        """What is asked."""
+        """The quantities that the problem asks for."""
         return self.problem.quantities
 
     def quantity(self, name: str) -> Asked:
@@ -248,7 +248,7 @@ class Portrait:
         return {quantity.name: quantity for quantity in self.quantities}[name]
 
     def mark_words(self, mark: float) -> str:
-        """Return what a mark means, such as "t = 0.25"."""
+        """Return the words for a mark, such as "t = 0.25"."""
         return f"t = {mark:.4g}"
 
     @property
@@ -258,17 +258,17 @@ class Portrait:
 
     @property
     def unit_of_shape(self) -> str:
-        """Unit of the displacements in pictures; empty where their size means nothing."""
+        """Unit of the displacements in pictures; empty if their size has no meaning."""
         return self.unit_of_length
 
     @property
     def extent(self) -> float | None:
-        """Largest extent along an axis; None of what has none."""
+        """Largest extent along an axis; None if the problem has no extent."""
         return None
 
     @property
     def ends(self) -> float | None:
-        """Time, s, at which a motion ends; None of what does not move."""
+        """Time, s, at which a motion ends; None for a static problem."""
         return None
 
     @property
@@ -278,7 +278,7 @@ class Portrait:
 
     @property
     def buckles(self) -> bool:
-        """Whether a path is followed through buckling."""
+        """True if a path is followed through buckling."""
         return False
 
     @property
@@ -287,17 +287,17 @@ class Portrait:
         return None
 
     def ways_to_obstacles(self, position: Array) -> tuple[Array, ...]:
-        """Return the ways (n1, n2, 3) from points (n1, n2, 3) at rest to where they would touch each obstacle."""
+        """Return the vectors (n1, n2, 3) from points (n1, n2, 3) at rest to their contact with each obstacle."""
         return ()
 
     @property
     def scene(self) -> Scene | None:
-        """How it is drawn; None if it can't be."""
+        """The drawing of its surface; None if it can't be drawn."""
         return None
 
     @property
     def steps_in_time(self) -> bool:
-        """Whether answers are refined by shorter steps in time, with as many unknowns."""
+        """True if answers are refined by shorter steps in time, with the same number of unknowns."""
         return False
 
     @property
@@ -312,7 +312,7 @@ class Portrait:
 
     @property
     def worst(self) -> tuple[str, str] | None:
-        """Names of the arrays of a garment's worst mesh (n1, n2, 3), m: simulated, and as it was skinned; else None."""
+        """Names of the arrays of a garment's worst mesh (n1, n2, 3), m: simulated, and skinned; else None."""
         return None
 
     @property
@@ -322,17 +322,17 @@ class Portrait:
 
     @property
     def derivatives(self) -> tuple[str, ...]:
-        """Names of quantities that are derivatives by the material."""
+        """Names of quantities that are derivatives with respect to the material."""
         return ()
 
     @property
     def edit(self) -> str | None:
-        """What is edited, where a problem is answered from an earlier solution and from scratch; else None."""
+        """The edit, for a problem that is solved from an earlier solution and from scratch; else None."""
         return None
 
     @property
     def learns(self) -> bool:
-        """Whether answers are fields on the unit square, trained or solved for with a number of parameters."""
+        """True if answers are fields on the unit square, trained or solved for with a number of parameters."""
         return False
 
     @property
@@ -342,7 +342,7 @@ class Portrait:
 
     @property
     def along(self) -> tuple[Along, ...]:
-        """What is measured all along the way and is no energy: where it is, and what holds it."""
+        """Measurements along the way other than energies: positions and holding forces."""
         return ()
 
     @property
@@ -357,12 +357,12 @@ class Portrait:
 
     @property
     def load_axis(self) -> LoadAxis:
-        """How the loads of a path are shown."""
+        """The axis of a path's loads."""
         return LoadAxis(1.0, "load factor t")
 
     @property
     def load_words(self) -> str:
-        """What a path's load factor is, with its unit."""
+        """Description of a path's load factor, with its unit."""
         return "load factor t"
 
     @property
@@ -382,16 +382,16 @@ class Portrait:
 
     @property
     def thinness(self) -> Thinness | None:
-        """How thin it is; None of what has no thickness."""
+        """Thinness of the shell; None for a problem without thickness."""
         return None
 
     @property
     def gravity(self) -> Array | None:
-        """Acceleration (3,), m/s2, of what falls freely; None of anything else."""
+        """Acceleration (3,), m/s2, of a free fall; None for other problems."""
         return None
 
     def direction_of(self, series: str) -> Array | None:
-        """Return the direction (3,) of the displacement that a series is; None of anything else."""
+        """Return the direction (3,) of the displacement of a series; None if it is no displacement."""
         return None
 
     @property

@@ -1,4 +1,4 @@
-"""Problems: what is put to solvers. A kind of problem derives its own from this one."""
+"""Problems for solvers. A kind of problem derives its own from this one."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ CaseName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*(@[a-z]+)?$", ma
 
 
 class Problem(Model):
-    """A question that is put to solvers.
+    """A question for solvers.
 
-    A kind of problem derives its own from this class, with the fields that its file has; `quantities` is one of them.
+    A kind of problem derives its own from this class, with the fields of its file; `quantities` is one of them.
 
     Attributes
     ----------
@@ -34,15 +34,15 @@ class Problem(Model):
     title
         One line, for tables and figures.
     description
-        What is asked and where it comes from, in prose.
+        The question and its source, in prose.
     suites
         Suites that the case belongs to; a case of your own needs none.
     units
         Units of the file: SI unless it says otherwise (text for tables; nothing is converted).
     theory
-        Which theory the answer is asked for: known values of another theory do not judge it.
+        Theory of the answer: known values of another theory do not judge it.
     known
-        What its quantities should be, in a user's own case only: those of our cases are in references/.
+        Known values of its quantities, in a user's own case only: those of built-in cases are in references/.
     """
 
     not_physics: ClassVar[frozenset[str]] = frozenset({"name", "title", "description", "suites", "units", "known"})
@@ -63,7 +63,7 @@ class Problem(Model):
 
         @property
         def quantities(self) -> Sequence[Quantity]:
-            """What is asked."""
+            """The quantities that the problem asks for."""
             ...
 
     @classmethod
@@ -73,7 +73,7 @@ class Problem(Model):
         Raises
         ------
         InputError
-            In one sentence with the file, the field, what was found and what is allowed.
+            In one sentence with the file, the field, its value and the allowed values.
         """
         return cls.build(read_toml(path), name=path.stem, where=str(path))
 
@@ -116,22 +116,22 @@ class Problem(Model):
         raise KeyError(name)
 
     def mark_words(self, mark: float) -> str:
-        """Return what a mark means, such as "t = 0.25"."""
+        """Return the words for a mark, such as "t = 0.25"."""
         return f"t = {mark:.4g}"
 
     def telling_mark(self, quantity: Quantity) -> str:
-        """Return the words for a quantity's mark; empty where all figures belong to the full load."""
+        """Return the words for a quantity's mark; empty if all values belong to the full load."""
         mark = quantity.mark
         asked = {other.mark for other in self.quantities} - {None}
         return "" if mark is None or asked == {FULL} else self.mark_words(mark)
 
     def physics(self) -> dict[str, Any]:
-        """Return all that an answer depends on: no tolerances, suites or prose."""
+        """Return all data on which an answer depends: no tolerances, suites or prose."""
         data = self.model_dump(mode="json", exclude=set(self.not_physics))
         for quantity in data["quantities"]:
             for name in self.not_physics_of_a_quantity:
                 quantity.pop(name, None)
-            if quantity["factor"] == 1.0:  # as in every case that was recorded before there were factors
+            if quantity["factor"] == 1.0:  # for the digests of cases that were recorded before factors existed
                 del quantity["factor"]
         return data
 
@@ -141,7 +141,7 @@ class Problem(Model):
         return hashlib.sha256(text.encode()).hexdigest()
 
     def without(self, names: Collection[str]) -> Self:
-        """Return the same question without some of its quantities, of which none is the headline."""
+        """Return the same question without some of its quantities, which must not include the headline."""
         data = self.data()
         for part, key in (("quantities", "name"), ("known", "quantity")):
             if part in data:
@@ -149,43 +149,44 @@ class Problem(Model):
         return type(self).model_validate(data)
 
     def asked_as_well(self) -> Self | None:
-        """Return the same question with data that say as much; None if its data leave no choice.
+        """Return the same question with equivalent data; None if its data are exact.
 
-        How far the answers are apart is the data's share of the uncertainty, as of a surface that was fitted to points.
+        The difference of the answers is the data's part of the uncertainty, for instance of a surface that was fitted
+        to points.
         """
         return None
 
     @property
     def remark(self) -> str:
-        """A clause on what is to be known of every answer to it; empty if nothing is."""
+        """A remark on every answer to it, as a clause; may be empty."""
         return ""
 
     def drifts(self, solution: Any) -> Mapping[str, float]:
-        """Return how far values that have no limit move with a solver's resolution, by quantity, before its factor.
+        """Return the drifts of values without a limit under refinement of a solver, by quantity, before its factor.
 
-        They are added to the uncertainties that a solver states. One of more than a hundredth of its value makes the
-        answer not settled.
+        They are added to the uncertainties that a solver states. An answer has not settled if a drift exceeds a
+        hundredth of its value.
         """
         return {}
 
     @property
     def undecided(self) -> str | None:
-        """Return why no solution of it counts as settled, as one clause: what in its data nobody can tell; or None."""
+        """Return the reason why no solution counts as settled, as a clause about undecidable data, or None."""
         return None
 
     def check_state(self, at: float) -> None:
-        """Raise InputError if no solution can be asked at this mark."""
+        """Raise InputError if solutions have no state at this mark."""
 
     def data(self) -> dict[str, Any]:
-        """Return the problem as JSON data from which it can be made again."""
+        """Return the problem as JSON data from which it can be rebuilt."""
         return self.model_dump(mode="json", exclude_unset=True)
 
     def shown(self) -> dict[str, Any]:
-        """Return the problem's data as far as a reader looks at them."""
+        """Return the data of the problem that readers see."""
         return self.data()
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows."""
+        """Return the HTML that notebooks show."""
         return case_html(self)
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""Quantities: what a problem asks of every solution."""
+"""Quantities that a problem asks of every solution."""
 
 from __future__ import annotations
 
@@ -8,36 +8,36 @@ from pydantic import Field
 
 from shellbench.protocol.schema import Finite, Flag, Model, Name, Positive
 
-FULL = 1.0  # the mark of a figure of which nothing else is said
+FULL = 1.0  # the default mark of a value
 
 
 class Quantity(Model):
-    """A figure that a problem asks of every solution.
+    """A value that a problem asks of every solution.
 
-    A kind of problem derives its quantities from this class; each says its unit, and how it is measured.
+    A kind of problem derives its quantities from this class; each has its unit, and its measurement.
 
     Attributes
     ----------
     name
         Unique in the case; known values refer to it.
     description
-        What a table says, without the unit.
+        Description in tables, without the unit.
     unit
         Unit of the value, for tables.
     primary
-        Whether it is the headline of the case: exactly one is.
+        True for the headline of the case: exactly one quantity is the headline.
     tolerance, open_finding
-        By solver, in a user's own case only, and judged by no gate: what our cases allow is frozen in
-        references/tolerances/, and so are their open findings.
+        By solver, in a user's own case only, and used by no gate: tolerances and open findings of built-in cases are
+        frozen in references/tolerances/.
     absolute
-        Whether an error relative to the known value would say nothing, so that it is given in the unit.
+        True if the known value is too near zero for relative errors, so that errors are given in the unit.
     at
         Mark of the state that it belongs to, such as a time in s or a load factor.
     factor
-        What its measured value is multiplied by before it is recorded: 0.001 of a displacement in a case in
-        millimetres whose known values are in metres.
+        Factor of the measured value before it is recorded: 0.001 for a displacement in a case in millimetres whose
+        known values are in metres.
     is_an_error
-        Of a class: its value is an error already. Solvers are not held against each other over it.
+        Class attribute: True if its value is itself an error. Solvers are then not compared with each other.
     """
 
     is_an_error: ClassVar[bool] = False
@@ -56,7 +56,7 @@ class Quantity(Model):
 
         @property
         def kind(self) -> str:
-            """What case files call it."""
+            """Name of the kind in case files."""
             ...
 
     @property

@@ -1,4 +1,4 @@
-"""Samples: a solution on a grid of points of a surface, as other programs take it."""
+"""Samples: a solution on a grid of points of a surface, for other programs."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ class Sample:
     position, displacement
         (n, n, 3) of the reference midsurface, metres.
     fields
-        What else is known there by name, (n, n) or (n, n, k).
+        Other fields by name, (n, n) or (n, n, k).
     title
-        One line on where it comes from.
+        Its origin in one line.
     periodic
-        For each coordinate, whether the reference surface closes on itself.
+        For each coordinate, True if the reference surface is closed.
     at
         Mark of the state, such as a time in s; None for the last.
     components
-        What the components of an array are called, by its name.
+        Names of an array's components, by its name.
     scalar
-        Name of the field that viewers colour by at first; none if empty.
+        Name of the field for the initial colours of viewers; none if empty.
     """
 
     xi: Array
@@ -50,7 +50,7 @@ class Sample:
 
     @cached_property
     def closed(self) -> tuple[bool, bool]:
-        """For each coordinate, whether surface and displacement both close."""
+        """For each coordinate, True if surface and displacement are both closed."""
         u = self.displacement
         bound = SEAM * float(np.abs(u).max())
         gaps = (u[-1] - u[0], u[:, -1] - u[:, 0])
@@ -59,7 +59,7 @@ class Sample:
 
     @property
     def point_data(self) -> dict[str, Array]:
-        """All arrays (n, n, ...) but the position, by name."""
+        """All arrays (n, n, ...) except the position, by name."""
         return {"displacement": self.displacement, "xi": self.xi, **self.fields}
 
     def vertices(self, values: Array) -> Array:

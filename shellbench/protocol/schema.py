@@ -1,4 +1,4 @@
-"""What all data that is read from files has in common: frozen, strict, with errors in one sentence."""
+"""Base of all data that are read from files: frozen, strict, with errors in one sentence."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from shellbench.protocol.spelling import did_you_mean
 
 LONGEST_TITLE = 200  # characters
 MAX_BYTES = 1_000_000  # a case or reference file is a page of text; anything larger is a mistake
-MOST_PARTS = 100  # of a dotted key: `tomllib` takes the square of their number in time
+MOST_PARTS = 100  # parts of a dotted key: the time of `tomllib` is the square of their number
 LARGEST_WHOLE = 2**63 - 1  # of TOML
 LONGEST_VALUE = 60  # characters of a value, or of a field's name, that a sentence quotes
 
 NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]*$"
 
-LARGEST = 1e100  # of a value: none in SI units is larger, and its square is still a double
-SMALLEST = 1 / LARGEST  # of what is positive, so that it can be divided by
+LARGEST = 1e100  # largest value: none in SI units is larger, and its square is still a double
+SMALLEST = 1 / LARGEST  # smallest positive value, so that division is possible
 
 
 def _not_tiny(value: float) -> float:
@@ -33,7 +33,7 @@ def _not_tiny(value: float) -> float:
     return value
 
 
-# `LARGEST` is no bound of these: a field with bounds of its own would lose them. See `check_sizes`.
+# `LARGEST` is not a bound of these types: fields with their own bounds would lose them. See `check_sizes`.
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False), AfterValidator(_not_tiny)]
 Vector = tuple[Finite, Finite, Finite]
@@ -51,15 +51,15 @@ class Model(BaseModel):
 
 
 def one_sentence(error: ValidationError, data: Any = None) -> str:
-    """Say which field is wrong, what was found and what is allowed (the first of several problems).
+    """Describe the wrong field, its value and the allowed values (the first of several problems).
 
     Parameters
     ----------
     error
-        What validating has raised.
+        The error of the validation.
     data
-        What was validated. With it the field is named as in the file; without it the kind of a table may stand in
-        the middle of the name.
+        The validated data. With them the field has its name in the file; without them the name may contain the kind of
+        a table.
     """
     problems = error.errors(include_url=False)
     first = _first(problems)
@@ -98,7 +98,7 @@ def one_sentence(error: ValidationError, data: Any = None) -> str:
 
 
 def _first(problems: list[Any]) -> Any:
-    """Return the problem that is told: a name that is not known stands before one that is missing, for it may be it."""
+    """Return the problem to report: unknown names come before missing ones, because they may be misspelt."""
     first = problems[0]
     if first["type"] != "missing":
         return first
@@ -108,7 +108,7 @@ def _first(problems: list[Any]) -> Any:
 
 
 def _models_at(title: str, places: tuple[int | str, ...]) -> list[type[Model]]:
-    """Return the models that may stand at a place of the model of this name."""
+    """Return the models that are possible at a place of the model of this name."""
     models = [model for model in _subclasses(Model) if model.__name__ == title]
     for place in places:
         tagged = [model for model in models if place in _tags(model)] if len(models) > 1 else []
@@ -129,7 +129,7 @@ def _tags(model: type[Model]) -> tuple[Any, ...]:
 
 
 def _models_in(annotation: Any) -> Iterable[type[Model]]:
-    """Yield the models that an annotation names, within unions, lists and tables."""
+    """Yield the models in an annotation, also within unions, lists and tables."""
     if isinstance(annotation, type) and issubclass(annotation, Model):
         yield annotation
     for argument in get_args(annotation):
@@ -137,7 +137,7 @@ def _models_in(annotation: Any) -> Iterable[type[Model]]:
 
 
 def _with_short_texts(message: str, data: Any) -> str:
-    """Return a message that quotes of each text in the data what a sentence has room for."""
+    """Return a message with shortened quotations of the texts in the data."""
     parts = [data]
     while parts:
         part = parts.pop()
@@ -154,7 +154,7 @@ MEMBERS = {"float", "int", "str", "bool"}  # the end of a problem's place, where
 
 
 def _on_one_line(text: str) -> str:
-    """Write what can't be printed, such as a line break in a name, as Python does."""
+    """Escape characters that can't be printed, such as a line break in a name, as Python does."""
     return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
 
 
@@ -174,7 +174,7 @@ def _is_member(problem: Any) -> bool:
 
 
 def _field(places: tuple[int | str, ...], data: Any, *, absent: bool) -> str:
-    """Return the name of a field; what is no key of the data, such as the kind of a table, is no part of it."""
+    """Return the name of a field, without parts that are no keys of the data, such as the kind of a table."""
     if places and places[-1] in MEMBERS:
         places = places[:-1]
     places = tuple(place for place in places if place != "[key]")
@@ -196,13 +196,13 @@ def _tag(field: str, context: Mapping[str, Any]) -> str:
 
 
 def _either(choices: str) -> str:
-    """Return choices, quoted and with commas between them, as what a field must be."""
+    """Return the valid choices of a field, quoted and with commas between them."""
     listed = choices.split(", ")
     return f"it must be {' or '.join(filter(None, (', '.join(listed[:-1]), listed[-1])))}"
 
 
 def _allowed(kind: str, context: Mapping[str, Any]) -> str:
-    """Return what a field must be, in words, from the kind of the problem and its context."""
+    """Return the description of a field's valid values, from the kind of the problem and its context."""
     if words := ALLOWED.get(kind):
         return words.format(**context)
     if kind == "string_pattern_mismatch":
@@ -251,9 +251,9 @@ ALLOWED = {
 """What a field must be, by the type of pydantic's problem: its own words name classes and parsers, not fields."""
 
 
-CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")  # a terminal obeys them; not tabs and ends of lines
+CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")  # control characters, without tabs and ends of lines
 
-# A bare or quoted key of too many parts, where a key may begin. Possessive quantifiers give nothing back, so that it is
+# A bare or quoted key of too many parts, where a key may begin. Possessive quantifiers do not backtrack, so that it is
 # found in linear time.
 PART = r"""(?:[A-Za-z0-9_-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
 LONG_KEY = re.compile(rf"(?:^|[\[{{,])[ \t]*+{PART}(?:[ \t]*+\.[ \t]*+{PART}){{{MOST_PARTS}}}", re.MULTILINE)
@@ -285,8 +285,8 @@ def parse_toml(text: str) -> dict[str, Any]:
     TOMLDecodeError
         If it is not TOML.
     InputError
-        As a clause, if it is TOML that can't be kept: nested too deeply, with a number that is too large, or with a
-        character that commands a terminal.
+        As a clause, if it is TOML that records can't keep: nested too deeply, with a number that is too large, or with
+        a control character.
     """
     if LONG_KEY.search(text):
         raise InputError(f"a key has more than {MOST_PARTS} parts: it is nested too deeply")

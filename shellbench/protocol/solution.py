@@ -1,4 +1,4 @@
-"""Solutions: what an answer to a problem can be asked, and how it came about."""
+"""Solutions: the interface of an answer to a problem, and its history."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class Step:
     seconds
         Wall time since the start of the solve.
     energy
-        Potential energy of the step's own discretisation, J; of a step in time the kinetic energy and those of strains
-        and springs, less the work done by loads and supports since rest: what has been lost or gained.
+        Potential energy of the step's own discretisation, J. For a step in time: the kinetic energy and those of
+        strains and springs, less the work done by loads and supports since rest, which is the energy lost or gained.
     unknowns
         Free parameters or degrees of freedom at this step.
     at
@@ -39,14 +39,14 @@ class Step:
     gap
         Quadrature gap of this step, |C_train/C_fine - 1|; None where it was not measured.
     quantities
-        The case's quantities at this step, by name, in SI; may be empty. Of a step of a path, its displacement
-        quantities at the state of this step, whatever state they are asked for.
+        The case's quantities at this step, by name, in SI; may be empty. For a step of a path: its displacement
+        quantities at the state of this step, whatever their own state is.
     phase
-        "path": one equilibrium state of the final discretisation on its way from rest, in order: the
+        "path": one equilibrium state of the final discretisation on the path from rest, in order, which gives the
         load-displacement curve; "critical": the first state at which the shell can buckle, which is kept; "time": one
-        step of a motion, in order; "solve": anything else.
+        step of a motion, in order; "solve": all other steps.
     iterations
-        Iterations that this step took; None where that says nothing.
+        Number of iterations of this step; None if it has no meaning.
     """
 
     iteration: int
@@ -62,7 +62,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Progress:
-    """What a running solve tells: the step it is at, of how many if it knows, and a word on it."""
+    """A report of a running solve: the current step, the number of steps if it is known, and a message."""
 
     step: int
     total: int | None
@@ -73,36 +73,36 @@ ProgressCallback = Callable[[Progress], None]
 
 
 class Solution(Protocol):
-    """An answer to a problem, and how it came about.
+    """An answer to a problem, and its history.
 
-    One part is optional: `unsettled`, one clause that says why the answer has not settled, such as "centre_z still
-    moves by 2e-3 when features of other kinds join". None, or no such attribute, says that it has. An answer has not
-    settled either if the stated uncertainty of its headline is more than a hundredth of it.
+    One attribute is optional: `unsettled`, the reason why the answer has not settled, as one clause, such as "centre_z
+    still moves by 2e-3 when features of other kinds join". If it is None or missing, the answer has settled. An answer
+    also has not settled if the stated uncertainty of its headline is more than a hundredth of it.
     """
 
     @property
     def case(self) -> Any:
-        """The problem that it answers."""
+        """The solved problem."""
         ...
 
     @property
     def history(self) -> tuple[Step, ...]:
-        """How it came about, in order."""
+        """The history of the solution, in order."""
         ...
 
     @property
     def parameters(self) -> int:
-        """Number of free parameters (degrees of freedom, weights) that were solved for or trained."""
+        """Number of free parameters (degrees of freedom, weights), solved for or trained."""
         ...
 
     @property
     def storage_bytes(self) -> int:
-        """Bytes needed to keep the answer, beside the problem."""
+        """Bytes of the stored answer, without the problem."""
         ...
 
     @property
     def diagnostics(self) -> Mapping[str, Any]:
-        """Figures about the solve by name, such as ``residual`` or ``energy_gap``; JSON values only."""
+        """Data about the solve by name, such as ``residual`` or ``energy_gap``; JSON values only."""
         ...
 
     @property
@@ -112,7 +112,7 @@ class Solution(Protocol):
 
     @property
     def extrapolated(self) -> Mapping[str, float]:
-        """Values extrapolated from the history by quantity; they stand beside the answer and never replace it."""
+        """Values extrapolated from the history by quantity; they are shown with the answer and never replace it."""
         ...
 
     def save(self, path: Path) -> Path:

@@ -1,4 +1,4 @@
-"""Solvers: how a solver says what it can do, takes its settings and answers."""
+"""Solvers: their capabilities, their settings and their answers."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ Device = Literal["cpu", "cuda"]
 class Settings(Model):
     """Settings of a solver that computes the same answer every time.
 
-    A setting called `checkpoint`, a folder or None, says where an interrupted solve is kept to go on from; the
-    bench gives one. Settings that can't change the answer, like that one, are declared with `exclude=True`:
-    they are no part of a run's identity.
+    A setting called `checkpoint`, a folder or None, is the place of an interrupted solve to continue; the bench sets
+    it. Settings that can't change the answer, like this one, are declared with `exclude=True`: they are no part of a
+    run's identity.
     """
 
     @field_validator("*", mode="before")
@@ -42,16 +42,16 @@ class SeededSettings(Settings):
 
 @dataclass(frozen=True)
 class Capabilities:
-    """What a solver can do.
+    """The capabilities of a solver.
 
     Attributes
     ----------
     theories
         Theories that it solves.
     devices
-        Where it runs.
+        Devices that it runs on.
     label
-        One line for tables: what the solver is, honestly.
+        An honest description of the solver in one line, for tables.
     """
 
     theories: tuple[str, ...]
@@ -67,7 +67,7 @@ class Solver(Protocol):
     name
         Name on the command line and in records.
     capabilities
-        What it can do.
+        Its capabilities.
     settings_type
         Its settings: a subclass of `Settings`, or of `SeededSettings` if a seed matters.
     """
@@ -77,11 +77,11 @@ class Solver(Protocol):
     settings_type: ClassVar[type[Settings]]
 
     def declines(self, case: Any) -> str | None:
-        """Return why the solver can't take this problem, as one clause, or None if it can.
+        """Return the reason why the solver can't take this problem, as one clause, or None if it can.
 
         A solver that takes the problem but can't give one of its quantities has the optional method
-        ``declines_quantity(case, quantity) -> str | None``, which returns why not. The quantity is recorded as
-        declined, and all others are asked; see `answerable`.
+        ``declines_quantity(case, quantity) -> str | None``, which returns the reason. The quantity is then recorded as
+        declined, and all other quantities are still evaluated; see `answerable`.
         """
         ...
 
@@ -94,15 +94,15 @@ class Solver(Protocol):
     ) -> Solution:
         """Solve the problem.
 
-        `start` is an earlier solution, or a checkpoint file of an interrupted solve, to go on from; a solver that can't
-        refuses it by InputError, in one sentence.
+        `start` is an earlier solution, or a checkpoint file of an interrupted solve, to continue. A solver that can't
+        do so raises InputError, in one sentence.
 
         Raises
         ------
         SolveFailure
-            If no trustworthy answer was reached; what had converged comes with it.
+            If no trustworthy answer was reached; it carries the converged part.
         InputError
-            If the settings or `start` do not fit the case.
+            If the settings or `start` do not match the case.
         """
         ...
 
@@ -112,7 +112,7 @@ class Solver(Protocol):
 
 
 def declined_quantities(solver: object, case: Problem) -> dict[str, str]:
-    """Return why a solver can't give each quantity of a case that it declines, by name; empty if it gives all."""
+    """Return the reason for each quantity of a case that a solver declines, by name; empty if it gives all."""
     ask = getattr(solver, "declines_quantity", None)
     if ask is None:
         return {}
@@ -120,11 +120,11 @@ def declined_quantities(solver: object, case: Problem) -> dict[str, str]:
 
 
 def why_declined(solver: Solver, case: Problem) -> str | None:
-    """Return why a solver can't take a case, as one clause: the case itself, or its headline; None if it can."""
+    """Return the reason why a solver can't take a case or its headline, as one clause; None if it can."""
     return solver.declines(case) or declined_quantities(solver, case).get(case.primary.name)
 
 
 def answerable(solver: Solver, case: Problem) -> tuple[Problem, dict[str, str]]:
-    """Return a case without the quantities that a solver declines, and why it declines each, by name."""
+    """Return a case without the quantities that a solver declines, and the reason for each, by name."""
     declined = declined_quantities(solver, case)
     return (case.without(declined) if declined else case), declined

@@ -1,18 +1,18 @@
-"""Names that were nearly right."""
+"""Suggestions for misspelt names."""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
 
-LIKE = 0.6  # of `difflib`: how much two names must have in common
-MOST_OFFERED = 3  # names that are offered
+LIKE = 0.6  # least similarity of two names, as in `difflib`
+MOST_OFFERED = 3  # largest number of suggestions
 
 
 def nearest(name: str, names: Iterable[str]) -> list[str]:
-    """Return the names that are most like one, the nearest first; none if nothing is like it.
+    """Return the names that are most similar to a typed one, the nearest first; none if no name is similar.
 
-    A name that begins like what was typed, or has it within, is near, however much longer it is.
+    A name that contains the typed one, or begins like it, is near, even if it is much longer.
     """
     known, typed = list(dict.fromkeys(names)), name.lower().replace("-", "_")
     within = [one for one in known if len(typed) > 2 and typed in one.lower().replace("-", "_")]
@@ -21,6 +21,6 @@ def nearest(name: str, names: Iterable[str]) -> list[str]:
 
 
 def did_you_mean(name: str, names: Iterable[str]) -> str:
-    """Return ``, did you mean 'fem'?`` or the like, to stand behind a name; nothing if no name is near."""
+    """Return a suggestion such as ``, did you mean 'fem'?`` to append to a name; empty if no name is near."""
     near = nearest(name, names)
     return f" (did you mean {' or '.join(near)}?)" if near else ""

@@ -1,1 +1,1 @@
-"""Solvers of ours, a folder each or a family."""
+"""The solvers of shellbench: a folder for each solver, or for a family of solvers."""

@@ -1,1 +1,1 @@
-"""Whether a solver keeps the protocol: what `shellbench check-solver` asks of it."""
+"""Checks of a solver against the protocol, for `shellbench check-solver`."""

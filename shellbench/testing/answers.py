@@ -1,8 +1,11 @@
-"""Checks of what a solver says: its parts, what it declines and refuses; and of its answers' form.
+"""Checks of a solver's parts, of the cases and settings that it refuses, and of the form of its answers.
 
-Of an answer: shapes, types, names, and that points do not know of each other; its history, and what it told on the
-way; that the same question has the same answer, in another process, and about the same with another seed; that it is a
-continuous field: no jumps along lines, at a closed surface's seam, or in time.
+The checks of an answer are:
+
+- shapes, types and names, and the independence of points from each other;
+- its history and its progress reports;
+- the same answer in another process, and nearly the same with another seed;
+- a continuous field: no jumps along lines, at a closed surface's seam, or in time.
 """
 
 from __future__ import annotations
@@ -23,7 +26,7 @@ from shellbench.testing.examination import (
     Examination,
     Findings,
     Verdict,
-    apart,
+    deviation,
     failed,
     fingerprint,
     grid,
@@ -33,30 +36,30 @@ from shellbench.testing.examination import (
 )
 from shellbench.testing.subject import RemoteSolution, solve_in
 
-SLOW = 10.0  # seconds of processor time to decline a case: it is asked of every pair of a table
+SLOW = 10.0  # seconds of processor time to decline a case, because a table asks for every pair
 LONGEST_CLAUSE = 300  # characters: it stands in a line of a list
 NO_SETTING = "no_solver_has_this_setting"
 NO_VALUE = {"no_setting": "takes this table"}
 NO_ENGINE = "an engine of another version 0.0"
 BOUNDS = {"exclusiveMinimum": 0.0, "minimum": -1.0, "exclusiveMaximum": 0.0, "maximum": 1.0}
 """Keys of a JSON schema that bound a number, each with the step from it that is out of bounds."""
-SUMMATION = 1e-9  # relative: what another order of summation may do, in single precision within a field too
+SUMMATION = 1e-9  # relative: effect of another order of summation, also in single precision within a field
 SHAPES: tuple[tuple[int, ...], ...] = ((), (7,), (4, 3), (0,))
 COMPONENTS = {name: (3,) if name.endswith("strain") else () for name in FIELDS}
 NO_MATERIAL = {"no_material_has_this_constant": 1.0}
 NO_FIELD = "no_solver_knows_this_field"
-SLACK = 1.5  # times the measured wall time of a solve, which its history may claim at most
+SLACK = 1.5  # largest time in a history, as a multiple of the solve's measured wall time
 SAME = 1e-10  # relative difference of two runs with one seed
-NEAR = 0.1  # of two runs with different seeds: beyond, they answer different questions
+NEAR = 0.1  # largest difference of two runs with different seeds; beyond it they answer different questions
 LINES = 12  # at random through the domain
 LINE_SAMPLES, TIMES = 257, 65  # points a line, and instants of a motion, at first
-ZOOM, LOOKS = 8, 4  # each closer look has so many points between two, around the largest jump
+ZOOM, LOOKS = 8, 4  # points between two neighbours in each refinement around the largest jump
 PROPORTION = 0.75  # exponent of the spacing with which jumps must fall: 1 in a Lipschitz field, 0 across a jump
-UNFELT = 1e-9  # of the largest displacement: jumps below are rounding
+UNFELT = 1e-9  # of the largest displacement: smaller jumps are rounding
 
 
 def protocol(exam: Examination) -> Verdict:
-    """Check that the solver has the parts of the protocol, of their types, and that its name is the entry point's."""
+    """Check that the solver has the parts of the protocol, each of its type, and the name of its entry point."""
     found, facts = Findings(faults=list(exam.facts["faults"])), exam.facts
     found.hold(facts["name"] == exam.entry.name, f"it is called '{facts['name']}', its entry point '{exam.entry.name}'")
     settings = f"{len(facts['defaults'])} settings{', seeded' if facts['seeded'] else ''}"
@@ -66,7 +69,7 @@ def protocol(exam: Examination) -> Verdict:
 
 
 def declining(exam: Examination) -> Verdict:
-    """Check that each shipped case is taken or declined in one clause, quickly, and one at least is taken."""
+    """Check that each shipped case is taken, or declined in one clause, quickly, and at least one is taken."""
     found, cases = Findings(), exam.cases
     taken: list[str] = []
     slowest = 0.0
@@ -88,7 +91,7 @@ def declining(exam: Examination) -> Verdict:
 
 
 def bad_input(exam: Examination) -> Verdict:
-    """Check that settings that do not exist or can't be are refused, and that a declined case is not solved."""
+    """Check that unknown or invalid settings are refused, and that a declined case is not solved."""
     found = Findings()
     fault = _not_refused(exam, {NO_SETTING: 1}, "a setting that it does not have")
     found.hold(fault is None, fault or "", "unknown setting refused")
@@ -115,7 +118,7 @@ def _not_refused(exam: Examination, setting: Mapping[str, Any], what: str) -> st
 
 
 def _impossible(schema: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield settings that can't be: numbers out of each bound, tables, and another engine than there is."""
+    """Yield invalid settings: numbers out of each bound, tables, and an engine that is not installed."""
     for name, field in schema.get("properties", {}).items():
         if name == ENGINE:
             yield {name: NO_ENGINE}
@@ -153,7 +156,7 @@ def _first_declined(exam: Examination) -> Problem | None:
 
 
 def displacements(exam: Examination, case: Case) -> Verdict:
-    """Check that displacement and velocity answer at points of any shape, finite on the closed domain."""
+    """Check that displacement and velocity take points of any shape and are finite on the closed domain."""
     found, answer = Findings(), exam.solve(case)
     found.faults += answer.facts["faults"]
     for shape in SHAPES:
@@ -177,7 +180,7 @@ def displacements(exam: Examination, case: Case) -> Verdict:
 
 
 def fields(exam: Examination, case: Case) -> Verdict:
-    """Check that strains and energy densities answer at points of any shape, finite on the closed domain."""
+    """Check that strains and energy densities take points of any shape and are finite on the closed domain."""
     found, answer = Findings(), exam.solve(case)
     everywhere = grid(case)
     faults: dict[str, list[str]] = {}
@@ -212,7 +215,7 @@ def _finite(found: Findings, what: str, points: np.ndarray, values: np.ndarray) 
 
 
 def _shape_fault(answer: RemoteSolution, what: str, points: np.ndarray, expected: tuple[int, ...]) -> str | None:
-    """Say what is wrong with an answer's form, if anything."""
+    """Return the faults of an answer's form, if any."""
     try:
         values = answer.ask("evaluate", what, points) if what in FIELDS else answer.ask(what, points)
     except Lost:
@@ -227,14 +230,14 @@ def _shape_fault(answer: RemoteSolution, what: str, points: np.ndarray, expected
 
 
 def batching(exam: Examination, case: Case) -> Verdict:
-    """Check that a point's answer does not depend on the points that it is asked with, or on their order."""
+    """Check that a point's value depends neither on the other points of the same call nor on their order."""
     found, answer = Findings(), exam.solve(case)
     points = np.concatenate([scattered(case, 60, seed=2), grid(case, 4)])
     together = answer.displacement(points)
     order = np.random.default_rng(3).permutation(len(points))
-    shuffled = apart(answer.displacement(points[order]), together[order])
-    alone = apart(np.stack([answer.displacement(p) for p in points[:20]]), together[:20])
-    again = apart(answer.displacement(points), together)
+    shuffled = deviation(answer.displacement(points[order]), together[order])
+    alone = deviation(np.stack([answer.displacement(p) for p in points[:20]]), together[:20])
+    again = deviation(answer.displacement(points), together)
     for words, difference in (("in another order", shuffled), ("one by one", alone), ("asked again", again)):
         found.hold(difference <= SUMMATION, f"{words}, points move by {difference:.1e} of the largest displacement")
     found.figures.append(f"largest relative difference {max(shuffled, alone, again):.1e}")
@@ -242,7 +245,7 @@ def batching(exam: Examination, case: Case) -> Verdict:
 
 
 def history(exam: Examination, case: Problem) -> Verdict:
-    """Check that the history has steps, whose seconds do not fall, and that progress, if told, makes sense."""
+    """Check that the history has steps with increasing seconds, and that reported progress makes sense."""
     found, answer = Findings(), exam.solve(case)
     steps = answer.facts["history"]
     if not found.hold(bool(steps), "its history is empty"):
@@ -271,10 +274,10 @@ def history(exam: Examination, case: Problem) -> Verdict:
 
 
 def determinism(exam: Examination, case: Problem) -> Verdict:
-    """Two processes with one seed give the same numbers; another seed gives others, but near."""
+    """Check that two processes with one seed give the same numbers, and another seed different but near ones."""
     found, first = Findings(), fingerprint(exam.solve(case))
     with exam.fresh() as other:
-        again = apart(first, fingerprint(solve_in(other, "again", case, exam.settings)))
+        again = deviation(first, fingerprint(solve_in(other, "again", case, exam.settings)))
     found.hold(again <= SAME, f"solved again in another process, it differs by {again:.1e}", f"again: {again:.1e}")
     if not exam.facts["seeded"]:
         found.figures.append("no seed")
@@ -286,7 +289,7 @@ def determinism(exam: Examination, case: Problem) -> Verdict:
 
 
 def continuity(exam: Examination, case: Case) -> Verdict:
-    """Check that along random lines the largest jump between neighbouring samples falls about as their spacing."""
+    """Check that along random lines the largest jump between neighbouring samples falls about like their spacing."""
     answer = exam.solve(case)
     ends = scattered(case, 2 * LINES, seed=4).reshape(LINES, 2, 2)
     tracks = [
@@ -297,7 +300,7 @@ def continuity(exam: Examination, case: Case) -> Verdict:
 
 
 def course(exam: Examination, case: Case) -> Verdict:
-    """Check that a motion starts from rest where it was, and is continuous in time."""
+    """Check that a motion starts from rest at the reference position, and is continuous in time."""
     if case.dynamics is None:
         return not_applicable("nothing moves")
     answer, until = exam.solve(case), case.dynamics.until
@@ -336,7 +339,7 @@ def _judged(tracks: list[tuple[float, float, float]], where: str) -> Verdict:
 
 
 def jumps(track: Callable[[np.ndarray], np.ndarray], samples: int = LINE_SAMPLES) -> tuple[float, float, float]:
-    """Return the largest step between neighbours on a track, the largest after closer looks, and the largest size.
+    """Return the largest step between neighbours on a track, the largest after refinement, and the largest size.
 
     `track` gives displacements (n, ...) at numbers (n,) from 0 to 1.
     """

@@ -1,8 +1,8 @@
-"""The field between the points that cases ask for, beside another solver's. This is shown, and judges nothing.
+"""Comparison of fields with another solver's between the points of the cases. It is shown, and judges nothing.
 
-An exam asks for the same points each time, and a solver may know them. So fields are asked again at points drawn from
-the checksum of the answer as it was saved: no solver can know that before it has answered. The points of two theories
-are not compared: the other solver answers the same case.
+An exam has the same points each time, and a solver may know them. Fields are therefore compared at points drawn from
+the checksum of the saved answer, which no solver can know before it has answered. Theories are not compared with each
+other: the other solver solves the same case.
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ from shellbench.testing.examination import scattered
 from shellbench.testing.subject import load_in, solve_in
 
 YARDSTICK = "fem"
-CASES = 3  # that are drawn: each costs a solve of the other solver
+CASES = 3  # number of drawn answers: each costs a solve of the other solver
 POINTS = 200
 
 
 @dataclass(frozen=True)
 class Difference:
-    """How far two fields of a case are apart.
+    """Difference between two fields of a case.
 
     Attributes
     ----------
     largest
         Relative to the other solver's largest displacement at the points; None if there is no answer.
     at
-        Surface coordinates of the point where they differ most.
+        Surface coordinates of the point of the largest difference.
     why
-        Why there is no answer, as a clause.
+        Reason why there is no answer, as a clause.
     """
 
     case: str
@@ -59,13 +59,13 @@ class Difference:
 
 @dataclass(frozen=True)
 class Between:
-    """Fields beside those of another solver."""
+    """Comparisons of fields with those of another solver."""
 
     yardstick: str
     found: tuple[Difference, ...]
 
     def lines(self) -> Iterator[str]:
-        """Yield what is printed."""
+        """Yield the printed lines."""
         yield f"beside {self.yardstick}, at {POINTS} points that no case asks for (shown, and judges nothing):"
         yield from (f"  {one}" for one in self.found)
 
@@ -83,9 +83,9 @@ def between_points(entry: SolverEntry, answers: Sequence[CurrentRun], folder: Pa
     Parameters
     ----------
     answers
-        Runs whose solutions lie in the store at `folder`.
+        Runs with solutions in the store at `folder`.
     start
-        Starts a solver.
+        Starts a solver's process.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Whether a solver and its solutions have the parts of the protocol, each of its type."""
+"""Checks that a solver and its solutions have the parts of the protocol, each of its type."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from typing import Any, get_args
 import numpy as np
 from pydantic import ValidationError
 
-from shellbench.bench.plugins.inside import said, serve
+from shellbench.bench.plugins.inside import error_line, serve
 from shellbench.bench.plugins.kinds import find_kind, kind_entries, problem_of
 from shellbench.bench.plugins.registry import SolverEntry, load_solver
 from shellbench.errors import InputError
@@ -38,13 +38,13 @@ METHODS = {"shell": ("displacement", "velocity", "evaluate", "energies", "reacti
 
 VALUES = ("case", "history", "parameters", "storage_bytes", "diagnostics", "uncertainty", "extrapolated")
 OPTIONAL_SOLVER_PARTS = ("refinements",)
-FEWEST_REFINEMENTS = 3  # settings by which a rate of convergence can be told
-MOST_WORDS = 1000  # of progress that are kept of one solve
+FEWEST_REFINEMENTS = 3  # least number of settings for a rate of convergence
+MOST_WORDS = 1000  # progress reports that are kept of one solve
 PLAIN = (np.ndarray, np.generic, float, int, str, type(None))
 
 
 def solver_facts(solver: Solver) -> dict[str, Any]:
-    """Return what a solver says about itself in plain data, and under `faults` what is wrong with it."""
+    """Return a solver's description of itself as plain data; its faults are under `faults`."""
     faults: list[str] = []
     kind = solver.settings_type
     typed = isinstance(kind, type) and issubclass(kind, Settings)
@@ -79,13 +79,13 @@ def solver_facts(solver: Solver) -> dict[str, Any]:
 
 
 def capability_faults(capabilities: Any) -> list[str]:
-    """Say what is wrong with a solver's capabilities."""
+    """Return the faults of a solver's capabilities."""
     if not isinstance(capabilities, Capabilities):
         return [f"capabilities is a {type(capabilities).__name__}, not a Capabilities"]
     faults = []
     theories: list[str] = []
     for name, entry in sorted(kind_entries().items(), key=lambda item: not item[1].own):
-        if entry.own or not set(capabilities.theories) <= set(theories):  # others' kinds only where they are needed
+        if entry.own or not set(capabilities.theories) <= set(theories):  # other packages' kinds only if needed
             theories += find_kind(name).theories
     if not capabilities.theories or not set(capabilities.theories) <= set(theories):
         faults.append(f"its theories are {list(capabilities.theories)}, but must be among {', '.join(theories)}")
@@ -97,7 +97,7 @@ def capability_faults(capabilities: Any) -> list[str]:
 
 
 def refinement_faults(refinements: Any, settings_type: type[Settings]) -> list[str]:
-    """Say what is wrong with the settings by which a solver is refined."""
+    """Return the faults of a solver's settings for refinement."""
     if not isinstance(refinements, tuple | list) or not all(isinstance(r, Mapping) for r in refinements):
         return ["refinements is no tuple of settings"]
     if refinements and len(refinements) < FEWEST_REFINEMENTS:
@@ -112,7 +112,7 @@ def refinement_faults(refinements: Any, settings_type: type[Settings]) -> list[s
 
 
 def solution_faults(solution: Any, kind: str) -> list[str]:
-    """Say which parts of the protocol a solution of a kind of problem lacks, and which are of another type."""
+    """Return the missing parts of the protocol in a solution of a kind of problem, and those of a wrong type."""
     methods = (*METHODS.get(kind, ()), "save")
     lacking = [part for part in (*VALUES, *methods) if not hasattr(solution, part)]
     if lacking:
@@ -136,7 +136,7 @@ def solution_faults(solution: Any, kind: str) -> list[str]:
 
 
 def _worked() -> float:
-    """Return the seconds of processor time of this process and its children: what others do here is left out."""
+    """Return the processor time of this process and its children, s, which is independent of other processes."""
     return sum(os.times()[:4])
 
 
@@ -148,11 +148,11 @@ class Child:
         self.solutions: dict[str, Solution] = {}
 
     def describe(self) -> dict[str, Any]:
-        """Return what the solver says about itself, and what is wrong with it."""
+        """Return the solver's description of itself, with its faults."""
         return solver_facts(self.solver)
 
     def declines(self, cases: list[dict[str, Any]]) -> list[tuple[str, Any, float]]:
-        """Ask about each case; return ("ok", answer) or ("raised", words), with seconds of processor time."""
+        """Ask if each case is declined; return ("ok", answer) or ("raised", words), with seconds of processor time."""
         answers: list[tuple[str, Any, float]] = []
         for data in cases:
             case = problem_of(data)
@@ -162,7 +162,7 @@ class Child:
                 if not isinstance(answer, str | None):
                     kind, answer = "raised", f"returned {type(answer).__name__}, not a text or None"
             except Exception as error:
-                kind, answer = "raised", f"raised {said(error)}"
+                kind, answer = "raised", f"raised {error_line(error)}"
             answers.append((kind, answer, _worked() - start))
         return answers
 
@@ -194,11 +194,11 @@ class Child:
         return facts(self.solutions[key], self.solutions[key].case.kind)
 
     def save(self, key: str, path: str) -> str:
-        """Write a solution; return where it is."""
+        """Write a solution; return its path."""
         return str(self.solutions[key].save(Path(path)))
 
     def ask(self, key: str, method: str, *arguments: Any) -> Any:
-        """Call a method of a solution; raises TypeError if it answers in something else than arrays and numbers."""
+        """Call a method of a solution; raises TypeError if it returns anything but arrays and numbers."""
         answer = getattr(self.solutions[key], method)(*arguments)
         parts = answer if isinstance(answer, tuple) else (answer,)
         odd = [type(part).__name__ for part in parts if not isinstance(part, PLAIN)]
@@ -222,7 +222,7 @@ class Child:
 
 
 def facts(solution: Solution, kind: str) -> dict[str, Any]:
-    """Return what a solution says about itself, in plain data."""
+    """Return a solution's description of itself as plain data."""
     return {
         "faults": solution_faults(solution, kind),
         "history": [asdict(step) for step in solution.history],
@@ -234,12 +234,12 @@ def facts(solution: Solution, kind: str) -> dict[str, Any]:
 
 
 def _number(value: Any) -> Any:
-    """Return a whole number as it is, and anything else as text."""
+    """Return an integer unchanged, and any other value as text."""
     return int(value) if isinstance(value, int | np.integer) and not isinstance(value, bool) else repr(value)
 
 
 def main(descriptor: str, name: str, target: str) -> None:
-    """Serve one solver until the other end hangs up."""
+    """Serve one solver until the other end closes."""
     serve(descriptor, lambda: Child(load_solver(SolverEntry(name, target, "", ""))))
 
 

@@ -1,4 +1,4 @@
-"""The checks that a class needs: what a solver that looks its values up can't pass."""
+"""The checks that a class needs; a solver that only looks values up can't pass them."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ OF_OTHERS = ("determinism", "saving")
 
 @dataclass(frozen=True)
 class Line:
-    """One check's outcome; `case` is empty where it asks about the solver alone.
+    """One check's outcome; `case` is empty for a check of the solver itself.
 
     Attributes
     ----------
     kind
-        Of the case.
+        Kind of the case's problem.
     needed
-        Whether a class needs that the check is passed.
+        True if a class needs this check.
     """
 
     check: str
@@ -39,15 +39,15 @@ class Line:
 
 
 def needed_checks(kind: str, theories: Iterable[str]) -> tuple[str, ...]:
-    """Return the checks that a solver of these theories has to pass before it holds a class."""
+    """Return the checks that a solver of these theories must pass to get a class."""
     if kind != DEFAULT:
         return OF_KIND.get(kind, OF_OTHERS)
     linear = set(theories) - {NONLINEAR}
     return tuple(name for name in OF_FIELD if linear or name not in OF_LINEAR)
 
 
-def note(store: Store, entry: SolverEntry, lines: Sequence[Line]) -> None:
-    """Keep in a store what the checks found, by kind of problem.
+def store_results(store: Store, entry: SolverEntry, lines: Sequence[Line]) -> None:
+    """Store the results of the checks, by kind of problem.
 
     Raises
     ------
@@ -57,11 +57,11 @@ def note(store: Store, entry: SolverEntry, lines: Sequence[Line]) -> None:
     for kind in dict.fromkeys(line.kind for line in lines if line.kind):
         of_kind = [line for line in lines if line.kind == kind]
         checks = {name: tuple(x.verdict.status for x in of_kind if x.check == name) for name in _names(of_kind)}
-        note_conformance(store, entry, kind, checks, lacking(of_kind))
+        note_conformance(store, entry, kind, checks, unmet_checks(of_kind))
 
 
-def lacking(lines: Sequence[Line]) -> tuple[str, ...]:
-    """Return why a solver holds no class, one clause a check: it failed, or no case that was asked shows it passed."""
+def unmet_checks(lines: Sequence[Line]) -> tuple[str, ...]:
+    """Return the reasons for which a solver gets no class, one clause for each check that failed or was not passed."""
     found = []
     for name in _names([line for line in lines if line.needed]):
         verdicts = [line.verdict for line in lines if line.check == name]

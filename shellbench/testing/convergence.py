@@ -1,4 +1,4 @@
-"""Check that an answer converges as it is refined: at which rate, and to what."""
+"""Check of convergence under refinement: the rate and the limit."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from shellbench.problem import Problem
 from shellbench.problems.shell.case import Case
 from shellbench.testing.examination import Examination, Findings, Verdict, not_applicable, not_shown
 
-FEWEST, MOST = 3, 5  # levels by which a rate is told, and that are solved at most
-FLOOR = 1e-9  # relative error below which rounding and the known value's own digits are seen
-FALLS = 0.5  # the last difference or error of a sequence that converges, of its largest
-ELSEWHERE = 3.0  # times what is still missing: an error beyond it is no lack of resolution
+FEWEST, MOST = 3, 5  # least and largest number of levels for a rate
+FLOOR = 1e-9  # relative error below which rounding and the known value's digits dominate
+FALLS = 0.5  # largest ratio of the last difference or error to the largest one in a converging sequence
+ELSEWHERE = 3.0  # multiple of the remaining difference; a larger error is no lack of resolution
 RATES = np.linspace(0.2, 12, 2361)  # that a limit is looked for with
 STUDY = "resolution"
-UNKNOWNS, STEPS = ("unknowns", 2), ("steps", 1)  # what refinement makes more of: on a surface, and in time
+UNKNOWNS, STEPS = ("unknowns", 2), ("steps", 1)  # numbers that refinement increases, on a surface and in time
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Refinement:
     Attributes
     ----------
     unknowns
-        Of the answer: its `parameters`; where refinement adds none, the product of the numbers among the settings.
+        The answer's `parameters`; if refinement adds none, the product of the numbers among the settings.
     value
         The headline quantity.
     """
@@ -40,17 +40,17 @@ class Refinement:
 
 
 def convergence(exam: Examination, case: Problem) -> Verdict:
-    """Check that under refinement the headline's error against the known value falls; or, without one, its steps."""
-    levels = refined(exam, case)
+    """Check that the headline's error falls under refinement; without a known value, that its steps fall."""
+    levels = solve_refinements(exam, case)
     if isinstance(levels, str):
         return not_applicable(levels)
     known = catalog.known_values(case.name).judge(case.primary.name, case.theory)
     of_shell = isinstance(case, Case)
-    return judged(levels, known.value if known else None, *(UNKNOWNS if of_shell else STEPS))
+    return judge(levels, known.value if known else None, *(UNKNOWNS if of_shell else STEPS))
 
 
-def refined(exam: Examination, case: Problem) -> list[Refinement] | str:
-    """Solve a case at each refinement, from few unknowns to many; or say why that can't be."""
+def solve_refinements(exam: Examination, case: Problem) -> list[Refinement] | str:
+    """Solve a case at each refinement, from few unknowns to many; or return the reason why this is impossible."""
     chosen, words = refinements(exam, case)
     if len(chosen) < FEWEST:
         return words
@@ -63,7 +63,7 @@ def refined(exam: Examination, case: Problem) -> list[Refinement] | str:
 
 
 def refinements(exam: Examination, case: Problem) -> tuple[list[Mapping[str, Any]], str]:
-    """Return settings from coarse to fine: those given, the solver's own, or a suite's; and why there are none."""
+    """Return settings from coarse to fine: the given ones, the solver's own, or a suite's; or the reason for none."""
     own = exam.refinements or tuple(exam.facts["refinements"])
     found = list(own) if own else _swept(exam.entry.name, case.name)
     reason = f"it has no refinements, and no suite on {STUDY} sweeps it on {case.name}: give some by --refine"
@@ -71,7 +71,7 @@ def refinements(exam: Examination, case: Problem) -> tuple[list[Mapping[str, Any
 
 
 def spread_out(refinements: Sequence[Mapping[str, Any]], most: int) -> list[Mapping[str, Any]]:
-    """Return at most so many of a sequence of settings, the first and last among them, about equal factors apart."""
+    """Return a limited number of a sequence of settings, with the first and the last, at about equal factors."""
     sizes = np.array([np.prod(_numbers(settings)) for settings in refinements], dtype=float)
     if len(sizes) <= most or sizes.min() <= 0:
         return list(refinements)[-most:]
@@ -80,7 +80,7 @@ def spread_out(refinements: Sequence[Mapping[str, Any]], most: int) -> list[Mapp
 
 
 def _numbers(value: Any) -> list[float]:
-    """Return all numbers in settings: their product says how fine they are, up to what they share."""
+    """Return all numbers in settings: their product measures the refinement, up to a common factor."""
     match value:
         case bool() | str() | None:
             return []
@@ -109,15 +109,15 @@ def _swept(solver: str, case: str) -> list[Mapping[str, Any]]:
     return max(sweeps.values(), key=len, default=[])
 
 
-def judged(levels: Sequence[Refinement], known: float | None, what: str = "unknowns", dimension: int = 2) -> Verdict:
+def judge(levels: Sequence[Refinement], known: float | None, what: str = "unknowns", dimension: int = 2) -> Verdict:
     """Judge a sequence of refinements.
 
     Parameters
     ----------
     what
-        That refinement makes more of.
+        Name of the numbers that refinement increases.
     dimension
-        How many directions it fills: the order is so many times the slope against it.
+        Number of directions of refinement: the order is this number times the slope.
     """
     found = Findings()
     unknowns = np.array([level.unknowns for level in levels], dtype=float)
@@ -155,7 +155,7 @@ def judged(levels: Sequence[Refinement], known: float | None, what: str = "unkno
 
 
 def slope(unknowns: np.ndarray, errors: np.ndarray) -> float | None:
-    """Return the slope of log error against log unknowns^(-1/2), above rounding; None of fewer than two errors."""
+    """Return the slope of log error against log unknowns^(-1/2), above rounding; None for fewer than two errors."""
     seen = errors > FLOOR
     if np.count_nonzero(seen) < 2:
         return None
@@ -165,7 +165,7 @@ def slope(unknowns: np.ndarray, errors: np.ndarray) -> float | None:
 def extrapolated(unknowns: np.ndarray, values: np.ndarray) -> float:
     """Return the limit v of value = v + C unknowns^(-p/2) through the last three levels, or the last value.
 
-    The rate p is looked for; where no rate fits the last two steps, the last value is all that is known.
+    The rate p is fitted; if no rate fits the last two steps, the last value is returned.
     """
     h = unknowns[-3:] ** -0.5
     first, second = np.diff(values[-3:])

@@ -1,6 +1,6 @@
-"""What checks work with: the solver, the cases, and answers that are solved for once.
+"""Tools of the checks: the solver, the cases, answers that are solved for once, and verdicts.
 
-What a check ends in: one of four words, and the figures that it rests on.
+A verdict is one of four words, with the measured figures.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ Array = NDArray[np.float64]
 Setting = Mapping[str, Any]
 
 SAMPLE = 17  # points a side of the grid on which displacements are compared
-SAME = 1e-6  # relative difference that counts as none
-OWN = 3.0  # times the solver's own stated uncertainty, or what another seed changes
-MOST_EXCUSED = 0.1  # relative difference that no uncertainty excuses: beyond, it says that it knows no answer
+SAME = 1e-6  # relative difference that counts as zero
+OWN = 3.0  # multiple of the solver's own stated uncertainty, or of the change by another seed
+MOST_EXCUSED = 0.1  # largest relative difference for any stated uncertainty
 
 
 def asked_kinds(theories: Iterable[str]) -> tuple[Problem, ...]:
-    """Return the suite's own cases of the kinds whose problems ask for one of these theories."""
+    """Return the suite's own cases of the kinds that have one of these theories."""
     kinds = kinds_of_theories(theories)
     return tuple(case for case in map(catalog.named_case, catalog.case_names()) if case.kind in kinds)
 
 
 def shells(names: Iterable[str] | None = None) -> tuple[Case, ...]:
-    """Return the suite's own cases of these names that are shells; all of them if none are named."""
+    """Return the suite's own shells of these names; all shells if none are named."""
     cases = map(catalog.named_case, catalog.case_names() if names is None else names)
     return tuple(case for case in cases if isinstance(case, Case))
 
@@ -54,11 +54,11 @@ class Examination:
     start
         Starts the solver in a process of its own.
     facts
-        What the solver says about itself; see `shellbench.testing.child.solver_facts`.
+        The solver's description of itself; see `shellbench.testing.child.solver_facts`.
     settings
         Settings that differ from the defaults in all solves.
     folder
-        For saved solutions.
+        Folder for saved solutions.
     refinements
         Settings from coarse to fine; empty: the solver's own, or those of a suite.
     """
@@ -76,7 +76,7 @@ class Examination:
 
     @property
     def cases(self) -> tuple[Problem, ...]:
-        """The suite's own cases of the kinds of problem that the solver's theories are of."""
+        """The suite's own cases of the kinds of problem that have the solver's theories."""
         return asked_kinds(self.facts["theories"])
 
     @property
@@ -89,7 +89,7 @@ class Examination:
 
     @contextmanager
     def fresh(self) -> Iterator[Respondent]:
-        """Give a process that has solved nothing yet."""
+        """Return a new process, without earlier solves."""
         subject = self.start()
         try:
             yield subject
@@ -97,12 +97,12 @@ class Examination:
             subject.stop()
 
     def solve(self, case: Problem, settings: Setting | None = None) -> RemoteSolution:
-        """Return the solver's answer to a case; what was solved for already is not solved for again.
+        """Return the solver's answer to a case; answers are cached.
 
         Raises
         ------
         NoAnswer
-            If there is none. `AlreadyReported` where that was met before: it is one finding, not several.
+            If there is none. `AlreadyReported` if an earlier check met the same failure, so that it is one finding.
         """
         chosen = {**self.settings, **(settings or {})}
         key = json.dumps([case.name, case.digest(), chosen], sort_keys=True)
@@ -118,14 +118,14 @@ class Examination:
         return self._answers[key]
 
     def declined(self, case: Problem) -> str | None:
-        """Return why the solver declines a case, or None; raises `NoAnswer` if it can't be asked."""
+        """Return the reason why the solver declines a case, or None; raise `NoAnswer` if it can't be asked."""
         kind, answer, _ = self.refusals((case,))[0]
         if kind != "ok":
             raise NoAnswer(f"declines {answer}")
         return None if answer is None else str(answer)
 
     def refusals(self, cases: tuple[Problem, ...]) -> list[tuple[str, Any, float]]:
-        """Ask whether cases are declined: ("ok", clause or None, seconds) or ("raised", words, seconds)."""
+        """Return for each case ("ok", clause or None, seconds) or ("raised", words, seconds); None if it is taken."""
         keys = [f"{case.name} {case.digest()}" for case in cases]
         unasked = [i for i, key in enumerate(keys) if key not in self._refusals]
         if unasked:
@@ -141,11 +141,11 @@ class Examination:
 
 
 class AlreadyReported(NoAnswer):
-    """A trouble that an earlier check has told of already."""
+    """A failure that an earlier check has already reported."""
 
 
 def fingerprint(answer: RemoteSolution) -> Array:
-    """Return what two answers are compared by: displacements on a grid of a shell, else all quantities."""
+    """Return the values by which two answers are compared: displacements on a grid of a shell, else all quantities."""
     return answer.displacement(grid(answer.case)) if isinstance(answer.case, Case) else answer.values()
 
 
@@ -161,14 +161,14 @@ def scattered(case: Case, count: int, seed: int = 0, margin: float = 0.0) -> Arr
     return np.asarray(domain.lower) + np.asarray(domain.size) * local
 
 
-def apart(first: Array, second: Array) -> float:
+def deviation(first: Array, second: Array) -> float:
     """Return the largest difference of two fields, relative to the larger of their largest magnitudes."""
     size = max(np.abs(first).max(initial=0.0), np.abs(second).max(initial=0.0))
     return 0.0 if size == 0 else float(np.abs(first - second).max() / size)
 
 
 def own_uncertainty(answer: RemoteSolution) -> float:
-    """Return what the solver itself says of the error of the headline quantity, relative to it; 0 if nothing."""
+    """Return the solver's stated relative error of the headline quantity; 0 if it states none."""
     stated = float(answer.facts["uncertainty"].get(answer.case.primary.name, 0.0))
     if stated == 0:
         return 0.0
@@ -177,15 +177,15 @@ def own_uncertainty(answer: RemoteSolution) -> float:
 
 
 def seed_difference(exam: Examination, case: Problem) -> float:
-    """Return by how much another seed's answer differs, relative to the largest displacement; 0 without a seed."""
+    """Return the difference of another seed's answer, relative to the largest displacement; 0 without a seed."""
     if not exam.facts["seeded"]:
         return 0.0
     other = exam.solve(case, {"seed": int(exam.settings.get("seed", exam.facts["defaults"]["seed"])) + 1})
-    return apart(fingerprint(exam.solve(case)), fingerprint(other))
+    return deviation(fingerprint(exam.solve(case)), fingerprint(other))
 
 
-def admissible(exam: Examination, case: Problem) -> float:
-    """Return the relative difference that two solves of one question may have."""
+def allowed_deviation(exam: Examination, case: Problem) -> float:
+    """Return the admissible relative difference of two solves of one question."""
     return min(MOST_EXCUSED, max(SAME, OWN * own_uncertainty(exam.solve(case)), OWN * seed_difference(exam, case)))
 
 
@@ -196,12 +196,12 @@ told either way; neither is a failure, and neither is a pass."""
 
 @dataclass(frozen=True)
 class Verdict:
-    """How a check ended.
+    """Result of a check.
 
     Attributes
     ----------
     words
-        One line: the figures, or what is wrong.
+        One line: the measured figures, or the faults.
     """
 
     status: Status
@@ -210,16 +210,16 @@ class Verdict:
 
 @dataclass
 class Findings:
-    """What a check has found so far.
+    """Findings of a check so far.
 
     Attributes
     ----------
     faults
-        What is wrong: any fault fails the check.
+        Faults; any fault fails the check.
     figures
-        What was measured and is well.
+        Measurements that are in order.
     unseen
-        What could not be told, and why.
+        Questions that could not be decided, with the reason.
     """
 
     faults: list[str] = field(default_factory=list)
@@ -227,7 +227,7 @@ class Findings:
     unseen: list[str] = field(default_factory=list)
 
     def hold(self, holds: bool, fault: str, figure: str = "") -> bool:
-        """Note a fault, or a figure where there is none; return whether it holds."""
+        """Note the fault if `holds` is false, else the measured value; return `holds`."""
         if not holds:
             self.faults.append(fault)
         elif figure:
@@ -235,7 +235,7 @@ class Findings:
         return holds
 
     def verdict(self) -> Verdict:
-        """Return how the check ended."""
+        """Return the result of the check."""
         if self.faults:
             return Verdict("failed", "; ".join(self.faults))
         if self.unseen and not self.figures:
@@ -244,12 +244,12 @@ class Findings:
 
 
 def not_applicable(reason: str) -> Verdict:
-    """Return the verdict of a check that asks about what is not there."""
+    """Return the verdict of a check that does not apply."""
     return Verdict("not applicable", reason)
 
 
 def not_shown(reason: str) -> Verdict:
-    """Return the verdict of a check that could not tell."""
+    """Return the verdict of a check that could not decide."""
     return Verdict("not shown", reason)
 
 

@@ -1,4 +1,4 @@
-"""The grade of a solver that is checked: the exam is held, and said in words and as data."""
+"""The grade of a checked solver: the exam, and its result as text and data."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from typing import Any
 from rich.console import Console
 
 from shellbench.bench.catalogue import catalog
-from shellbench.bench.judge.classes import CLASSES, strangers
-from shellbench.bench.judge.exam import Sitting, is_judged, missed_words, plan_of, questions, sit, suites_for
-from shellbench.bench.plugins.outside import asked
+from shellbench.bench.judge.classes import CLASSES, third_party_solvers
+from shellbench.bench.judge.exam import Sitting, hold_exam, is_judged, missed_words, plan_of, questions, suites_for
+from shellbench.bench.plugins.outside import resolve_solver
 from shellbench.bench.plugins.registry import SolverEntry
 from shellbench.bench.run.display import display
 from shellbench.bench.run.execute import Observer, Outcome
@@ -33,20 +33,20 @@ MOST_SHOWN = 10  # rows that are missed
 
 @dataclass(frozen=True)
 class ExamOptions:
-    """What exam is held.
+    """Options of an exam.
 
     Attributes
     ----------
     suites
-        Suites whose cases are asked; None for those of the solver's kinds of problem.
+        Suites whose cases are solved; None for those of the solver's kinds of problem.
     quick
-        Whether these are the suites of a first look.
+        True if these are the suites of a first look.
     grade
-        Whether the exam is held; if not, the checks are made and kept in the store.
+        True if the exam is held; otherwise only the checks are made and kept in the store.
     store
-        Folder of the records; what has one that counts is not solved again.
+        Folder of the records; runs with a valid record are not solved again.
     jobs
-        Runs at a time, one thread each; None for as many as there are cores.
+        Parallel runs, one thread each; None for one per core.
     """
 
     suites: tuple[str, ...] | None
@@ -56,26 +56,26 @@ class ExamOptions:
     grade: bool = True
 
     def asked_of(self, entry: SolverEntry) -> tuple[str, ...]:
-        """Return the suites that a solver is asked; InputError if one is unknown, or the solver can't be imported."""
+        """Return the suites of a solver's exam; InputError if one is unknown, or the solver can't be imported."""
         if not self.grade:
             return ()
         if self.suites is not None:
             for suite in self.suites:
-                catalog.find_suite(suite)  # said before any check is made
+                catalog.find_suite(suite)  # printed before the checks
             return self.suites
-        return suites_for(map(str, asked(entry).capabilities.theories), quick=self.quick)
+        return suites_for(map(str, resolve_solver(entry).capabilities.theories), quick=self.quick)
 
 
 @dataclass(frozen=True)
 class Graded:
-    """What the exam found.
+    """Result of an exam.
 
     Attributes
     ----------
     why
-        Why there is no grade, in a clause; empty if the exam was held and something was judged.
+        Reason why there is no grade, in a clause; empty if the exam was held and something was judged.
     between
-        How far its fields are from those of the yardstick between the points of the cases: this judges nothing.
+        Differences of its fields from those of the yardstick between the points of the cases; they judge nothing.
     """
 
     solver: str
@@ -86,22 +86,22 @@ class Graded:
 
     @property
     def held(self) -> float | None:
-        """The class that the solver holds; None if it has no grade."""
+        """The solver's class; None if it has no grade."""
         return self.sitting.grade.held if self.sitting and not self.why else None
 
     @property
     def fell_short(self) -> bool:
-        """Whether a stranger holds no class; our own solvers are gated by their tolerances, not by classes."""
+        """True if a third-party solver gets no class; built-in solvers are gated by their tolerances instead."""
         graded = self.sitting is not None and not self.why
-        return graded and self.held is None and self.solver in strangers((self.solver,))
+        return graded and self.held is None and self.solver in third_party_solvers((self.solver,))
 
     @property
     def judged_nothing(self) -> bool:
-        """Whether an exam was held, and it declined everything."""
+        """True if an exam was held and the solver declined everything."""
         return bool(self.sitting and self.why)
 
     def lines(self) -> Iterator[str]:
-        """Yield what is printed."""
+        """Yield the printed lines."""
         asked = f" ({'suite' if len(self.suites) == 1 else 'suites'} {', '.join(self.suites)})" if self.suites else ""
         if self.why or self.sitting is None:
             yield f"no grade{asked}: {self.why}"
@@ -141,7 +141,7 @@ class Graded:
 
 
 class Later:
-    """Keeps what it is told of runs until somebody looks, and passes it on from then on."""
+    """Buffers the events of runs until a display is attached, and then passes them on."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -177,29 +177,29 @@ class Later:
 
 
 @contextlib.contextmanager
-def begun(
+def start_exam(
     solver: str, cases: Sequence[Problem], suites: tuple[str, ...], options: ExamOptions, seconds: float
 ) -> Iterator[Callable[[Console], Graded]]:
-    """Begin the exam of a solver with default settings, beside something else that takes one of its jobs.
+    """Start the exam of a solver with default settings, beside the checks, which use one of its jobs.
 
-    What is yielded shows the runs, leaves all jobs to them, and waits for the grade. Without that, they are stopped at
-    the end.
+    The yielded function shows the runs, gives all jobs to them, and waits for the grade. If it is not called, the runs
+    are stopped at the end.
 
     Parameters
     ----------
     cases
-        Cases that are asked beside those of the suites.
+        Cases in addition to those of the suites.
     suites
-        Suites whose cases are asked.
+        Suites whose cases are solved.
     seconds
         Longest time for one answer.
 
     Raises
     ------
     InputError
-        When the grade is waited for, if the solver can't be imported.
+        While waiting for the grade, if the solver can't be imported.
     StoreError
-        Then too, if the store can't be written.
+        While waiting for the grade, if the store can't be written.
     """
     store, later = Store(options.store), Later()
     alone, left = threading.Event(), threading.Event()
@@ -221,7 +221,7 @@ def begun(
 
         def hold() -> Sitting | None:
             asked, runs = planned.result()
-            return None if runs is None else sit(solver, asked, store, runs, executor, later)
+            return None if runs is None else hold_exam(solver, asked, store, runs, executor, later)
 
         held = thread.submit(hold)
 
@@ -233,7 +233,7 @@ def begun(
             with display(console, len(runs.tasks)) as observer:
                 later.show(observer)
                 sitting = held.result()
-            if sitting is not None:  # only now: the checks were made beside the runs
+            if sitting is not None:  # only now, because the checks ran in parallel
                 runs_of = (run.record for run in sitting.answers)
                 unchecked = why_unchecked(solver, runs_of, read_conformance(store).found)
                 sitting = replace(sitting, grade=replace(sitting.grade, unchecked=unchecked))

@@ -1,6 +1,6 @@
-"""Checks of what is kept of an answer: that it comes back whole, and that its size is counted honestly.
+"""Checks of saved answers: they load completely, and their size is counted correctly.
 
-What is in a saved solution: its arrays by name, to be looked at and to be altered.
+The arrays of a saved solution can be read and altered by name.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from shellbench.bench.plugins.subject import Lost, NoAnswer, Respondent
 from shellbench.problem import Problem
 from shellbench.problems.shell.case import Case
 from shellbench.testing.convergence import refinements
-from shellbench.testing.examination import Examination, Findings, Verdict, apart, grid, not_shown, scattered
+from shellbench.testing.examination import Examination, Findings, Verdict, deviation, grid, not_shown, scattered
 from shellbench.testing.subject import RemoteSolution, load_in
 
 PICKLE, PROTOCOLS = 0x80, range(2, 6)  # first byte of a pickle, and the second, which names its protocol
@@ -41,10 +41,10 @@ SAFETENSORS = {
 
 REALS = "fc"  # NumPy's kinds of real and complex numbers
 NUMBERS = REALS + "iub"
-NUDGE = 1e-3  # relative change of real numbers that matter: displacements follow
+NUDGE = 1e-3  # relative change of real numbers; displacements follow if they matter
 HARDEST = 9  # zlib's level
 SIDES = 9  # points a side, at edges and corners too, at which a kept displacement is looked at
-MOST_SLICES = 12  # along an axis, that are altered one by one: components, not nodes
+MOST_SLICES = 12  # longest axis whose slices are altered one by one: components, not nodes
 
 Part = tuple[slice | int, ...]
 """An index: which part of an array."""
@@ -57,9 +57,9 @@ class SavedArrays:
     Attributes
     ----------
     arrays
-        By name; texts are left out.
+        By name, without texts.
     spans
-        Where each lies in the file, (first byte, bytes); empty for npz, which is written anew.
+        Place of each in the file, (first byte, bytes); empty for npz, which is rewritten.
     """
 
     path: Path
@@ -74,10 +74,10 @@ def read_arrays(path: Path) -> SavedArrays | None:
     return _safetensors(path)
 
 
-def pickled(path: Path) -> bool:
-    """Tell whether a file is a pickle or holds one."""
+def is_pickled(path: Path) -> bool:
+    """Return True if a file is a pickle or contains one."""
     if path.is_dir():
-        return any(pickled(p) for p in path.rglob("*") if p.is_file())
+        return any(is_pickled(p) for p in path.rglob("*") if p.is_file())
     if zipfile.is_zipfile(path):
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
@@ -124,9 +124,10 @@ def _safetensors(path: Path) -> SavedArrays | None:
 
 
 def what_matters(array: NDArray[Any], matters: Callable[[Part], bool]) -> NDArray[Any] | None:
-    """Return the least part of an array without which the displacement is another; None if all of it can go.
+    """Return the smallest part of an array that the displacement needs; None if it needs no part.
 
-    `matters` tells whether altering a part does. Parts are the slices along a short axis, such as components.
+    `matters` returns True if altering a part changes the answer. Parts are the slices along a short axis, such as
+    components.
     """
     if not matters(()):
         return None
@@ -139,8 +140,8 @@ def what_matters(array: NDArray[Any], matters: Callable[[Part], bool]) -> NDArra
     return least
 
 
-def altered(saved: SavedArrays, name: str, part: Part, target: Path) -> Path:
-    """Write the file with a part of one array a little changed."""
+def write_altered(saved: SavedArrays, name: str, part: Part, target: Path) -> Path:
+    """Write the file with a small change in a part of one array."""
     array = saved.arrays[name]
     nudged = np.asarray(array * (1 + NUDGE) if array.dtype.kind in REALS else np.bitwise_xor(array, 1)).astype(
         array.dtype
@@ -160,53 +161,53 @@ def altered(saved: SavedArrays, name: str, part: Part, target: Path) -> Path:
 
 
 def compressed_size(array: NDArray[Any]) -> int:
-    """Return the bytes of an array that compression can't do without, its bytes sorted by significance."""
+    """Return the compressed size of an array in bytes, with its bytes sorted by significance."""
     numbers = np.ascontiguousarray(array)
     planes = np.frombuffer(numbers.tobytes(), dtype=np.uint8).reshape(-1, max(1, numbers.dtype.itemsize)).T
     return min(len(zlib.compress(planes.tobytes(), HARDEST)), numbers.nbytes)
 
 
 SAME = 1e-12  # relative difference of a displacement that was saved and loaded
-COUNTED = 0.9  # of the compressed bytes that matter: what storage_bytes must state at least
+COUNTED = 0.9  # least storage_bytes, as a share of the compressed bytes that matter
 
 
 def saving(exam: Examination, case: Problem) -> Verdict:
-    """Check that, saved and loaded in another process, the answer is the same; the file is no pickle."""
+    """Check that an answer is the same after saving and loading in another process; the file must be no pickle."""
     found, answer = Findings(), exam.solve(case)
     path = answer.save(exam.folder / "saved")
     if not found.hold(path.is_file() or path.is_dir(), f"save says that it wrote {path.name}; there is no such file"):
         return found.verdict()
-    found.hold(not pickled(path), "the saved file is, or holds, a pickle, which runs what it likes when it is read")
+    found.hold(not is_pickled(path), "the saved file is, or holds, a pickle, which runs what it likes when it is read")
     kept = _moved(path, exam.folder / "kept")
     with exam.fresh() as other:
         loaded = load_in(other, "loaded", case, kept)
-        difference = apart(seen(answer), seen(loaded))
-        found.hold(difference <= SAME, f"loaded, its {what_is_seen(case)} differs by {difference:.1e}")
+        difference = deviation(identity_of(answer), identity_of(loaded))
+        found.hold(difference <= SAME, f"loaded, its {identity_words(case)} differs by {difference:.1e}")
         for count in ("parameters", "storage_bytes"):
             same = loaded.facts[count] == answer.facts[count]
             found.hold(same, f"loaded, its {count} are {loaded.facts[count]}, not {answer.facts[count]}")
         nothing = exam.folder / "no_solution"
         nothing.write_bytes(b"nothing that a solver has written")
         _refuses(found, other, case, nothing)
-    found.figures.append(f"{path.suffix or 'folder'}, {what_is_seen(case)} the same to {difference:.1e}")
+    found.figures.append(f"{path.suffix or 'folder'}, {identity_words(case)} the same to {difference:.1e}")
     return found.verdict()
 
 
-def seen(answer: RemoteSolution) -> NDArray[np.float64]:
-    """Return what a kept answer is known by: its displacement at points, of a shell, else all quantities."""
+def identity_of(answer: RemoteSolution) -> NDArray[np.float64]:
+    """Return the values that identify a kept answer: displacements at points of a shell, else all quantities."""
     case = answer.case
     if not isinstance(case, Case):
         return answer.values()
     return answer.displacement(np.concatenate([grid(case, SIDES), scattered(case, 50, seed=8)]))
 
 
-def what_is_seen(case: Problem) -> str:
-    """Return what an answer is known by, in words."""
+def identity_words(case: Problem) -> str:
+    """Return the name of the values that identify an answer."""
     return "displacement" if isinstance(case, Case) else "figures"
 
 
 def _moved(path: Path, folder: Path) -> Path:
-    """Move what was saved to where nothing else lies, under another name, as stores do; return where it is."""
+    """Move a saved solution to an empty folder under another name, as stores do; return its path."""
     folder.mkdir()
     return Path(shutil.move(path, folder / f"answer{path.suffix}"))
 
@@ -222,7 +223,7 @@ def _refuses(found: Findings, subject: Respondent, case: Problem, path: object) 
 
 
 def counts(exam: Examination, case: Problem) -> Verdict:
-    """Check that `parameters` is a whole number; of a shell, that it grows with refinement."""
+    """Check that `parameters` is an integer, and for a shell that it grows with refinement."""
     found, answer = Findings(), exam.solve(case)
     fewest = 0 if isinstance(case, Case) and case.prescribed else 1
     number = answer.facts["parameters"]
@@ -247,7 +248,7 @@ def counts(exam: Examination, case: Problem) -> Verdict:
 
 
 def storage(exam: Examination, case: Problem) -> Verdict:
-    """Check that `storage_bytes` counts the numbers of the saved file without which the answer is another."""
+    """Check that `storage_bytes` counts the numbers of the saved file that the answer needs."""
     found, answer = Findings(), exam.solve(case)
     stated = answer.facts["storage_bytes"]
     if not found.hold(isinstance(stated, int) and stated > 0, f"its storage_bytes are {stated}, no positive integer"):
@@ -255,7 +256,7 @@ def storage(exam: Examination, case: Problem) -> Verdict:
     saved = read_arrays(answer.save(exam.folder / "counted"))
     if saved is None:
         return not_shown(f"states {stated} bytes; the saved file is neither npz nor safetensors")
-    u = seen(answer)
+    u = identity_of(answer)
     needed, names, untold, unknown = 0, [], [], 0
     with exam.fresh() as other:
         for name, array in saved.arrays.items():
@@ -263,8 +264,8 @@ def storage(exam: Examination, case: Problem) -> Verdict:
                 continue
 
             def matters(part: Part, name: str = name) -> bool:
-                changed = altered(saved, name, part, exam.folder / f"altered{saved.path.suffix}")
-                return apart(u, seen(_loaded(other, answer, changed))) > 0
+                changed = write_altered(saved, name, part, exam.folder / f"altered{saved.path.suffix}")
+                return deviation(u, identity_of(_loaded(other, answer, changed))) > 0
 
             try:
                 least = what_matters(array, matters)
@@ -278,7 +279,7 @@ def storage(exam: Examination, case: Problem) -> Verdict:
                 needed += compressed_size(least)
                 names.append(name)
     arrays = ", ".join(names) or "no arrays"
-    words = f"states {stated} bytes; what its {what_is_seen(case)} needs, compressed: {needed} ({arrays})"
+    words = f"states {stated} bytes; what its {identity_words(case)} needs, compressed: {needed} ({arrays})"
     if untold:
         words += f"; {', '.join(untold)} can't be altered"
     if not names or COUNTED * needed <= stated < COUNTED * (needed + unknown):

@@ -1,4 +1,4 @@
-"""Cases that the examination makes of others: elsewhere, in other units, louder, carried along, or cut short."""
+"""Cases that the checks derive from others: moved, in other units, with scaled loads, rotated, or shortened."""
 
 from __future__ import annotations
 
@@ -32,23 +32,23 @@ MOVING = ("napkin_fixed_edges", "napkin_plane", "napkin_soft_pin", "napkin_corne
 CLOSED = ("sleeve_torque", "pinched_cylinder_diaphragm", "sleeve_twist", "sleeve_compression")
 """Cases on a closed surface, for the seam."""
 
-SHORT = 0.1  # s: of a motion, long enough that a napkin under gravity has moved by 5 cm
+SHORT = 0.1  # duration of a motion, s, in which a napkin falls by 5 cm
 CARRIED = 0.01  # of the shell's size: distance of the centre of the supports' rotation from the middle
 TURNED, TURNED_FAR = 0.5, 20.0  # degrees that supports turn the shell by, in the linear and the non-linear theory
 FALL = "free_fall"
 ASKS_WHERE = re.compile(r"\bxi[12]\b|\b[xyz]\b *[-+*/^]")  # in data: a formula of the place
 
 
-def placed(case: Case, rotation: Rotation, shift: Sequence[float]) -> Case:
+def relocated(case: Case, rotation: Rotation, shift: Sequence[float]) -> Case:
     """Return the case turned about the origin and then shifted; its displacement is the turned displacement."""
     named = {"name": f"{case.name[:53]}_turned", "suites": []}
     return Case.model_validate(placed_data(case, rotation, shift) | named)
 
 
-def slid(case: Case, by: Sequence[float]) -> Case | None:
-    """Return a plane case moved along its plane, m; None if it is none, or if formulas ask where it is.
+def shifted(case: Case, by: Sequence[float]) -> Case | None:
+    """Return a plane case moved along its plane, m; None if it is not plane, or if formulas depend on the place.
 
-    Its displacement at a point that has moved along is what it was.
+    Its displacement at the moved points is the original one.
     """
     data = case.model_dump(mode="json", exclude_unset=True)
     surface, points = data.pop("surface"), data.pop("points", {})
@@ -63,13 +63,13 @@ def slid(case: Case, by: Sequence[float]) -> Case | None:
     return Case.model_validate(data | named)
 
 
-def converted(case: Case, units: Units) -> Case:
-    """Return the case in other units. Load factors, times and angles are what they were."""
+def rescaled(case: Case, units: Units) -> Case:
+    """Return the case in other units. Load factors, times and angles are unchanged."""
     return Case.model_validate(converted_data(case, units) | {"suites": []})
 
 
 def short_motion(name: str) -> Case:
-    """Return a motion of the suite cut short; its headline is what it asks for first, at the end."""
+    """Return a shortened motion of the suite; its headline is its first quantity, at the end."""
     case = named_case(name)
     data = case.model_dump(mode="json", exclude_unset=True)
     spatial = [q for q in data["quantities"] if q["kind"] in ("displacement", "position", "centre_of_mass")]
@@ -80,7 +80,7 @@ def short_motion(name: str) -> Case:
     return Case.model_validate(data)
 
 
-def louder(case: Case, factor: float) -> Case:
+def amplified(case: Case, factor: float) -> Case:
     """Return a case with all loads and prescribed motions times a factor, for linear theory."""
     data = case.model_dump(mode="json", exclude_unset=True) | {"name": case.name, "suites": []}
     for load in data.get("loads", []):
@@ -102,10 +102,10 @@ def louder(case: Case, factor: float) -> Case:
     return Case.model_validate(data)
 
 
-def carried(case: Case) -> Case | None:
+def rotated(case: Case) -> Case | None:
     """Return a static case without loads whose supports turn it as a rigid body; None if they can't.
 
-    They can if each can be moved, and together they leave no rigid motion to be removed.
+    They can if each of them can be moved, and if together they leave no rigid motion to remove.
     """
     if case.dynamics is not None or case.remove_rigid_motions or not case.supports:
         return None

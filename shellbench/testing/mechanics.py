@@ -1,9 +1,9 @@
-"""Checks of mechanics: what physics do not depend on, and that an answer's own figures agree with each other.
+"""Checks of mechanics: invariances of physics, and agreement of an answer's own values.
 
-Physics do not depend on units, the loudness of a linear case, and where in space it stands. Energies and strains agree
-with each other, and with the displacement.
+Physics does not depend on units or on the placement in space, and the answer of a linear case is proportional to its
+loads. Energies and strains agree with each other, and with the displacement.
 
-Strains of a displacement from its differences: written down anew, and not taken from any solver.
+Strains are computed from differences of the displacement, independently of all solvers.
 
 eps = (a - abar)/2 and kappa = bbar - b (Kairanda et al., eqs. (15) and (16)) of the deformed surface x + u, the
 derivatives of u by central differences. In linear theory they are the part of first order in u, by the same
@@ -31,40 +31,40 @@ from shellbench.testing.examination import (
     Examination,
     Findings,
     Verdict,
-    admissible,
-    apart,
+    allowed_deviation,
+    deviation,
     grid,
     not_applicable,
     scattered,
 )
-from shellbench.testing.made_cases import FALL, SHORT, carried, converted, louder, placed, short_motion, slid
+from shellbench.testing.made_cases import FALL, SHORT, amplified, relocated, rescaled, rotated, shifted, short_motion
 from shellbench.testing.subject import RemoteSolution
 
-TOGETHER = 1e-6  # of how far it falls, by which points of what falls may differ
-UNSTRETCHED, UNBENT = 1e-6, 1e-2  # of the energies of stretching and bending as far: formulas that are wrong have 1
+TOGETHER = 1e-6  # largest difference between points of a falling body, relative to its fall
+UNSTRETCHED, UNBENT = 1e-6, 1e-2  # relative to energies of the same displacement: wrong formulas give 1
 Array = NDArray[np.float64]
 Derivatives = dict[tuple[int, int], Array]
 PAIRS = ((0, 0), (1, 1), (0, 1))  # of the components 11, 22, 12
 SMALL = 1e-4  # strain of the scaled displacement, whose part of third order is then 1e-8 of it
-PANELS, OTHER_PANELS, RULE = 48, 37, 4  # a side, of two rules that share no lines: they differ by what they miss
-SAME = 1e-6  # relative difference that counts as none
-MISSED = 3.0  # times the difference of the two rules, which an integral may be off
-WORK = 0.01  # relative: by which loads on a coarse mesh may do another work than the exact ones
-POINTS = 200  # at random, at which strains are compared
-MARGIN = 0.02  # of the side, by which they keep off the edges
-MUST_AGREE = 0.9  # of the points must agree: at the others a difference may cross a line of the mesh
+PANELS, OTHER_PANELS, RULE = 48, 37, 4  # panels a side of two rules without common lines: they estimate the error
+SAME = 1e-6  # relative difference that counts as zero
+MISSED = 3.0  # largest error of an integral, as a multiple of the difference of the two rules
+WORK = 0.01  # largest relative difference between the work of loads on a coarse mesh and of exact loads
+POINTS = 200  # random points at which strains are compared
+MARGIN = 0.02  # their distance from the edges, relative to the side
+MUST_AGREE = 0.9  # share of the points that must agree: at others a difference may cross a line of the mesh
 STRETCH_STEPS, BEND_STEPS = (1e-5, 1e-4), (1e-3, 1e-2)  # of the side: for first and for second differences
-CLOSE, CLOSER = 0.05, 0.01  # of the largest strain: what bending and membrane strains may be off
-UNSTRAINED = 1e-8  # of the displacement over the size: below, differences of a rigid motion are rounding
+CLOSE, CLOSER = 0.05, 0.01  # largest errors of bending and membrane strains, relative to the largest strain
+UNSTRAINED = 1e-8  # of the displacement over the size: smaller differences of a rigid motion are rounding
 EDGE_POINTS = 64  # of the rule along an edge
 
 
 def units(exam: Examination, case: Case) -> Verdict:
     """Check that the case in other units has the same physical displacement."""
-    other = converted(case, MILLIMETRES_KILONEWTONS)
+    other = rescaled(case, MILLIMETRES_KILONEWTONS)
     if reason := exam.declined(other):
         return not_applicable(f"it declines the case in {MILLIMETRES_KILONEWTONS.words}: {reason}")
-    points, limit = grid(case), admissible(exam, case)
+    points, limit = grid(case), allowed_deviation(exam, case)
     u = (
         exam.solve(other).displacement(converted_points(case, MILLIMETRES_KILONEWTONS, points))
         / MILLIMETRES_KILONEWTONS.length
@@ -73,30 +73,30 @@ def units(exam: Examination, case: Case) -> Verdict:
 
 
 def linearity(exam: Examination, case: Case) -> Verdict:
-    """Check that in linear theory twice the load has twice the answer."""
+    """Check that in linear theory twice the load gives twice the answer."""
     if not case.linear:
         return not_applicable("the case is not linear")
-    twice = louder(case, 2.0)
+    twice = amplified(case, 2.0)
     if reason := exam.declined(twice):
         return not_applicable(f"it declines the case with twice the load: {reason}")
-    limit = admissible(exam, case)
+    limit = allowed_deviation(exam, case)
     return _same(exam, case, exam.solve(twice).displacement(grid(case)) / 2, limit, "half the answer to twice the load")
 
 
 def placement(exam: Examination, case: Case) -> Verdict:
     """Check that the case turned and shifted in space has the turned displacement.
 
-    A solver of plane shells alone, which declines that, is asked for the case moved along its plane.
+    A solver of plane shells only, which declines this case, gets the case moved along its plane.
     """
     rotation, shift = turning(case), [part * size(case) for part in SHIFT]
-    other = placed(case, rotation, shift)
+    other = relocated(case, rotation, shift)
     if reason := exam.declined(other):
-        along = slid(case, shift[:2])
+        along = shifted(case, shift[:2])
         if along is None or exam.declined(along):
             return not_applicable(f"it declines the turned case: {reason}")
         u = exam.solve(along).displacement(grid(along))
-        return _same(exam, case, u, admissible(exam, case), "moved along its plane")
-    limit = admissible(exam, case)
+        return _same(exam, case, u, allowed_deviation(exam, case), "moved along its plane")
+    limit = allowed_deviation(exam, case)
     return _same(
         exam, case, exam.solve(other).displacement(grid(case)) @ np.array(rotation), limit, "turned and shifted"
     )
@@ -104,7 +104,7 @@ def placement(exam: Examination, case: Case) -> Verdict:
 
 def _same(exam: Examination, case: Case, displacement: np.ndarray, limit: float, words: str) -> Verdict:
     found = Findings()
-    difference = apart(displacement, exam.solve(case).displacement(grid(case)))
+    difference = deviation(displacement, exam.solve(case).displacement(grid(case)))
     found.hold(
         difference <= limit,
         f"{words}, it differs by {difference:.1e} of the largest displacement; at most {limit:.1e} may be",
@@ -114,10 +114,10 @@ def _same(exam: Examination, case: Case, displacement: np.ndarray, limit: float,
 
 
 def rigid_motion(exam: Examination, case: Case) -> Verdict:
-    """Check that what its supports carry moves as a rigid body, unstrained; and so what nothing holds and falls."""
+    """Check that a shell that its supports carry, or that falls freely, moves as a rigid body without strains."""
     if case.dynamics is not None:
         return _fall(exam)
-    moved = carried(case)
+    moved = rotated(case)
     if moved is None:
         return not_applicable("the case's supports can't carry it as a rigid body")
     if reason := exam.declined(moved):
@@ -125,8 +125,8 @@ def rigid_motion(exam: Examination, case: Case) -> Verdict:
     answer, points = exam.solve(moved), grid(moved)
     support, place = next(moved.supported_places())
     expected = moved.motion(support, place, points, moved.states[-1])[0, 0]
-    found, difference = Findings(), apart(answer.displacement(points), expected)
-    limit = admissible(exam, moved)
+    found, difference = Findings(), deviation(answer.displacement(points), expected)
+    limit = allowed_deviation(exam, moved)
     found.hold(
         difference <= limit,
         f"it departs from the rigid motion by {difference:.1e} of it; at most {limit:.1e} may be",
@@ -137,7 +137,7 @@ def rigid_motion(exam: Examination, case: Case) -> Verdict:
 
 
 def _unstrained(found: Findings, answer: RemoteSolution, u: np.ndarray) -> None:
-    """Hold energies against those of stretching, D u^2 / 2, and bending, B (u / size)^2 / 2, by as much as it moves."""
+    """Compare energies with stretching, D u^2 / 2, and bending, B (u / size)^2 / 2, for the same displacement."""
     material, far = answer.case.material, float(np.abs(u).max())
     membrane, bending = answer.energies()
     stretched = abs(membrane) / (material.membrane_stiffness * far**2 / 2)
@@ -179,7 +179,7 @@ def differences(field: Callable[[Array], Array], points: Array, steps: Array) ->
     }
 
 
-def forms(x: Derivatives) -> tuple[Array, Array]:
+def fundamental_forms(x: Derivatives) -> tuple[Array, Array]:
     """Return metric and curvature tensor (n, 3) each, components 11, 22, 12, of derivatives of a surface."""
     tangents = (x[1, 0], x[0, 1])
     normal = np.cross(*tangents)
@@ -194,7 +194,7 @@ def strains(case: Case, points: Array, u: Derivatives) -> tuple[Array, Array]:
     x = case.surface.derivatives(points, order=2)
 
     def moved(factor: float) -> tuple[Array, Array]:
-        return forms({key: x[key] + factor * u[key] for key in u})
+        return fundamental_forms({key: x[key] + factor * u[key] for key in u})
 
     if not case.linear:
         (a, b), (abar, bbar) = moved(1.0), moved(0.0)
@@ -205,7 +205,7 @@ def strains(case: Case, points: Array, u: Derivatives) -> tuple[Array, Array]:
     return (a - less_a) / (4 * s), (less_b - b) / (2 * s)
 
 
-def lengths(case: Case, points: Array) -> Array:
+def base_lengths(case: Case, points: Array) -> Array:
     """Return (n, 3): products of the base vectors' lengths, by which covariant components become physical ones."""
     x = case.surface.derivatives(points, order=1)
     a1, a2 = np.linalg.norm(x[1, 0], axis=-1), np.linalg.norm(x[0, 1], axis=-1)
@@ -214,7 +214,7 @@ def lengths(case: Case, points: Array) -> Array:
 
 def energy_densities(case: Case, points: Array, membrane: Array, bending: Array) -> tuple[Array, Array]:
     """Return membrane and bending energy density (n,), J/m^2, of strains (n, 3) (Kairanda et al., eqs. (17)-(19))."""
-    metric, _ = forms(case.surface.derivatives(points, order=2))
+    metric, _ = fundamental_forms(case.surface.derivatives(points, order=2))
     full = metric[:, [[0, 2], [2, 1]]]
     upper = np.linalg.inv(full)
     material = case.material
@@ -261,7 +261,7 @@ def energies(exam: Examination, case: Case) -> Verdict:
     return found.verdict()
 
 
-def rule(case: Case, panels: int) -> tuple[np.ndarray, np.ndarray]:
+def gauss_rule(case: Case, panels: int) -> tuple[np.ndarray, np.ndarray]:
     """Return points (n, 2) and weights (n,), m^2: Gauss's rule on equal panels."""
     domain = case.surface.domain
     x, w = np.polynomial.legendre.leggauss(RULE)
@@ -275,12 +275,12 @@ def rule(case: Case, panels: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _integral(answer: RemoteSolution, name: str, panels: int) -> float:
-    points, weights = rule(answer.case, panels)
+    points, weights = gauss_rule(answer.case, panels)
     return float(weights @ answer.field(name, points))
 
 
 def work(exam: Examination, case: Case) -> Verdict:
-    """Check that in linear theory the loads' work is twice the strain energy, where no support moves (Clapeyron)."""
+    """Check that in linear theory without moved supports the loads' work is twice the strain energy (Clapeyron)."""
     if not case.linear:
         return not_applicable("the case is not linear")
     if any(s.motion for s in case.supports):
@@ -303,7 +303,7 @@ def work(exam: Examination, case: Case) -> Verdict:
 def loads_work(answer: RemoteSolution) -> float:
     """Return the work of a linear case's loads on the displacement, J."""
     case, at = answer.case, answer.case.states[-1]
-    points, weights = rule(case, PANELS)
+    points, weights = gauss_rule(case, PANELS)
     total = float(weights @ np.sum(load_density(case, points, at) * answer.displacement(points), axis=-1))
     for load in case.loads:
         for place in (case.places[name] for name in load.on) if isinstance(load, PointLoad | EdgeLoad) else ():
@@ -333,13 +333,13 @@ def strain_fields(exam: Examination, case: Case) -> Verdict:
     """Check that strains at points are those of the displacement's differences there."""
     found, answer = Findings(), exam.solve(case)
     points, sides = scattered(case, POINTS, seed=7, margin=MARGIN), np.asarray(case.surface.domain.size)
-    physical = lengths(case, points)
+    physical = base_lengths(case, points)
     parts = (("membrane", 1.0, CLOSER, STRETCH_STEPS), ("bending", case.material.thickness / 2, CLOSE, BEND_STEPS))
-    felt = {}  # by part: what is stated, and what differences over a fine and a coarse step give, as strains
+    felt = {}  # by part: stated strains, and strains from differences with a fine and a coarse step
     for number, (part, factor, _, steps) in enumerate(parts):
         measured = (strains(case, points, differences(answer.displacement, points, s * sides))[number] for s in steps)
         felt[part] = [factor * f / physical for f in (answer.field(f"{part}_strain", points), *measured)]
-    # differences across a kink are as large as their step is small, and must not set the scale
+    # differences across a kink grow as their step shrinks, and must not set the scale
     scale = max(max(np.abs(f[0]).max(), np.median(np.abs(f[1]).max(axis=-1))) for f in felt.values())
     if scale <= UNSTRAINED * np.abs(answer.displacement(points)).max() / size(case):
         found.figures.append("unstrained, and says so")
@@ -348,7 +348,7 @@ def strain_fields(exam: Examination, case: Case) -> Verdict:
         theirs, mine, rough = (f / scale for f in felt[part])
         there = (
             np.max(np.abs([theirs, mine, rough]), axis=(0, 2)) > close
-        )  # elsewhere all agree by being next to nothing
+        )  # elsewhere all values agree because they are near zero
         off, kinks = (np.abs(mine - other).max(axis=-1)[there] for other in (theirs, rough))
         if not off.size:
             found.figures.append(f"{part} strains are next to nothing, and say so")

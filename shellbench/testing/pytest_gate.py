@@ -1,7 +1,7 @@
-"""The gate as pytest sees it: options checked first, nodes to collect, items to run, a table at the end.
+"""The gate in pytest: checked options, collected nodes, items to run, and a table at the end.
 
-Items hang below the session beside the folders of ordinary tests. A report carries its judgement as data, so that
-the table and the verdict on the whole are made in the process that the user started, with pytest-xdist or without.
+Items are below the session, beside the folders of ordinary tests. A report contains its judgement as data, so that the
+process of the user makes the table and the final verdict, with pytest-xdist or without.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from shellbench.bench.catalogue import catalog
-from shellbench.bench.plugins.outside import asked, settings_of
+from shellbench.bench.plugins.outside import resolve_solver, settings_of
 from shellbench.bench.plugins.registry import find_solver
 from shellbench.bench.plugins.settings import parse_setting
 from shellbench.bench.run.plan import FIRST_SEED
@@ -31,14 +31,14 @@ JUDGED = {"green", "red", "expected failure"}
 
 @dataclass(frozen=True)
 class GateOptions:
-    """What is to be gated, and how.
+    """Options of the gate.
 
     Attributes
     ----------
     settings
-        By solver; of the others the defaults.
+        By solver; other solvers use their defaults.
     timeout
-        Seconds after which a run is stopped; None for none.
+        Seconds after which a run is stopped; None for no limit.
     """
 
     suites: tuple[str, ...]
@@ -60,7 +60,7 @@ class GateOptions:
         store: str | None,
         timeout: str | None,
     ) -> GateOptions:
-        """Check what was given as text.
+        """Check options that were given as text.
 
         Raises
         ------
@@ -77,7 +77,7 @@ class GateOptions:
             for name in solvers:
                 entry = find_solver(name)
                 if not hasattr(config, "workerinput"):  # the process that started this one has tried it
-                    settings_of(asked(entry), given.get(name, {}), FIRST_SEED, "cpu")
+                    settings_of(resolve_solver(entry), given.get(name, {}), FIRST_SEED, "cpu")
             return cls(
                 suites=tuple(suites),
                 solvers=tuple(solvers),
@@ -90,7 +90,7 @@ class GateOptions:
             raise pytest.UsageError(" ".join(f"shellbench: {error}".split())) from None
 
     def headline(self, root: Path) -> str:
-        """Say in one line what is gated, for the head of pytest's output; `root` is the project's folder."""
+        """Describe the gated runs in one line, for the head of pytest's output; `root` is the project's folder."""
         store = self.store.relative_to(root) if self.store.is_relative_to(root) else self.store
         own = self.tolerances.narrower.items()
         given = ", ".join(f"{case}{f'.{name}' if name else ''} {tolerance:g}" for (case, name), tolerance in own)
@@ -150,18 +150,18 @@ class QuantityItem(pytest.Item):
                 pytest.skip(found.finding.sentence)
 
     def reportinfo(self) -> tuple[Any, int | None, str]:
-        """Return where the item is; it is in no file."""
+        """Return the location of the item; it is in no file."""
         return self.path, None, self.nodeid.replace("::", " ")
 
 
 class Branch(pytest.Collector):
-    """All items, those of a suite, a case, or a solver: what is below was made with it."""
+    """All items, or those of a suite, a case, or a solver, with their parts."""
 
     below: dict[str, Any]
     gate: Gate
 
     def collect(self) -> Iterator[pytest.Item | pytest.Collector]:
-        """Yield what is below."""
+        """Yield the nodes below."""
         for name, content in self.below.items():
             if isinstance(content, Question):
                 item = QuantityItem.from_parent(self, name=name)
@@ -173,7 +173,7 @@ class Branch(pytest.Collector):
 
 
 class Gate:
-    """The plug-in proper, registered where a suite is named."""
+    """The plug-in itself, registered if a suite is named."""
 
     def __init__(self, config: pytest.Config, options: GateOptions) -> None:
         self.config = config
@@ -188,19 +188,19 @@ class Gate:
         self.found: list[Judgement] = []
 
     def pytest_report_header(self) -> str:
-        """Say what is gated."""
+        """Return the description of the gated runs."""
         return self.options.headline(self.config.rootpath)
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_configure_node(self, node: Any) -> None:
-        """Tell a process of pytest-xdist when the session began."""
+        """Send the session's start to a process of pytest-xdist."""
         node.workerinput[BEGAN] = self.began
 
     @pytest.hookimpl(wrapper=True)
     def pytest_make_collect_report(
         self, collector: pytest.Collector
     ) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
-        """Add the gate to what the session has collected."""
+        """Add the gate to the session's collection."""
         report = yield
         if isinstance(collector, pytest.Session) and report.result is not None:
             report.result = [*report.result, self.branch(collector, ROOT, self.tree())]
@@ -220,26 +220,26 @@ class Gate:
         }
 
     def branch(self, parent: Any, name: str, below: dict[str, Any]) -> Branch:
-        """Return a node with all that is below it."""
+        """Return a node with all nodes below it."""
         nodeid = name if isinstance(parent, pytest.Session) else f"{parent.nodeid}::{name}"
         branch: Branch = Branch.from_parent(parent, name=name, nodeid=nodeid, path=self.config.rootpath)
         branch.below, branch.gate = below, self
         return branch
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """Note the judgement that a report carries."""
+        """Note the judgement in a report."""
         if report.when == "call":
             self.found.extend(Judgement.read(data) for name, data in report.user_properties if name == PROPERTY)
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
-        """Let the session fail where nothing was judged of a solver: a gate that can't fail is none."""
+        """Let the session fail if nothing was judged of a solver, because such a gate can't fail."""
         good = (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED)
         if self.unjudged() and session.exitstatus in good:
             session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
     def unjudged(self) -> list[str]:
-        """Return a sentence for each solver and suite of which items ran and none was judged."""
+        """Return a sentence for each solver and suite whose items ran without a judgement."""
         findings = [judgement.finding for judgement in self.found]
         asked = dict.fromkeys((finding.row.suite, finding.row.solver) for finding in findings)
         judged = {(finding.row.suite, finding.row.solver) for finding in findings if finding.colour in JUDGED}
@@ -250,7 +250,7 @@ class Gate:
         ]
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
-        """Print the table of what was judged."""
+        """Print the table of judgements."""
         if self.config.getoption("collectonly", False):
             return
         if not self.found:

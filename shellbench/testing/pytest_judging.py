@@ -1,6 +1,6 @@
-"""What the gate of the pytest plug-in judges, by the gate's own rows and verdicts, and the table of what it found.
+"""Judgements of the pytest plug-in, by the gate's own rows and verdicts, and the table of its findings.
 
-A solver's answers to a case, found once in a session of pytest, however many items and processes ask for them.
+A solver's answers to a case are computed once in a session of pytest. All items and processes share them.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ WORKERS = "PYTEST_XDIST_WORKER_COUNT"  # set by pytest-xdist in each of its proc
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Errors that are allowed of a solver for which shellbench freezes none.
+    """Tolerances of a solver without frozen tolerances.
 
     Attributes
     ----------
     general
-        Relative error, where nothing narrower is given.
+        Relative error, unless a narrower one is given.
     narrower
-        By case, or by case and quantity; absolute, in the quantity's unit, where its error is.
+        By case, or by case and quantity; absolute, in the quantity's unit, if its error is absolute.
     """
 
     general: float = DEFAULT_TOLERANCE
@@ -59,7 +59,7 @@ class Tolerances:
 
     @classmethod
     def read(cls, texts: Sequence[str]) -> Tolerances:
-        """Read ``TOL``, ``CASE=TOL`` and ``CASE.QUANTITY=TOL``; InputError in one sentence if it is none of these."""
+        """Read ``TOL``, ``CASE=TOL`` and ``CASE.QUANTITY=TOL``; InputError in one sentence for other forms."""
         general = DEFAULT_TOLERANCE
         narrower: dict[tuple[str, str | None], float] = {}
         for text in texts:
@@ -82,9 +82,9 @@ class Tolerances:
         return cls(general, narrower)
 
     def allowed(self, case: Problem, quantity: Quantity, solver: str) -> Tolerance | None:
-        """Return the largest admissible error; what shellbench has frozen for the solver wins.
+        """Return the largest admissible error; shellbench's frozen tolerance of the solver has priority.
 
-        None where only a relative tolerance is given, and the known value is so near zero that it says nothing.
+        None if only a relative tolerance is given and the known value is too near zero for it.
         """
         frozen = catalog.tolerance(case.name, quantity.name, solver)
         own = self.narrower.get((case.name, quantity.name))
@@ -96,13 +96,13 @@ class Tolerances:
 
 
 def is_absolute(case: Problem, quantity: Quantity) -> bool:
-    """Whether errors of a quantity are given in its unit, because relative ones would say nothing."""
+    """Return True if errors of a quantity are given in its unit, because relative errors would be meaningless."""
     judge = catalog.known_values(case.name).judge(quantity.name, case.theory)
     return quantity.absolute or (judge is not None and near_zero(judge, quantity))
 
 
 def positive(text: str, option: str) -> float:
-    """Read a positive number that an option gives; InputError in one sentence."""
+    """Read the positive number of an option; InputError in one sentence."""
     try:
         number = float(text)
     except ValueError:
@@ -114,16 +114,16 @@ def positive(text: str, option: str) -> float:
 
 @dataclass(frozen=True)
 class CaseOutcome:
-    """What came of a solver and a case.
+    """Result of a solver on a case.
 
     Attributes
     ----------
     records
         By seed; None for a deterministic solver.
     declined
-        Why the solver does not take the case; None if it does.
+        Reason why the solver declines the case; None if it takes it.
     trouble
-        Why there is no record of a run, in one sentence; None if there is one of each.
+        Reason why a run has no record, in one sentence; None if every run has one.
     """
 
     records: Mapping[int | None, Record] = field(default_factory=dict)
@@ -142,9 +142,9 @@ class Answers:
     Attributes
     ----------
     store
-        Finished runs of this and of earlier sessions: those of the same identity are not made again.
+        Finished runs of this and of earlier sessions: runs of the same identity are not repeated.
     began
-        The largest sequence number of a record when the session began; a run that has failed since is not tried again.
+        The largest sequence number of a record when the session began; a run that has failed since is not repeated.
     """
 
     store: Store
@@ -154,11 +154,11 @@ class Answers:
     known: dict[tuple[str, str, tuple[int, ...]], CaseOutcome] = field(default_factory=dict)
 
     def is_new(self, record: Record) -> bool:
-        """Whether a record was made by this session, or beside it."""
+        """Return True if a record was made by this session, or during it."""
         return (record.sequence or 0) > self.began
 
     def answer(self, case: str, solver: str, seeds: Sequence[int]) -> CaseOutcome:
-        """Return the answer of a solver to a case, solving it if need be."""
+        """Return the answer of a solver to a case; solve it if necessary."""
         key = (case, solver, tuple(seeds))
         if key not in self.known:
             self.known[key] = self._found(*key)
@@ -168,11 +168,11 @@ class Answers:
         given = {solver: self.settings[solver]} if solver in self.settings else {}
         request = Request(cases=(case,), solvers=(solver,), settings=given, seeds=seeds)
         try:
-            with locked(self.store.folder, f"{case}-{solver}"):
+            with named_lock(self.store.folder, f"{case}-{solver}"):
                 return self._solved(request)
         except ShellbenchError as error:
             return CaseOutcome(trouble=" ".join(str(error).split()))
-        except Exception as error:  # a plug-in may raise anything when it is asked whether it takes a case
+        except Exception as error:  # a plug-in's `declines` may raise anything
             said = " ".join(str(error).split())
             return CaseOutcome(
                 trouble=f"the solver could not be asked: {type(error).__name__}{f': {said}' if said else ''}"
@@ -192,22 +192,22 @@ class Answers:
                 kept.append(failed)
             else:
                 waiting.append(task)
-        outcomes = execute(waiting, self.store, Silent(), LocalProcesses(jobs=1, threads=share(), timeout=self.timeout))
+        outcomes = execute(waiting, self.store, Silent(), LocalProcesses(1, threads_of_a_run(), timeout=self.timeout))
         refused = [outcome.refused for outcome in outcomes if outcome.record is None]
         made = [outcome.record for outcome in outcomes if outcome.record is not None]
         records = {record.identity.seed: record for record in (*kept, *made)}
         return CaseOutcome(records, trouble=f"the solver refused its input: {refused[0]}" if refused else None)
 
 
-def share() -> int:
-    """Return the threads of a run, so that the processes of pytest-xdist do not fight over the cores."""
+def threads_of_a_run() -> int:
+    """Return the threads of a run, so that the processes of pytest-xdist share the cores."""
     workers = int(os.environ.get(WORKERS, "1"))
     return max(1, min(threads(), cores() // workers))
 
 
 @contextlib.contextmanager
-def locked(folder: Path, name: str) -> Iterator[None]:
-    """Hold a lock by name among all processes that work in a folder; StoreError if it can't be written."""
+def named_lock(folder: Path, name: str) -> Iterator[None]:
+    """Hold a named lock among all processes of a folder; StoreError if it can't be written."""
     safe = re.sub(r"[^A-Za-z0-9_-]+", "_", name)
     with said_plainly(folder):
         folder.mkdir(parents=True, exist_ok=True)
@@ -218,7 +218,7 @@ def locked(folder: Path, name: str) -> Iterator[None]:
         yield
 
 
-DIGITS = ".9g"  # of a value and of the known value beside it
+DIGITS = ".9g"  # digits of a value and of its known value
 HEAD = ("case", "solver", "quantity", "value", "known", "error", "tolerance", "seconds", "verdict")
 LEFT = {"case", "solver", "quantity", "verdict"}  # columns of words
 NOTHING = "-"
@@ -227,26 +227,26 @@ VERDICTS = {"green": "pass", "red": "FAIL", "expected failure": "expected failur
 
 @dataclass(frozen=True)
 class Judgement:
-    """What came of one item: its finding, the item's name, and whether an earlier session made the run."""
+    """Judgement of one item: its finding, its name, and a flag that is True if an earlier session made the run."""
 
     finding: Finding
     name: str
     kept: bool
 
     def plain(self) -> dict[str, Any]:
-        """Return it as data that goes from one process to another."""
+        """Return it as data for another process."""
         row = self.finding.row.model_dump(mode="json")
         return {"row": row, "finding": (self.finding.colour, self.finding.sentence), "about": (self.name, self.kept)}
 
     @classmethod
     def read(cls, data: Any) -> Judgement:
-        """Make it of what `plain` has returned."""
+        """Rebuild it from the result of `plain`."""
         return cls(Finding(Row.model_validate(data["row"]), *data["finding"]), *data["about"])
 
 
 @dataclass(frozen=True)
 class Question:
-    """One quantity of one case that is put to a solver; `seeds` are all that the solver is run with."""
+    """One quantity of one case for a solver; `seeds` are all seeds of the solver's runs."""
 
     suite: str
     case: Problem
@@ -261,7 +261,7 @@ class Question:
         return self.quantity.name if len(self.seeds) == 1 else f"{self.quantity.name}[seed {self.seed}]"
 
     def judged(self, answers: Answers, tolerances: Tolerances) -> Judgement:
-        """Solve the case, unless that was done, and judge the quantity."""
+        """Solve the case if necessary, and judge the quantity."""
         case, quantity = self.case, self.quantity
         known = catalog.known_values(case.name)
         judge = known.judge(quantity.name, case.theory)
@@ -278,7 +278,7 @@ class Question:
         return Judgement(self._finding(record, judge, tolerances), self.name, kept=not answers.is_new(record))
 
     def _finding(self, record: Record, judge: KnownValue, tolerances: Tolerances) -> Finding:
-        """Return the finding on a run: by what is frozen for its solver, or else by what was given."""
+        """Return the finding on a run, by the solver's frozen tolerance, or else by the given one."""
         row = row_of(CurrentRun(record, self.case, {}), self.quantity).model_copy(update={"suite": self.suite})
         if not row.gated:
             allowed = tolerances.allowed(self.case, self.quantity, self.solver)
@@ -311,7 +311,7 @@ class Question:
 
 
 def questions(suite: str, case: Problem, solver: str) -> Iterator[Question]:
-    """Yield what is judged: the headline, what has a known value of the case's theory, and what is gated."""
+    """Yield the judged quantities: the headline, those with a known value of the case's theory, and gated ones."""
     seeds = seeds_of(suite, case, solver)
     known, gated = catalog.known_values(case.name), gated_quantities(case, solver)
     for quantity in case.quantities:
@@ -328,7 +328,7 @@ def seeds_of(suite: str, case: Problem, solver: str) -> tuple[int, ...]:
 
 
 def table(found: Sequence[Judgement]) -> list[str]:
-    """Return the lines of the table, and below it why something was not judged; of a declined case once."""
+    """Return the lines of the table, and the reasons for missing judgements; once for a declined case."""
     rows: list[tuple[str, ...]] = [HEAD]
     unjudged: dict[tuple[str, ...], str] = {}
     for judgement in found:

@@ -1,7 +1,7 @@
 """The pytest plug-in: ``pytest --shellbench=SUITE --shellbench-solver=NAME`` gates a solver on a suite of cases.
 
-Every run of pytest imports this module where shellbench is installed, so it imports nothing but pytest, and what it
-does without the option is to declare the options. `shellbench.testing.pytest_gate` does the work.
+If shellbench is installed, every run of pytest imports this module. It therefore imports only pytest, and without the
+option it only declares the options. `shellbench.testing.pytest_gate` does the work.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ SINGLE = {
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Declare the options, each also a value of the configuration file."""
+    """Declare the options, which can also stand in the configuration file."""
     group = parser.getgroup("shellbench", "shell solvers held against known values")
     for name, (metavar, words) in REPEATABLE.items():
         group.addoption(_flag(name), action="append", dest=name, metavar=metavar, help=words)
@@ -44,12 +44,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Take up the gate if a suite is named.
+    """Register the gate if a suite is named.
 
     Raises
     ------
     pytest.UsageError
-        In one sentence, if the options do not fit together or name something that is not there.
+        In one sentence, if the options are inconsistent or name something unknown.
     """
     config.addinivalue_line("markers", MARKER)
     if not _values(config, SUITE):
@@ -76,7 +76,7 @@ def _flag(name: str) -> str:
 
 
 def _values(config: pytest.Config, name: str) -> tuple[str, ...]:
-    """Return what the command line says, or else the configuration file, each once."""
+    """Return the values of an option on the command line, or else in the configuration file, each once."""
     given = config.getoption(name) or config.getini(name) or ()
     return tuple(dict.fromkeys(map(str, given)))
 

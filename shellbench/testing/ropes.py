@@ -1,6 +1,6 @@
-"""Checks of ropes: the form of their states, turned and scaled chains, and energy that comes from nowhere.
+"""Checks of ropes: the form of their states, turned and scaled chains, and the balance of energy.
 
-What the examination makes of a case: the same rope elsewhere, and in other units.
+The checks derive two cases from a case: the same rope at another place, and in other units.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from shellbench.problems.moving import moved
 from shellbench.problems.rope.case import RopeCase
 from shellbench.problems.rope.quantities import energies
 from shellbench.problems.rope.solving import start_of
-from shellbench.testing.examination import Examination, Findings, Verdict, admissible, apart, not_applicable
+from shellbench.testing.examination import Examination, Findings, Verdict, allowed_deviation, deviation, not_applicable
 from shellbench.testing.subject import RemoteSolution
 
 Array = NDArray[np.float64]
@@ -26,15 +26,15 @@ CHEAP = ("rope_pendulum", "rope_nine_links", "hanging_chain", "rope_drop", "rope
 """Cases of which a solver is examined on the first that it takes."""
 
 REPEATED = 1e-9  # relative: lengths and places that a state repeats
-TURN, HALF_TURN = 0.7, np.pi  # about the vertical, rad; the other one leaves the plane (x, z) where it is
+TURN, HALF_TURN = 0.7, np.pi  # about the vertical, rad; the other one keeps the plane (x, z)
 SHIFT = np.array([0.3, -0.2, 0.5])  # m; solvers of a plane are given no y
 LENGTHS, MASSES = 1000.0, 1000.0  # mm in a metre, g in a kilogram
-GAINED = 0.01  # of the weight times the length: energy that a chain without wind may gain
+GAINED = 0.01  # largest gain of energy of a chain without wind, relative to weight times length
 FIELDS = ("nodes", "velocities", "tensions", "stretch")
 
 
-def cheap() -> tuple[RopeCase, ...]:
-    """Return the cases that a solver may be examined on."""
+def cheap_cases() -> tuple[RopeCase, ...]:
+    """Return the cases that a solver can be checked on."""
     return tuple(case for case in map(named_case, CHEAP) if isinstance(case, RopeCase))
 
 
@@ -43,13 +43,13 @@ def states(answer: RemoteSolution) -> dict[float, Mapping[str, Array]]:
     return {at: {name: np.asarray(value) for name, value in answer.state(at).items()} for at in answer.case.states}
 
 
-def every(answer: RemoteSolution, name: str) -> Array:
-    """Return an array of all states, one after another: a difference is relative to the largest of all of them."""
+def all_states(answer: RemoteSolution, name: str) -> Array:
+    """Return an array of all states in order; differences are relative to the largest of all values."""
     return np.concatenate([state[name] for state in states(answer).values()])
 
 
 def links(exam: Examination, case: Problem) -> Verdict:
-    """Check the form of each state: places and velocities of all nodes, the root where it is led, and pulls only."""
+    """Check the form of each state: places and velocities of all nodes, the prescribed root, and tension only."""
     assert isinstance(case, RopeCase)
     found, answer = Findings(), exam.solve(case)
     found.faults += answer.facts["faults"]
@@ -89,22 +89,22 @@ def _of_rope(found: Findings, case: RopeCase, at: float, state: Mapping[str, Arr
 
 
 def placement(exam: Examination, case: Problem) -> Verdict:
-    """Check that the rope turned about the vertical and shifted moves as it did, turned and shifted."""
+    """Check that the rope, turned about the vertical and shifted, has the turned and shifted motion."""
     assert isinstance(case, RopeCase)
     words = []
     for angle in (TURN, HALF_TURN):
         turn = about_the_vertical(angle)
         shift = SHIFT * [1.0, angle == TURN, 1.0]
-        other = placed(case, turn, shift)
+        other = relocated(case, turn, shift)
         if other is None:
             return not_applicable("its root moves, or wind or obstacles stand about it")
         if reason := exam.declined(other):
             words.append(f"it declines the case turned by {angle:.2g} rad: {reason}")
             continue
         first, second = exam.solve(case), exam.solve(other)
-        limit, found = admissible(exam, case), Findings()
-        off = apart((every(second, "nodes") - shift) @ turn, every(first, "nodes"))
-        pulled = apart(every(second, "tensions"), every(first, "tensions"))
+        limit, found = allowed_deviation(exam, case), Findings()
+        off = deviation((all_states(second, "nodes") - shift) @ turn, all_states(first, "nodes"))
+        pulled = deviation(all_states(second, "tensions"), all_states(first, "tensions"))
         for what, difference in (("places", off), ("tensions", pulled)):
             found.hold(
                 difference <= limit,
@@ -116,18 +116,18 @@ def placement(exam: Examination, case: Problem) -> Verdict:
 
 
 def units(exam: Examination, case: Problem) -> Verdict:
-    """Check that the rope in millimetres and grams moves as in metres and kilograms."""
+    """Check that the rope in millimetres and grams has the same motion as in metres and kilograms."""
     assert isinstance(case, RopeCase)
-    other = converted(case)
+    other = rescaled(case)
     if other is None:
         return not_applicable("it has parts that are not converted: formulas, wind or obstacles")
     if reason := exam.declined(other):
         return not_applicable(f"it declines the case in mm and g: {reason}")
     first, second = exam.solve(case), exam.solve(other)
-    limit, found = admissible(exam, case), Findings()
+    limit, found = allowed_deviation(exam, case), Findings()
     factors = {"nodes": LENGTHS, "velocities": LENGTHS, "tensions": LENGTHS * MASSES}
     for name, factor in factors.items():
-        off = apart(every(second, name) / factor, every(first, name))
+        off = deviation(all_states(second, name) / factor, all_states(first, name))
         found.hold(
             off <= limit,
             f"in mm and g its {name} differ by {off:.1e}; at most {limit:.1e} may",
@@ -137,7 +137,7 @@ def units(exam: Examination, case: Problem) -> Verdict:
 
 
 def energy(exam: Examination, case: Problem) -> Verdict:
-    """Check that a rope whose root stands still gains no energy without wind, at quarters of its time too."""
+    """Check that a rope with a fixed root and without wind gains no energy, also at quarters of its time."""
     assert isinstance(case, RopeCase)
     if case.rope is None or case.wind or any(isinstance(formula, str) for formula in case.rope.root):
         return not_applicable("something works on its masses, or there is no rope")
@@ -158,7 +158,7 @@ def energy(exam: Examination, case: Problem) -> Verdict:
 
 
 def at_quarters(case: RopeCase) -> RopeCase:
-    """Return the case with its energy asked at quarters of its time, so that states are kept where it moves fast."""
+    """Return the case with energies at quarters of its time, so that states are also kept during fast motion."""
     data = case.model_dump(mode="json", exclude_unset=True)
     times = [case.states[-1] * part for part in (0.25, 0.5, 0.75)]
     data["quantities"] += [
@@ -174,7 +174,7 @@ def about_the_vertical(angle: float) -> Array:
 
 
 def _movable(case: RopeCase) -> dict[str, Any] | None:
-    """Return a rope's data with its start node by node; None if something stands about it, or formulas lead it."""
+    """Return a rope's data with its start node by node; None if it has obstacles or formulas."""
     if case.rope is None or case.wind or case.obstacles or any(isinstance(f, str) for f in case.rope.root):
         return None
     data = case.model_dump(mode="json", exclude_unset=True)
@@ -184,21 +184,21 @@ def _movable(case: RopeCase) -> dict[str, Any] | None:
     return data
 
 
-def placed(case: RopeCase, turn: Array, shift: Array) -> RopeCase | None:
-    """Return the rope turned about the vertical and shifted; None if that is not made of it."""
+def relocated(case: RopeCase, turn: Array, shift: Array) -> RopeCase | None:
+    """Return the rope turned about the vertical and shifted; None if it can't be derived."""
     data = _movable(case)
     if data is None:
         return None
     places, velocities = start_of(case)
     there, going = places @ turn.T + shift, velocities @ turn.T
-    there[:, 1][np.abs(there[:, 1]) < REPEATED] = 0.0  # a half turn leaves the plane where it is
+    there[:, 1][np.abs(there[:, 1]) < REPEATED] = 0.0  # a half turn keeps the plane
     going[:, 1][np.abs(going[:, 1]) < REPEATED] = 0.0
     data["rope"] |= {"root": there[0].tolist(), "start": there[1:].tolist(), "velocities": going[1:].tolist()}
     return RopeCase.model_validate(data | {"name": f"{case.name[:60]}_turned", "suites": []})
 
 
-def converted(case: RopeCase) -> RopeCase | None:
-    """Return the rope in millimetres and grams; None if that is not made of it. Times are what they were."""
+def rescaled(case: RopeCase) -> RopeCase | None:
+    """Return the rope in millimetres and grams, with the same times; None if it can't be derived."""
     data = _movable(case)
     if data is None or case.rope is None:
         return None

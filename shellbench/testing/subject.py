@@ -1,4 +1,4 @@
-"""The solver under examination, in a process of its own, and its solutions there."""
+"""The checked solver in a process of its own, with its solutions there."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ Array = NDArray[np.float64]
 
 
 def subject_of(entry: SolverEntry, seconds: float) -> Subject:
-    """Start the process of a solver (`shellbench.testing.child`), which may take so long for one answer.
+    """Start the process of a solver (`shellbench.testing.child`), with a limit for one answer.
 
     Raises
     ------
     NoAnswer
-        If it can't be imported: `Refused` with the reason, as a rule.
+        If it can't be imported: usually `Refused` with the reason.
     """
     return Subject.start("shellbench.testing.child", entry.name, entry.target, seconds=seconds)
 
@@ -36,7 +36,7 @@ class RemoteSolution:
     Attributes
     ----------
     facts
-        History, parameters, storage_bytes, uncertainty, and `faults`: what it lacks of the protocol.
+        History, parameters, storage_bytes, uncertainty, and `faults`: its deviations from the protocol.
     """
 
     subject: Respondent
@@ -45,7 +45,7 @@ class RemoteSolution:
     facts: Mapping[str, Any]
 
     def ask(self, method: str, *arguments: Any) -> Any:
-        """Call a method of the solution and return whatever it does."""
+        """Call a method of the solution and return its result."""
         return self.subject.call("ask", self.key, method, *arguments)
 
     def displacement(self, points: ArrayLike) -> Array:
@@ -74,16 +74,16 @@ class RemoteSolution:
         return float(self.subject.call("headline", self.key))
 
     def save(self, path: Path) -> Path:
-        """Write the solution; return where it is."""
+        """Write the solution; return its path."""
         return Path(self.subject.call("save", self.key, str(path)))
 
 
 def solve_in(subject: Respondent, key: str, case: Problem, settings: Mapping[str, Any]) -> RemoteSolution:
-    """Have a subject solve a case; raises `NoAnswer`."""
+    """Let a subject solve a case; raises `NoAnswer`."""
     data = {**case_data(case), "name": case.name}
     return RemoteSolution(subject, key, case, subject.call("solve", key, data, dict(settings)))
 
 
 def load_in(subject: Respondent, key: str, case: Problem, path: Path) -> RemoteSolution:
-    """Have a subject load a saved solution; raises `NoAnswer`."""
+    """Let a subject load a saved solution; raises `NoAnswer`."""
     return RemoteSolution(subject, key, case, subject.call("load", key, str(path)))

@@ -1,7 +1,4 @@
-"""The list of checks, and how it is gone through.
-
-What `shellbench check-solver` prints, and what it ends with.
-"""
+"""The list of checks and their execution, and the output and exit code of `shellbench check-solver`."""
 
 from __future__ import annotations
 
@@ -30,7 +27,7 @@ from shellbench.problems.rope.case import RopeCase
 from shellbench.problems.shell.case import Case
 from shellbench.testing import answers, convergence, keeping, mechanics, ropes
 from shellbench.testing.between import between_points
-from shellbench.testing.conforming import Line, needed_checks, note
+from shellbench.testing.conforming import Line, needed_checks, store_results
 from shellbench.testing.examination import (
     AlreadyReported,
     Examination,
@@ -41,7 +38,7 @@ from shellbench.testing.examination import (
     not_shown,
     shells,
 )
-from shellbench.testing.grading import ExamOptions, Graded, begun
+from shellbench.testing.grading import ExamOptions, Graded, start_exam
 from shellbench.testing.made_cases import CLOSED, MOVING, STATIC, short_motion
 from shellbench.testing.subject import subject_of
 
@@ -96,7 +93,7 @@ OF_ANY: tuple[str, ...] = ("determinism", "convergence", "history", "saving", "p
 
 @dataclass(frozen=True)
 class CheckOptions:
-    """What is to be examined.
+    """Options of the checks.
 
     Attributes
     ----------
@@ -122,14 +119,14 @@ class CheckOptions:
 def examine(
     entry: SolverEntry, options: CheckOptions, tell: Tell = lambda _: None, start: Start | None = None
 ) -> Iterator[Line]:
-    """Go through the checks of a solver, one line each.
+    """Make the checks of a solver, one line each.
 
     Parameters
     ----------
     tell
-        Is told what is being asked.
+        Receives the name of the current check.
     start
-        Starts the solver; in a process of its own unless another way is given.
+        Starts the solver; by default in a process of its own.
 
     Raises
     ------
@@ -199,14 +196,14 @@ def _of_cases(exam: Examination, options: CheckOptions, tell: Tell) -> Iterator[
 
 
 def checks_of(case: Problem) -> Mapping[str, AskOfProblem]:
-    """Return the checks that are made of a case: those of its kind."""
+    """Return the checks of a case: those of its kind."""
     if isinstance(case, Case):
         return cast(Mapping[str, AskOfProblem], OF_CASE)
     return OF_ROPE if isinstance(case, RopeCase) else {name: OF_ROPE[name] for name in OF_ANY}
 
 
 def _asked(ask: Callable[[], Verdict]) -> Verdict:
-    """Return a check's verdict; a solver that does not answer has failed it."""
+    """Return a check's verdict; it is failed if the solver does not answer."""
     try:
         return ask()
     except AlreadyReported as trouble:
@@ -218,12 +215,12 @@ def _asked(ask: Callable[[], Verdict]) -> Verdict:
 def _cheap(exam: Examination) -> tuple[Problem, ...]:
     """Return the first cheap case of each kind that the solver takes.
 
-    Of shells it is a static one, a motion cut short, or else any static one.
+    For shells it is a static one, a shortened motion, or else any static one.
     """
     kinds = dict.fromkeys(case.kind for case in exam.cases)
     others = (case for case in shells() if case.dynamics is None)
     of_shells = (*shells(STATIC), *map(short_motion, MOVING), *others) if DEFAULT in kinds else ()
-    cheap = (*of_shells, *(case for case in ropes.cheap() if case.kind in kinds))
+    cheap = (*of_shells, *(case for case in ropes.cheap_cases() if case.kind in kinds))
     found: dict[str, Problem] = {}
     for case in (*cheap, *(case for case in exam.cases if case.kind != DEFAULT)):
         if case.kind not in found and _takes(exam, case):
@@ -257,15 +254,15 @@ def check_solver(
     console: Console | None = None,
     exam: ExamOptions | None = None,
 ) -> int:
-    """Examine a solver, print what was found, and return the exit code.
+    """Check a solver, print the results, and return the exit code.
 
-    It is 1 if a check failed, or a stranger that is graded holds no class; 2 if an exam was held that judged nothing.
-    What the checks found with default settings is kept in the store of the exam, where the gate looks for it.
+    It is 1 if a check failed, or if a graded third-party solver reaches no class; 2 if the exam judged nothing. Results
+    of the checks with default settings are kept in the store of the exam, for the gate.
 
     Parameters
     ----------
     exam
-        The exam by which it is graded, with default settings; None for no grade, and nothing is kept.
+        The exam that grades it, with default settings; None for no grade and no stored results.
 
     Raises
     ------
@@ -279,13 +276,13 @@ def check_solver(
     out = console or Console(highlight=False, soft_wrap=True)
     suites = exam.asked_of(entry) if exam is not None else ()
     with contextlib.ExitStack() as stack:
-        # The checks mostly wait for the solver's process. The exam has the other cores meanwhile, and is shown later.
+        # The checks mostly wait for the solver's process. The exam uses the other cores meanwhile, and is shown later.
         grading = None
         if exam is not None and exam.grade and not options.settings:
-            grading = stack.enter_context(begun(name, options.cases, suites, exam, seconds))
+            grading = stack.enter_context(start_exam(name, options.cases, suites, exam, seconds))
         lines = _gone_through(entry, options, out, as_json)
-        if exam is not None and not options.settings:  # what is kept is of default settings, as a class is
-            note(Store(exam.store), entry, lines)
+        if exam is not None and not options.settings:  # stored results are for default settings, like a class
+            store_results(Store(exam.store), entry, lines)
         grade = grading and grading(Console(stderr=True) if as_json else out)
     begin = partial(subject_of, seconds=seconds)
     if exam is not None and grade is not None and grade.sitting is not None:
@@ -303,7 +300,7 @@ def check_solver(
 
 
 def _gone_through(entry: SolverEntry, options: CheckOptions, out: Console, silent: bool) -> list[Line]:
-    """Make the checks, and print each line as it comes unless all is to be `silent`."""
+    """Make the checks, and print each line immediately unless `silent`."""
     if silent:
         return list(examine(entry, options))
     if not out.is_terminal:
@@ -343,7 +340,7 @@ def as_data(line: Line) -> dict[str, Any]:
 
 
 def given_settings(name: str, texts: Sequence[str]) -> dict[str, Any]:
-    """Read ``SOLVER.KEY=VALUE`` of the one solver that is examined."""
+    """Read ``SOLVER.KEY=VALUE`` of the checked solver."""
     given = {}
     for text in texts:
         solver, key, value = parse_setting(text)

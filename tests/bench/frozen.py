@@ -1,8 +1,8 @@
-"""What tables and the gate say of an archive of records, so that a change that only moves code can be told from others.
+"""Frozen tables and verdicts of an archive of records, to recognise a change that only moves code.
 
-The archive is the records of the published training, or the store that SHELLBENCH_ARCHIVE names. Its records count
-whatever the source is today: their digests are pinned. `python -m tests.bench.frozen` writes the outputs anew, beside
-this file for the published ones, and into the archive otherwise.
+The archive is the records of the published training, or the store in SHELLBENCH_ARCHIVE. Its records count whatever
+the source is today: their digests are pinned. `python -m tests.bench.frozen` writes the outputs again: beside this file
+for the published ones, and into the archive otherwise.
 """
 
 import os
@@ -41,7 +41,7 @@ def pinned(store: Store) -> Iterator[None]:
 
 
 def outputs() -> dict[str, str]:
-    """Return what is said of the archive, by name of file."""
+    """Return the outputs for the archive, by name of file."""
     store = Store(ARCHIVE)
     with pinned(store):
         rows = rows_and_notes(store)[0]

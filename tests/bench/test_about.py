@@ -50,7 +50,7 @@ def test_a_variant_is_judged_by_its_cases_values() -> None:
 
 
 def test_a_case_of_ones_own_is_judged_by_nothing(tmp_path: Path) -> None:
-    """Not even if it has the name of one of ours."""
+    """Its name may be that of a built-in one."""
     path = tmp_path / "scordelis_lo.toml"
     text = (ROOT / "cases" / "scordelis_lo.toml").read_text(encoding="utf-8")
     path.write_text(text.replace("thickness = 0.25", "thickness = 0.5"), encoding="utf-8")
@@ -79,7 +79,7 @@ def test_a_suite_says_what_it_gates(name: str) -> None:
 
 
 def solver_runs(case: str, solver: str, suite: str) -> bool:
-    """Whether a suite runs a solver with default settings on a case that gates it."""
+    """Return True if a suite runs a solver with default settings on a case that gates it."""
     base = case.partition("@")[0]
     runs = catalog.find_suite(suite).runs_for(case)
     return base in catalog.tolerances()[solver] and any(r.solver == solver and not r.settings for r in runs)
@@ -98,6 +98,7 @@ def test_our_settings_are_explained_and_what_is_declined_has_a_reason(
     assert [s["name"] for s in data["settings"] if not s["description"]] == []
     assert all(data["declines"].values())
     assert data["tolerances"].keys() == catalog.tolerances().get(name, {}).keys()
+    data["settings"].append({"name": "undescribed", "default": 1, "description": ""})
     monkeypatch.setattr(
         module, "about", lambda _: data
     )  # what a solver declines takes a second to find: once is enough

@@ -72,7 +72,7 @@ def test_a_nonlinear_quantity_is_held_to_a_relative_tolerance() -> None:
 
 
 def test_rounding_around_zero_is_no_regression() -> None:
-    """What is left of zero differs by orders of magnitude between processors."""
+    """Use rounding errors of zero, which differ by orders of magnitude between processors."""
     old = remembered(row_of("rigid_rotation", "strain_energy_180", 8e-10, 0.0))
     for value, colour in ((3e-8, "green"), (0.0, "green"), (2e-6, "red")):
         finding = regression_finding(old, row_of("rigid_rotation", "strain_energy_180", value, 0.0))

@@ -14,7 +14,7 @@ from shellbench.bench.judge.verdicts import as_text
 from shellbench.bench.store.store import Store
 from tests.bench import strip
 from tests.bench.conftest import tolerances_of
-from tests.bench.test_classes import figure, strangers  # noqa: F401 - a fixture
+from tests.bench.test_classes import figure, third_party  # noqa: F401 - a fixture
 from tests.bench.test_compare import edit
 from tests.bench.test_gate import MOVING, damage, stating
 
@@ -139,9 +139,9 @@ def test_an_open_finding_explains_what_is_wrong_with_confidence(toys: object, fu
     assert verdict.good()
 
 
-def test_a_stranger_s_calibration_is_shown_and_judges_nothing(strangers: Store) -> None:  # noqa: F811
-    stating(strangers, "toy-noisy", 1e-6, error=1e-3)
-    verdict = gate(strangers, None, Scope(("toys",), ("toy-noisy",)))
+def test_a_third_party_calibration_is_shown_and_judges_nothing(third_party: Store) -> None:  # noqa: F811
+    stating(third_party, "toy-noisy", 1e-6, error=1e-3)
+    verdict = gate(third_party, None, Scope(("toys",), ("toy-noisy",)))
     assert verdict.calibration == ()
     assert verdict.good()
     assert "calibration: toy-noisy: 0 % of 3 errors" in as_text(verdict, "none")

@@ -22,7 +22,7 @@ from tests.bench.test_gate import scaled
 
 
 @pytest.fixture
-def strangers(full: Store) -> Store:
+def third_party(full: Store) -> Store:
     """The runs of the toys, of which no tolerance is frozen for `toy-noisy`, which is checked."""
     tolerances_of("toy-noisy").unlink()
     forget()
@@ -36,7 +36,7 @@ def judged(store: Store, *suites: str) -> Verdict:
 
 
 def figure(error: float, uncertainty: float = 0.0, reference: float = 2.0, **more: object) -> Row:
-    """Return a row of a stranger's answer to the plate."""
+    """Return a row of a third-party solver's answer to the plate."""
     about = {"case": "square_plate", "suite": None, "solver": "mine", "settings": {}, "seed": None, "quantity": "q"}
     value = reference * (1 + error)
     found = {"value": value, "reference": reference, "relative_error": error, "absolute_error": value - reference}
@@ -49,8 +49,8 @@ def figure(error: float, uncertainty: float = 0.0, reference: float = 2.0, **mor
 
 
 @pytest.mark.parametrize("suites", [(), ("toys",)])
-def test_a_stranger_that_is_right_has_a_class(strangers: Store, suites: tuple[str, ...]) -> None:
-    verdict = judged(strangers, *suites)
+def test_a_third_party_solver_that_is_right_has_a_class(third_party: Store, suites: tuple[str, ...]) -> None:
+    verdict = judged(third_party, *suites)
     assert verdict.good()
     (grade,) = verdict.grades
     assert (grade.solver, grade.held, grade.cases) == ("toy-noisy", CLASSES[0], 1)
@@ -58,9 +58,9 @@ def test_a_stranger_that_is_right_has_a_class(strangers: Store, suites: tuple[st
 
 
 @pytest.mark.parametrize(("error", "held"), [(5e-4, 1e-3), (5e-3, 1e-2), (5e-2, None)])
-def test_its_worst_figure_decides(strangers: Store, error: float, held: float | None) -> None:
-    scaled(strangers, "toy-noisy", 1 + error)
-    verdict = judged(strangers)
+def test_its_worst_figure_decides(third_party: Store, error: float, held: float | None) -> None:
+    scaled(third_party, "toy-noisy", 1 + error)
+    verdict = judged(third_party)
     assert verdict.grades[0].held == held
     assert verdict.good() == (held is not None)
 
@@ -71,12 +71,12 @@ def test_who_declines_everything_is_not_judged(toys: Path, store: Store) -> None
         gate(store, None, Scope(("toys",), ("falling",)))
 
 
-def test_it_owes_an_answer_to_every_case_of_a_suite_that_is_asked(strangers: Store) -> None:
+def test_it_owes_an_answer_to_every_case_of_a_suite_that_is_asked(third_party: Store) -> None:
     """No record is red, and no silence."""
-    for record in strangers.read().records:
+    for record in third_party.read().records:
         if record.identity.solver == "toy-noisy":
-            (strangers.folder / f"{record.run_id}.json").unlink()
-    verdict = judged(strangers, "toys")
+            (third_party.folder / f"{record.run_id}.json").unlink()
+    verdict = judged(third_party, "toys")
     assert {finding.colour for finding in verdict.accuracy} == {"red"}
     assert verdict.grades[0].held is None
 

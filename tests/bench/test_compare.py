@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from shellbench.bench.catalogue import catalog
-from shellbench.bench.judge.compare import Row, as_json, held_against_each_other, row_of, rows
+from shellbench.bench.judge.compare import Row, as_json, row_of, rows, with_mutual_differences
 from shellbench.bench.store.current import current_runs
 from shellbench.bench.store.store import Store
 from shellbench.errors import InputError
@@ -236,14 +236,14 @@ def test_only_good_answers_to_the_same_question_are_a_yardstick() -> None:
         answer(value=None),
         answer(value=9.0, solver="toy-noisy", seed=0, reference=2.5),
     ]
-    found = held_against_each_other([*others, certain, drawn])
+    found = with_mutual_differences([*others, certain, drawn])
     assert [(row.disagreement, row.disagreement_with) for row in found[-2:]] == [(None, None), (0.5, "toy")]
     held = {i for i, row in enumerate(found[:-2]) if row.disagreement is not None}
     assert held == set()  # a row of the yardstick's own solver, and one that a known value judges, are not held
 
 
 def test_several_certain_answers_are_held_against_their_median() -> None:
-    found = held_against_each_other([answer(value=v, solver=name) for v, name in ((1.0, "a"), (2.0, "b"), (4.0, "c"))])
+    found = with_mutual_differences([answer(value=v, solver=name) for v, name in ((1.0, "a"), (2.0, "b"), (4.0, "c"))])
     assert [(row.disagreement, row.disagreement_with) for row in found] == [(g, "median") for g in (-0.5, 0.0, 1.0)]
 
 
@@ -260,5 +260,5 @@ def test_each_row_is_looked_at_so_many_times_however_many_there_are(reference: f
     row = answer(reference=reference).model_dump()
     rows = [Watched(**{**row, "solver": "ab"[i % 2], "seed": i}) for i in range(500)]
     looks = 0
-    held_against_each_other(rows)
+    with_mutual_differences(rows)
     assert looks < 10 * len(rows)

@@ -1,4 +1,4 @@
-"""Which records count: what today's case and solver would make again, and what an absent solver has left."""
+"""Validity of records: today's case and solver would make them again, and records of absent solvers are kept."""
 
 from importlib.metadata import version
 from pathlib import Path

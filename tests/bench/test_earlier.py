@@ -1,4 +1,4 @@
-"""`run --start`: a run goes on from an earlier solution, is told apart from one that does not, and is refused in words."""
+"""`run --start`: a run continues an earlier solution, has its own identity, and is refused with a reason."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""What is known of where a run is made."""
+"""The recorded facts about the machine of a run."""
 
 from importlib.metadata import version
 

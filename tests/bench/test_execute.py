@@ -219,9 +219,9 @@ def test_a_run_that_others_keep_from_computing_is_not_stopped(store: Store, monk
     monkeypatch.setattr("shellbench.bench.run.local.time", Clock())
     monkeypatch.setattr("shellbench.bench.plugins.process.MOST_WAITED", float("inf"))
     monkeypatch.setattr("shellbench.bench.plugins.process.COMPUTES", 0.0)
-    monkeypatch.setattr("shellbench.bench.plugins.process.ServerProcess.worked", lambda _: GUARD / 2)
+    monkeypatch.setattr("shellbench.bench.plugins.process.ServerProcess.cpu_time", lambda _: GUARD / 2)
     assert behave(store, "exact", timeout=GUARD).status == "ok"
-    monkeypatch.setattr("shellbench.bench.plugins.process.ServerProcess.worked", lambda _: GUARD)
+    monkeypatch.setattr("shellbench.bench.plugins.process.ServerProcess.cpu_time", lambda _: GUARD)
     assert behave(store, "hang", timeout=GUARD).status == "timeout"
 
 

@@ -1,4 +1,4 @@
-"""What is exported is read back as other programs read it: values, components, and a mesh without slits."""
+"""Exported files are read by other programs with the same values, components, and a mesh without slits."""
 
 import base64
 import struct
@@ -77,7 +77,7 @@ def corners_of(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def edges_with_one_cell(faces: np.ndarray) -> int:
-    """How many edges belong to one cell only: the free edges of a shell, or a slit."""
+    """Return the number of edges that belong to one cell only: the free edges of a shell, or a slit."""
     edges = np.sort(np.concatenate([faces[:, [i, (i + 1) % 4]] for i in range(4)]), axis=1)
     return int((np.unique(edges, axis=0, return_counts=True)[1] == 1).sum())
 

@@ -105,12 +105,7 @@ def test_a_package_brings_all_that_it_can_and_leaves_nothing(
     assert shellbench("pull", "toy_spring", "--times", "2").stdout == "0.5 m\n"
 
     shutil.rmtree(site)
-    for asked in (
-        ("list", "hooke"),
-        ("pull", "toy_spring"),
-        ("run", "toy_spring"),
-        ("gate", "--suite", "toy_springs"),
-    ):
+    for asked in (("list", "hooke"), ("pull", "toy_spring"), ("run", "toy_spring"), ("gate", "--suite", "toy_springs")):
         done = shellbench(*asked)
         assert done.returncode == 2
         assert "Traceback" not in done.stderr
@@ -163,7 +158,7 @@ def test_a_suite_of_ours_is_extended_and_a_case_of_ours_is_asked(here: Path) -> 
 
 
 def test_a_study_is_judged_only_if_it_is_named(here: Path, tmp_path: Path) -> None:
-    """Its solvers may stand on what is not installed: whoever lacks it is judged without them."""
+    """Its solvers may need packages that are not installed; the judgement then omits them."""
     findings(Store(tmp_path), "fem", "square_plate")
 
     def solvers(*suites: str) -> set[str]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from shellbench.bench.store.export import Sample, sample, samples, stored_run
-from shellbench.bench.store.frames import as_pvd, export_series, numbered
+from shellbench.bench.store.frames import as_pvd, export_series, numbered_file
 from shellbench.bench.store.store import Store
 from shellbench.errors import InputError
 from shellbench.report.figures.film import film
@@ -27,7 +27,7 @@ def motion(jump: float = 0.0) -> list[Sample]:
 def test_a_series_is_numbered_files(tmp_path: Path) -> None:
     assert export_series(motion(), tmp_path / "shell.npz") == len(TIMES)
     for number, state in enumerate(motion()):
-        with np.load(numbered(tmp_path / "shell.npz", number)) as arrays:
+        with np.load(numbered_file(tmp_path / "shell.npz", number)) as arrays:
             np.testing.assert_array_equal(arrays["displacement"], state.displacement)
 
 

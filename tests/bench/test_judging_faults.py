@@ -22,7 +22,7 @@ CENTRE = "centre_deflection"
 
 
 def held(value: float, known: float, uncertainty: float | None = None) -> Row:
-    """Return the row of an answer to the plate, held against a known value."""
+    """Return the row of an answer to the plate, compared with a known value."""
     plate = catalog.named_case("square_plate")
     row = figure(0.0).model_copy(update={"value": value, "relative_error": None, "absolute_error": None})
     about = {"quantity": CENTRE, "role": "judge", "theory": plate.theory, "origin": "made up", "source": "shellbench"}

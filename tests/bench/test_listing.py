@@ -1,4 +1,4 @@
-"""What is listed of a solver that stands on an engine, and of one whose engine is not installed."""
+"""Lists of a solver that uses an engine, and of one whose engine is not installed."""
 
 import json
 from types import SimpleNamespace

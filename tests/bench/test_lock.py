@@ -1,4 +1,4 @@
-"""Whoever makes the exam easier, or another one, turns the gate red until the lock is moved."""
+"""Changes that make the exam easier or different turn the gate red until the lock is moved."""
 
 import subprocess
 import sys
@@ -201,7 +201,7 @@ def test_a_changed_case_is_red_though_no_suite_is_named(full: Store) -> None:
 
 
 def test_the_value_of_a_figure_that_no_solver_of_ours_is_held_to_is_locked_too(full: Store) -> None:
-    """A stranger is judged by it."""
+    """A third-party solver is judged by it."""
     value = '\n[[values]]\nquantity = "energy"\nrole = "judge"\nvalue = {}\ntheory = "kirchhoff-love-linear"\n'
     rest = 'origin = "made up"\nsource = "shellbench"\n'
     known_file().write_text(known_file().read_text() + value.format(2.0) + rest)

@@ -1,4 +1,4 @@
-"""What a record keeps of a path: all of a whole one, and of a broken one what it reached."""
+"""Records of paths: a whole path is stored completely, a broken one up to its last state."""
 
 import errno
 import math

@@ -63,7 +63,7 @@ def plugin_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Make]
 
 
 def asked(entry: SolverEntry) -> str | None:
-    found = outside.asked(entry)
+    found = outside.resolve_solver(entry)
     assert isinstance(found, outside.AskedSolver)
     return found.declines(catalog.named_case("square_plate"))
 
@@ -215,7 +215,7 @@ def test_a_date_is_a_text_to_a_plug_in(plugin_of: Make) -> None:
     points = SolverEntry(entry, "bad_plugin:Bad", "bad-dist", "1.0")
     file = Path(str(sys.path[0])) / "bad_plugin.py"
     file.write_text(file.read_text().replace("settings_type = Settings", "settings_type = Dated"))
-    solver = outside.asked(points)
+    solver = outside.resolve_solver(points)
     given = outside.settings_of(solver, {"day": datetime.date(2026, 1, 2)}, 0, "cpu")
     assert given.model_dump()["day"] == "2026-01-02"
     with pytest.raises(InputError, match="'no'"):

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from shellbench.bench.plugins.process import is_overdue, worked
+from shellbench.bench.plugins.process import cpu_time, is_overdue
 from tests.patience import until
 
 COMPUTE = "import time\nwhile time.process_time() < 0.3: pass\nprint(time.process_time(), flush=True)\ninput()"
@@ -38,13 +38,13 @@ def test_what_a_process_and_its_children_compute_is_counted_and_sleep_is_not(pro
         while time.monotonic() < began + 2 * said:  # it sleeps
             time.sleep(0.05)
         tick = 1 / os.sysconf("SC_CLK_TCK")
-        assert said - 2 * tick <= worked(process.pid)
-        before = worked(process.pid)
+        assert said - 2 * tick <= cpu_time(process.pid)
+        before = cpu_time(process.pid)
         time.sleep(0.2)
-        assert worked(process.pid) - before <= 2 * tick
+        assert cpu_time(process.pid) - before <= 2 * tick
         process.communicate(b"\n")
-    until(lambda: worked(process.pid) == 0)
+    until(lambda: cpu_time(process.pid) == 0)
 
 
 def test_of_no_process_nothing_is_counted() -> None:
-    assert worked(None) == 0
+    assert cpu_time(None) == 0

@@ -11,12 +11,7 @@ from shellbench import disk
 from shellbench.bench.plugins import source
 from shellbench.bench.plugins.kinds import module_of
 from shellbench.bench.plugins.registry import find_solver, solver_entries
-from shellbench.bench.plugins.source import (
-    import_closure,
-    locate,
-    source_digest,
-    statements_of,
-)
+from shellbench.bench.plugins.source import import_closure, locate, source_digest, statements_of
 from shellbench.bench.store.identity import MEASURING, current_source
 from shellbench.errors import InputError
 from shellbench.problems.shell.quantities import measure, quantities

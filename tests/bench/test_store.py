@@ -1,4 +1,4 @@
-"""The store holds whole records only, whatever happens to whoever writes them."""
+"""The store has complete records only, whatever happens to the writing process."""
 
 import contextlib
 import errno

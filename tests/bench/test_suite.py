@@ -51,7 +51,7 @@ def test_what_is_no_name_of_a_study_is_refused(tmp_path):
 
 
 def test_our_suites_study_what_a_section_shows():
-    """A study may be of any name, for packages bring theirs; a misspelt one of ours would vanish from the report."""
+    """A study may have any name, because packages bring their own; a misspelt built-in one would vanish from the report."""
     studies = {suite.study for suite in map(catalog.own_suite, catalog.own_suite_names())} - {None}
     assert studies == {"resolution", "sampling", "training", "thinness", "speed"}
 

@@ -121,7 +121,7 @@ def test_a_claim_does_not_widen_what_is_frozen_and_a_bad_one_does_no_harm(full: 
 
 
 def test_a_strangers_error_without_a_unit_is_relative_already() -> None:
-    """The error of a manufactured solution's field is zero: a class is held against it as it is."""
+    """The known error of a manufactured solution's field is zero: a class is compared with it directly."""
     row = Row(
         case="manufactured_hypar",
         suite="shapes",

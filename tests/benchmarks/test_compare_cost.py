@@ -1,7 +1,7 @@
-"""What comparing costs, of many rows in those of few.
+"""Cost of a comparison of many rows, relative to one of few rows.
 
-Both are compared in one run and in turns, so that the ratio does not depend on the machine or on what else it does: ten
-times the rows should take about ten times as long, and not a hundred times. All answer one question, which is the worst
+Both are compared in one run and in turns, so that the ratio does not depend on the machine or its load. Ten times the
+rows should take about ten times as long, and not a hundred times. All rows answer one question, which is the worst
 case.
 """
 
@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from shellbench.bench.judge.compare import held_against_each_other
+from shellbench.bench.judge.compare import with_mutual_differences
 from shellbench.bench.judge.row import Row
 
 FEW, MANY = 500, 5000
@@ -34,7 +34,7 @@ def answers(count):
 
 def seconds(rows):
     begin = time.perf_counter()
-    held_against_each_other(rows)
+    with_mutual_differences(rows)
     return time.perf_counter() - begin
 
 
@@ -47,5 +47,5 @@ def test_comparing(benchmark):
             short.append(seconds(few))
             long.append(seconds(many))
         benchmark.extra_info["ratio"] = min(long) / min(short)
-    found = benchmark.pedantic(held_against_each_other, args=(many,), rounds=ROUNDS, warmup_rounds=1)
+    found = benchmark.pedantic(with_mutual_differences, args=(many,), rounds=ROUNDS, warmup_rounds=1)
     assert all(row.disagreement_with == "median" for row in found)

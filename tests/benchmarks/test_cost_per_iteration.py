@@ -1,8 +1,8 @@
-"""What one training iteration of the published network costs, forward propagation against nested differentiation.
+"""Cost of one training iteration of the published network: forward propagation against nested differentiation.
 
-Both do the same work in one run and in turns, so that the ratio does not depend on the machine or on what else it does:
-loss and gradient of 5 x 512 sines on 20 x 20 samples, geometry included, and a step of Adam (at least 2.5 is
-expected).
+Both do the same work in one run and in turns, so that the ratio does not depend on the machine or its load. The work is
+loss and gradient of 5 x 512 sines on 20 x 20 samples, geometry included, and a step of Adam. The expected ratio is at
+least 2.5.
 """
 
 import time

@@ -1,8 +1,8 @@
-"""What the report of the obstacle course costs, in pictures of one shell.
+"""Cost of the report of the obstacle course, in units of the picture of one shell.
 
-Both are made in one run and in turns, so that the ratio does not depend on the machine or on what else it does: it grows
-when the report does work twice, or draws more. The records are synthetic, as finely sampled as real ones; no solver runs.
-The whole report should take less than 20 s on two cores.
+Both are made in one run and in turns, so that the ratio does not depend on the machine or its load. It grows if the
+report repeats work or draws more. The records are synthetic, as finely sampled as real ones; no solver runs. The whole
+report should take less than 20 s on two cores.
 """
 
 import time

@@ -1,4 +1,4 @@
-"""What a step of many ropes costs: a skirt of 26 chains, 10,000 chains; direct, by one sweep, compiled. Ratios count."""
+"""Cost of a step of many ropes, as ratios: a skirt of 26 chains, and 10,000 chains; direct, by one sweep, compiled."""
 
 import numpy as np
 import pytest

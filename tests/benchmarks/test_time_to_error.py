@@ -1,8 +1,8 @@
-"""What an error costs: `fem` in degree 3, 4 and 5 and `kratos-iga`, on the four linear shells of the obstacle course.
+"""Time to an error: `fem` in degree 3, 4 and 5 and `kratos-iga`, on the four linear shells of the obstacle course.
 
 Both solve a ladder of fixed meshes, in one run and in processor time. The time to an error is that of the coarsest mesh
-from which on the error stays below it: an error that passes through zero counts for nothing. Each mesh is solved
-twice, and the faster one counts. Of `kratos-iga` the fastest degree counts, of `fem` each for itself.
+from which on the error stays below it; an error that passes through zero does not count. Each mesh is solved twice, and
+the faster solve counts. For `kratos-iga` the fastest degree counts, for `fem` each degree counts separately.
 """
 
 import itertools

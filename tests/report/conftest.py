@@ -227,14 +227,14 @@ def headline(case: Problem, solver: str, value: float | None, **facts: Any) -> R
 
 
 def headline_of(record: Record, value: float | None, **facts: Any) -> Row:
-    """The headline row of a record: its settings, seed and cost are told."""
+    """The headline row of a record, with its settings, seed and cost."""
     told = {"settings": record.identity.settings, "seed": record.identity.seed}
     told |= {name: getattr(record, name) for name in RECORDED}
     return headline(catalog.named_case(record.case_name), record.identity.solver, value, **told | facts)
 
 
 def judged(case: str, suite: str) -> dict[str, Any]:
-    """What rows of the course say of the suite and the known value."""
+    """Fields of the course's rows for the suite and the known value."""
     known = {"reference": TRUTH[case], "reference_uncertainty": UNCERTAINTY * TRUTH[case]}
     known |= {"reference_theory": "kirchhoff-love-linear", "reference_source": "series1900"}
     return known | {"suite": suite, "suites": (suite,)}

@@ -131,7 +131,7 @@ def run(
 
 
 def interpolated(length: float, share: float) -> dict[str, float]:
-    """What interpolation by a share of the largest displacement leaves."""
+    """Differences after interpolation by a share of the largest displacement."""
     found = {"probe_difference": 0.0, "largest_displacement": length}
     return found | {"interpolation_difference": share * length, "interpolation_rms": 0.5 * share * length}
 

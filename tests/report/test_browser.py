@@ -110,7 +110,7 @@ class Open:
         self.page.evaluate(f"() => shellbench.views.alive.get({case!r}).drawn")
 
     def surface(self, case):
-        """What the surface shows: coordinates by the titles of their axes, colours and their bar."""
+        """Return the shown surface: coordinates by the titles of their axes, colours and their bar."""
         self.settle(case)
         shown = self.page.evaluate(
             """(name) => {

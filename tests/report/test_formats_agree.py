@@ -33,7 +33,7 @@ Grid = dict[tuple[str, str], dict[str, str]]
 
 
 def expected_lines(store: Store) -> Expected:
-    """What each line of the table of the course must say, from the records; by case and solution."""
+    """Expected content of each line of the table of the course, from the records; by case and solution."""
     found: Expected = {}
     rows = [row for row in store.rows if row.suite == "obstacle_course"]
     records = {record.run_id: record for record in store.records}
@@ -110,7 +110,7 @@ def size(cell: str) -> tuple[float, float] | None:
 
 
 def misprints(text: str, format: str, expected: Expected) -> list[str]:
-    """What a printed table says that the records do not, or leaves out."""
+    """Return the differences between a printed table and the records, omissions included."""
     found = grid(text, format)
     wrong = [f"{key} is not printed" for key in expected if key not in found]
     wrong += [f"{key} is printed" for key in found if key not in expected]
@@ -264,7 +264,7 @@ def test_resolution_is_printed_as_recorded(store: Store) -> None:
 
 @pytest.mark.long
 def test_the_files_of_a_report_agree_with_the_records(store: Store, tmp_path) -> None:
-    """What `shellbench report` has written, the page too, is put to the same test."""
+    """Apply the same test to the files of `shellbench report`, including the page."""
     rows = [row for row in store.rows if row.suite == "obstacle_course"]
     write_report(bench.Store(store.folder), rows, tmp_path, store.known_values, for_print=False)
     expected = expected_lines(store)

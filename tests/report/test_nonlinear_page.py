@@ -32,7 +32,7 @@ def report(nonlinear: Store, tmp_path_factory: pytest.TempPathFactory):
 
 
 def kind_of(name: str) -> str:
-    """How a figure is kept: pictures as PNG, drawings as SVG."""
+    """Return the format of a figure: pictures as PNG, drawings as SVG."""
     return "png" if name.startswith("states_") else "svg"
 
 

@@ -272,7 +272,7 @@ def section_of(evidence: Evidence) -> Section:
             Column("Name", lambda line, notation: notation.escape(line["name"]), right=False),
             Column("Count", lambda line, notation: f"{line['count']:.0f}", key="count"),
         ),
-        notes=(Note("Origin", "A formula.", "kairanda2024"),),
+        notes=(Note("Origin", "A formula.", "kairanda2023"),),
     )
     exhibit = Exhibit("synthetic_drawing", "Drawing", "A line.", "A line that rises to four", figure, (run,), True)
     return Section("synthetic", "A synthetic section", ("First & last words.",), (table,), (exhibit,))
@@ -313,7 +313,7 @@ def test_a_section_of_evidence_stands_in_all_files(evident, store):
     assert "](figures/synthetic_drawing.svg)" in markdown
     assert f"| all | {count} |" in markdown
     assert (evident.parent / "figures" / "synthetic_drawing.svg").is_file()
-    assert 'id="source-kairanda2024"' in text
+    assert 'id="source-kairanda2023"' in text
 
 
 def test_runs_of_studies_alone_are_not_compared(evident, store):
@@ -470,7 +470,7 @@ def test_a_failed_run_that_no_gate_judges_is_counted_apart(store):
 
 @pytest.mark.long
 def test_a_report_for_the_screen_alone_has_no_pdf_and_no_link_to_one(store, tmp_path):
-    """What the committed example is: half the size."""
+    """The committed example has this form, with half the size."""
     page = write_report(Records(store.folder), store.rows, tmp_path, store.known_values, for_print=False)
     assert not list((tmp_path / "figures").glob("*.pdf"))
     assert list((tmp_path / "figures").glob("*.svg"))

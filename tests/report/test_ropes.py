@@ -110,7 +110,7 @@ def test_a_ribbon_is_the_chain_frame_by_frame(tmp_path):
 
 
 class Ran:
-    """A record, as far as a pace is told by it: the last of three levels takes 0.63 s for 100 steps."""
+    """A record with the data of a pace only: the last of three levels takes 0.63 s for 100 steps."""
 
     def __init__(self, case, run_id, threads=1):
         self.case, self.run_id = {"name": case, **catalog.named_case(case).data()}, run_id

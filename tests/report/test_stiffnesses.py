@@ -53,9 +53,9 @@ def test_known_values_are_the_material_itself():
 
 
 def test_a_strip_of_another_stiffness_is_found_out_at_each_weight():
-    """The strip weighs what it did, so that its own Gamma is less; it is that of derivations, no solver of ours.
+    """The strip keeps its weight, so that its own Gamma is less; the values are from derivations, not from a solver.
 
-    What its stretch does to H / W, 1e-5, is that of another Gamma, and cancels in part.
+    The effect of its stretch on H / W, 1e-5, is that of another Gamma, and cancels in part.
     """
     strip, stiffer = heavy(), 1.3
     values = {}

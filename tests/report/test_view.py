@@ -1,4 +1,4 @@
-"""What the views in three dimensions hold: the fields of the records, and differences that rounding does not spoil."""
+"""Views in three dimensions hold the fields of the records, and differences that rounding does not spoil."""
 
 import base64
 import gzip

@@ -76,7 +76,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @dataclass(frozen=True)
 class Ended:
-    """What a command has said."""
+    """Output and exit code of a command."""
 
     code: int
     out: str

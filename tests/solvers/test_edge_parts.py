@@ -1,4 +1,4 @@
-"""Supports and loads on parts of edges: what changes within an edge, and what must not depend on how it is said."""
+"""Supports and loads on parts of edges: changes within an edge, and independence of the form of the case."""
 
 import numpy as np
 import pytest

@@ -117,7 +117,7 @@ def case_of(name: str) -> Case:
 
 
 def answers(name: str) -> dict[str, dict[str, float]]:
-    """Return what solvers answer on a small mesh, and by a narrow field, by solver and quantity."""
+    """Return the answers on a small mesh, and by a narrow field, by solver and quantity."""
     case = case_of(name)
     solutions = {
         "fem": FemSolver().solve(case, FemSettings(cells=(5, 6))),

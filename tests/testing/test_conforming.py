@@ -23,13 +23,13 @@ from shellbench.bench.store.store import Store
 from shellbench.problem import Problem
 from shellbench.testing import suite
 from shellbench.testing.between import POINTS, between_points
-from shellbench.testing.conforming import OF_FIELD, Line, lacking, needed_checks, note
+from shellbench.testing.conforming import OF_FIELD, Line, needed_checks, store_results, unmet_checks
 from shellbench.testing.examination import Verdict as Outcome
 from shellbench.testing.grading import ExamOptions
 from shellbench.testing.suite import CheckOptions, examine
 from tests.bench.conftest import forget, full, made_once, own_case, plugin, store, tolerances_of, toys  # noqa: F401
 from tests.bench.running import run
-from tests.bench.test_classes import strangers  # noqa: F401 - a fixture
+from tests.bench.test_classes import third_party  # noqa: F401 - a fixture
 from tests.bench.test_known_in_files import known
 from tests.testing.test_suite import InProcess
 
@@ -73,7 +73,7 @@ def test_check_solver_finds_the_cheat_out() -> None:
 
 
 def test_the_gate_says_which_check_is_not_passed(cheated: Store) -> None:
-    note(cheated, entry := find_solver("cheat"), checked(entry, catalog.named_case("strip")))
+    store_results(cheated, entry := find_solver("cheat"), checked(entry, catalog.named_case("strip")))
     (grade,) = judged(cheated, "cheat").grades
     assert (grade.held, grade.unchecked.partition(":")[0]) == (None, "its check 'continuity' is not passed")
 
@@ -107,28 +107,28 @@ def lines_of(**status: str) -> list[Line]:
 @pytest.mark.parametrize("check", OF_FIELD)
 @pytest.mark.parametrize("status", ["failed", "not shown", "not applicable"])
 def test_each_check_of_a_field_is_needed(check: str, status: str) -> None:
-    (why,) = lacking(lines_of(**{check: status}))
+    (why,) = unmet_checks(lines_of(**{check: status}))
     assert f"'{check}'" in why
-    assert lacking([*lines_of(**{check: status}), *lines_of()]) == ((why,) if status == "failed" else ())
+    assert unmet_checks([*lines_of(**{check: status}), *lines_of()]) == ((why,) if status == "failed" else ())
 
 
 def test_what_is_no_check_of_a_field_is_not_needed() -> None:
-    assert lacking(lines_of(storage="failed")) == ()
+    assert unmet_checks(lines_of(storage="failed")) == ()
     assert needed_checks(SHELL, ["kirchhoff-love-linear"]) == OF_FIELD
     assert set(needed_checks(SHELL, ["kirchhoff-love-nonlinear"])) == {"continuity", "energies", "placement"}
 
 
-def test_it_counts_for_the_source_that_was_checked_only(strangers: Store) -> None:  # noqa: F811
-    assert judged(strangers, "toy-noisy").good()
-    (path,) = (strangers.folder / FOLDER).glob("*.json")
+def test_it_counts_for_the_source_that_was_checked_only(third_party: Store) -> None:  # noqa: F811
+    assert judged(third_party, "toy-noisy").good()
+    (path,) = (third_party.folder / FOLDER).glob("*.json")
     whole = path.read_text(encoding="utf-8")
     source = json.loads(whole)["source"]
     path.write_text(whole.replace(source, "0" * 64), encoding="utf-8")  # not as it was sealed
-    verdict = judged(strangers, "toy-noisy")
+    verdict = judged(third_party, "toy-noisy")
     assert not verdict.good()
     assert any(str(path) in words for words in verdict.warnings)
     path.write_text(whole.replace('"lacking": []', '"lacking": ["x"]'), encoding="utf-8")
-    assert read_conformance(strangers).found == ()
+    assert read_conformance(third_party).found == ()
 
 
 def test_a_case_of_ones_own_is_judged_by_its_file_and_not_by_class(toys: Path, store: Store, own_case: Path) -> None:  # noqa: F811
@@ -142,41 +142,41 @@ def test_a_case_of_ones_own_is_judged_by_its_file_and_not_by_class(toys: Path, s
     assert verdict.good()
 
 
-def test_a_changed_solver_is_not_checked_any_more(strangers: Store, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+def test_a_changed_solver_is_not_checked_any_more(third_party: Store, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
     with monkeypatch.context() as patch:
         patch.setattr("shellbench.bench.store.conformance.current_source", lambda *_: "0" * 64)
-        note_conformance(strangers, find_solver("toy-noisy"), SHELL, {}, ())
-    (grade,) = judged(strangers, "toy-noisy").grades
+        note_conformance(third_party, find_solver("toy-noisy"), SHELL, {}, ())
+    (grade,) = judged(third_party, "toy-noisy").grades
     assert grade.unchecked == "its source has changed since it was checked"
 
 
-def test_a_pack_takes_it_along(strangers: Store, tmp_path: Path) -> None:  # noqa: F811
-    manifest, notes = write_pack(strangers, "toy-noisy", tmp_path / "one.zip")
+def test_a_pack_takes_it_along(third_party: Store, tmp_path: Path) -> None:  # noqa: F811
+    manifest, notes = write_pack(third_party, "toy-noisy", tmp_path / "one.zip")
     assert [one.solver for one in manifest.conformance] == ["toy-noisy"]
     assert not any("not checked" in words for words in notes)
     assert read_pack(tmp_path / "one.zip").unchecked == ""
-    for path in (strangers.folder / FOLDER).iterdir():
+    for path in (third_party.folder / FOLDER).iterdir():
         path.unlink()
-    manifest, notes = write_pack(strangers, "toy-noisy", tmp_path / "two.zip")
+    manifest, notes = write_pack(third_party, "toy-noisy", tmp_path / "two.zip")
     assert manifest.conformance == ()
     assert any(words.startswith("not checked: no checks are known of it") for words in notes)
     assert read_pack(tmp_path / "two.zip").unchecked
 
 
-def test_the_command_keeps_what_it_finds(strangers: Store, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
-    for path in (strangers.folder / FOLDER).iterdir():
+def test_the_command_keeps_what_it_finds(third_party: Store, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    for path in (third_party.folder / FOLDER).iterdir():
         path.unlink()
     found = lines_of()
     monkeypatch.setattr(suite, "examine", lambda *_: iter(found))
-    exam = ExamOptions(None, strangers.folder, 1, grade=False)
+    exam = ExamOptions(None, third_party.folder, 1, grade=False)
     out = Console(file=io.StringIO())
     assert suite.check_solver("toy-noisy", console=out, exam=exam, settings=["toy-noisy.noise=0.0"]) == 0
-    assert read_conformance(strangers).found == ()  # these are no default settings
+    assert read_conformance(third_party).found == ()  # these are no default settings
     assert suite.check_solver("toy-noisy", console=out, exam=exam) == 0
-    assert judged(strangers, "toy-noisy").good()
+    assert judged(third_party, "toy-noisy").good()
     found[:] = lines_of(work="failed")
     assert suite.check_solver("toy-noisy", console=out, exam=exam) == 1
-    assert not judged(strangers, "toy-noisy").good()
+    assert not judged(third_party, "toy-noisy").good()
 
 
 @pytest.mark.parametrize("lost", [False, True])

@@ -1,4 +1,4 @@
-"""What lines through an answer show of it."""
+"""Continuity of an answer along lines through it."""
 
 from types import SimpleNamespace
 

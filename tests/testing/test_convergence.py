@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shellbench.testing.convergence import Refinement, extrapolated, judged, slope, spread_out
+from shellbench.testing.convergence import Refinement, extrapolated, judge, slope, spread_out
 
 UNKNOWNS = np.array([100.0, 400.0, 1600.0, 6400.0])
 
@@ -17,33 +17,33 @@ def test_the_order_is_the_exponent_of_the_spacing(order):
     errors = 3.0 * UNKNOWNS ** (-order / 2)
     assert slope(UNKNOWNS, errors) == pytest.approx(order)
     assert extrapolated(UNKNOWNS, 5 + errors) == pytest.approx(5, abs=1e-3 * errors[-1])
-    verdict = judged(levels(5 + errors), 5.0)
+    verdict = judge(levels(5 + errors), 5.0)
     assert verdict.status == "passed"
     assert f"order {order:.1f}" in verdict.words
 
 
 def test_another_limit_is_said_and_is_no_pass():
-    verdict = judged(levels(5 + UNKNOWNS**-1.0), 4.0)
+    verdict = judge(levels(5 + UNKNOWNS**-1.0), 4.0)
     assert verdict.status == "not shown"
     assert "converges to 5, known is 4" in verdict.words
 
 
 def test_errors_that_grow_or_stay_fail():
-    assert judged(levels([1.0, 1.1, 1.3, 1.8]), 0.5).status == "failed"
-    assert judged(levels([1.0, 1.0, 1.0, 1.0]), 0.5).status == "failed"
-    assert judged(levels([1.0, 2.0, 1.0, 2.0]), None).status == "failed"
+    assert judge(levels([1.0, 1.1, 1.3, 1.8]), 0.5).status == "failed"
+    assert judge(levels([1.0, 1.0, 1.0, 1.0]), 0.5).status == "failed"
+    assert judge(levels([1.0, 2.0, 1.0, 2.0]), None).status == "failed"
 
 
 def test_exact_answers_pass():
-    assert judged(levels([2.0, 2.0, 2.0, 2.0]), 2.0).status == "passed"
+    assert judge(levels([2.0, 2.0, 2.0, 2.0]), 2.0).status == "passed"
 
 
 def test_without_a_known_value_steps_must_fall():
-    assert judged(levels(5 + UNKNOWNS**-1.0), None).status == "passed"
+    assert judge(levels(5 + UNKNOWNS**-1.0), None).status == "passed"
 
 
 def test_unknowns_that_do_not_grow_show_no_rate():
-    assert judged(levels([1.0, 2.0, 3.0], [10, 10, 10]), 3.0).status == "not shown"
+    assert judge(levels([1.0, 2.0, 3.0], [10, 10, 10]), 3.0).status == "not shown"
 
 
 def test_a_few_refinements_are_chosen_about_equal_factors_apart():

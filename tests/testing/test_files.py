@@ -1,4 +1,4 @@
-"""What is in a saved file, and which of it matters."""
+"""The content of a saved file, and the parts that matter."""
 
 import pickle
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import save_file
 
-from shellbench.testing.keeping import altered, compressed_size, pickled, read_arrays, what_matters
+from shellbench.testing.keeping import compressed_size, is_pickled, read_arrays, what_matters, write_altered
 
 
 @pytest.fixture(params=["npz", "safetensors"])
@@ -23,13 +23,13 @@ def saved(request, tmp_path):
 def test_arrays_are_read_and_altered_one_at_a_time(saved, tmp_path):
     found = read_arrays(saved)
     assert set(found.arrays) == {"field", "index"}
-    again = read_arrays(altered(found, "field", (slice(None), 1), tmp_path / f"new{saved.suffix}"))
+    again = read_arrays(write_altered(found, "field", (slice(None), 1), tmp_path / f"new{saved.suffix}"))
     changed = again.arrays["field"] != found.arrays["field"]
     assert changed[:, 1].all()
     assert not changed[:, [0, 2]].any()
     assert np.array_equal(again.arrays["index"], found.arrays["index"])
     assert (
-        read_arrays(altered(found, "index", (), tmp_path / f"b{saved.suffix}")).arrays["index"] != np.arange(5)
+        read_arrays(write_altered(found, "index", (), tmp_path / f"b{saved.suffix}")).arrays["index"] != np.arange(5)
     ).all()
 
 
@@ -41,15 +41,15 @@ def test_only_the_slices_that_matter_count():
 
 
 def test_no_solution_file_is_a_pickle(saved):
-    assert not pickled(saved)
+    assert not is_pickled(saved)
 
 
 def test_pickles_are_known(tmp_path):
     plain, archive = tmp_path / "a", tmp_path / "b.npz"
     plain.write_bytes(pickle.dumps({"a": 1}))
     np.savez(archive, a=np.array([{"a": 1}], dtype=object))
-    assert pickled(plain)
-    assert pickled(archive)
+    assert is_pickled(plain)
+    assert is_pickled(archive)
 
 
 def test_noise_can_not_be_compressed_and_order_can():
@@ -63,6 +63,6 @@ def test_complex_numbers_are_numbers(tmp_path):
     saved = read_arrays(tmp_path / "waves.npz")
     assert saved is not None
     assert list(saved.arrays) == ["waves"]
-    with np.load(altered(saved, "waves", (), tmp_path / "other.npz")) as other:
+    with np.load(write_altered(saved, "waves", (), tmp_path / "other.npz")) as other:
         assert np.allclose(other["waves"], 1.001 * saved.arrays["waves"])
         assert str(other["words"]) == "text"

@@ -18,7 +18,7 @@ from shellbench.bench.store.conformance import note_conformance
 from shellbench.bench.store.store import Store
 from shellbench.errors import InputError
 from shellbench.testing import suite
-from shellbench.testing.grading import ExamOptions, Graded, Later, begun
+from shellbench.testing.grading import ExamOptions, Graded, Later, start_exam
 from tests.bench.conftest import full, made_once, own_case, plugin, store, toys  # noqa: F401 - fixtures
 from tests.bench.test_classes import strangers  # noqa: F401 - a fixture
 from tests.bench.test_gate import scaled
@@ -26,7 +26,7 @@ from tests.patience import GUARD
 
 
 def held(store: Store, solver: str = "toy-noisy", **more: object) -> Graded:  # noqa: F811
-    with begun(solver, (), ("toys",), ExamOptions(("toys",), store.folder, jobs=1), 60.0) as grade:
+    with start_exam(solver, (), ("toys",), ExamOptions(("toys",), store.folder, jobs=1), 60.0) as grade:
         return grade(Console(file=io.StringIO()))
 
 
@@ -100,7 +100,7 @@ def test_an_unknown_suite_is_bad_input(toys: Path) -> None:  # noqa: F811
 def test_who_leaves_before_the_grade_stops_the_exam(toys: Path, store: Store) -> None:  # noqa: F811
     with (
         pytest.raises(InputError, match="refused"),
-        begun("toy", (), ("toys",), ExamOptions(("toys",), store.folder, jobs=1), 60.0),
+        start_exam("toy", (), ("toys",), ExamOptions(("toys",), store.folder, jobs=1), 60.0),
     ):
         raise InputError("settings are refused")  # as a check may
     assert not store.read().records  # its one job was taken by the checks
@@ -108,7 +108,7 @@ def test_who_leaves_before_the_grade_stops_the_exam(toys: Path, store: Store) ->
 
 def test_with_two_jobs_the_exam_goes_on_before_somebody_looks(toys: Path, store: Store) -> None:  # noqa: F811
     out = Console(file=io.StringIO())
-    with begun("toy", (), ("toys",), ExamOptions(("toys",), store.folder, jobs=2), 60.0) as grade:
+    with start_exam("toy", (), ("toys",), ExamOptions(("toys",), store.folder, jobs=2), 60.0) as grade:
         last = time.monotonic() + GUARD
         while not store.read().records:  # by the job that the checks leave
             assert time.monotonic() < last

@@ -10,7 +10,7 @@ from shellbench.problems.shell.variants.placing import ABOUT, CYCLE, turning
 from shellbench.problems.shell.variants.units import MILLIMETRES_KILONEWTONS, converted_points
 from shellbench.problems.shell.variants.variants import size
 from shellbench.testing.examination import scattered
-from shellbench.testing.made_cases import MOVING, SHORT, carried, converted, louder, placed, short_motion, slid
+from shellbench.testing.made_cases import MOVING, SHORT, amplified, relocated, rescaled, rotated, shifted, short_motion
 from tests.alike import alike
 from tests.families import shells, stated, with_something_new
 
@@ -23,7 +23,7 @@ SHIFT = np.array([1.0, -2.0, 0.5])
 @pytest.mark.parametrize("name", with_something_new(EVERY_CASE))
 def test_other_units_change_numbers_as_their_dimensions_say(name):
     case = named_case(name)
-    other, points = converted(case, MILLIMETRES_KILONEWTONS), scattered(case, 5)
+    other, points = rescaled(case, MILLIMETRES_KILONEWTONS), scattered(case, 5)
     there = converted_points(case, MILLIMETRES_KILONEWTONS, points)
     # 1 m = 1000 mm; 1 N/m^2 = 1e-9 kN/mm^2; 1 N/m = 1e-6 kN/mm; 1 N m = 1 kN mm; 1 N/m^3 = 1e-12 kN/mm^3
     assert other.surface.position(there) == pytest.approx(1000 * case.surface.position(points))
@@ -37,13 +37,13 @@ def test_other_units_change_numbers_as_their_dimensions_say(name):
 
 
 @pytest.mark.parametrize("name", with_something_new(EVERY_CASE))
-def test_a_placed_case_is_the_turned_one(name):
+def test_a_relocated_case_is_the_turned_one(name):
     case = named_case(name)
     turned, points = turning(case), scattered(case, 5)
     rotation = np.array(turned)
     assert rotation @ rotation.T == pytest.approx(np.eye(3))
     assert np.linalg.det(rotation) == pytest.approx(1)
-    other = placed(case, turned, SHIFT)
+    other = relocated(case, turned, SHIFT)
     assert other.surface.position(points) == pytest.approx(case.surface.position(points) @ rotation.T + SHIFT)
     assert load_density(other, points, 0.5) == pytest.approx(load_density(case, points, 0.5) @ rotation.T)
     for (s, place), (t, _) in zip(case.supported_places(), other.supported_places(), strict=True):
@@ -58,17 +58,17 @@ def test_partly_held_cases_turn_about_their_axis_or_change_axes_only():
     assert any(turning(named_case(name)) is CYCLE for name in EVERY_CASE)
 
 
-def test_a_louder_case_has_the_loads_and_motions_times_the_factor():
+def test_a_case_with_scaled_loads_has_the_loads_and_motions_times_the_factor():
     points = scattered(named_case("scordelis_lo"), 5)
-    case, twice = named_case("scordelis_lo"), louder(named_case("scordelis_lo"), 2.0)
+    case, twice = named_case("scordelis_lo"), amplified(named_case("scordelis_lo"), 2.0)
     assert load_density(twice, points, 1.0) == pytest.approx(2 * load_density(case, points, 1.0))
-    sleeve, more = named_case("sleeve_torque"), louder(named_case("sleeve_torque"), 2.0)
+    sleeve, more = named_case("sleeve_torque"), amplified(named_case("sleeve_torque"), 2.0)
     for (s, place), (t, _) in zip(sleeve.supported_places(), more.supported_places(), strict=True):
         assert more.motion(t, place, points)[0, 0] == pytest.approx(2 * sleeve.motion(s, place, points)[0, 0])
 
 
-def test_a_carried_case_has_no_load_and_one_rigid_motion():
-    case = carried(named_case("square_plate_nonlinear"))
+def test_a_rotated_case_has_no_load_and_one_rigid_motion():
+    case = rotated(named_case("square_plate_nonlinear"))
     points = scattered(case, 20)
     (support, place), *rest = case.supported_places()
     u = case.motion(support, place, points, 1.0)[0, 0]
@@ -81,9 +81,9 @@ def test_a_carried_case_has_no_load_and_one_rigid_motion():
         alike(case.motion(s, p, points, 1.0)[0, 0], u)
 
 
-def test_what_can_not_be_carried_is_not():
-    assert carried(named_case("scordelis_lo")) is None
-    assert carried(named_case("napkin_plane")) is None
+def test_cases_that_supports_can_not_rotate_are_left_out():
+    assert rotated(named_case("scordelis_lo")) is None
+    assert rotated(named_case("napkin_plane")) is None
 
 
 @pytest.mark.parametrize("name", MOVING)
@@ -110,15 +110,15 @@ def test_made_cases_of_a_manufactured_solution_prescribe_its_displacement():
         return made.evaluate(made.quantity("field_error").exact, at)[0, 0]
 
     expected = exact(case, points)
-    np.testing.assert_allclose(exact(placed(case, rotation, SHIFT), points) @ np.array(rotation), expected, atol=1e-15)
-    np.testing.assert_allclose(exact(louder(case, 2.0), points), 2 * expected, atol=1e-15)
-    moved = exact(converted(case, MILLIMETRES_KILONEWTONS), converted_points(case, MILLIMETRES_KILONEWTONS, points))
+    np.testing.assert_allclose(exact(relocated(case, rotation, SHIFT), points) @ rotation, expected, atol=1e-15)
+    np.testing.assert_allclose(exact(amplified(case, 2.0), points), 2 * expected, atol=1e-15)
+    moved = exact(rescaled(case, MILLIMETRES_KILONEWTONS), converted_points(case, MILLIMETRES_KILONEWTONS, points))
     np.testing.assert_allclose(moved / MILLIMETRES_KILONEWTONS.length, expected, atol=1e-15)
 
 
 def test_a_plane_case_moves_along_its_plane_with_its_points():
     case = named_case("square_plate")
-    other = slid(case, (30.0, -70.0))
+    other = shifted(case, (30.0, -70.0))
     assert other.surface.domain.lower == (30.0, -70.0)
     assert other.surface.domain.size == case.surface.domain.size
     np.testing.assert_allclose(other.points["centre"], (80.0, -20.0))
@@ -126,4 +126,4 @@ def test_a_plane_case_moves_along_its_plane_with_its_points():
 
 @pytest.mark.parametrize("name", ["scordelis_lo", "sharp_peak"])
 def test_what_is_not_plane_or_asks_where_it_is_does_not_move(name):
-    assert slid(named_case(name), (30.0, -70.0)) is None
+    assert shifted(named_case(name), (30.0, -70.0)) is None

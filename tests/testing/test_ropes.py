@@ -39,14 +39,14 @@ def test_a_theory_of_a_kind_is_a_theory():
 
 def test_a_rope_in_other_units_or_turned_is_the_same_rope():
     case = named_case("rope_jerk")
-    turned = ropes.placed(case, ropes.about_the_vertical(0.7), ropes.SHIFT)
-    grams = ropes.converted(case)
+    turned = ropes.relocated(case, ropes.about_the_vertical(0.7), ropes.SHIFT)
+    grams = ropes.rescaled(case)
     places = ropes.start_of(case)[0]
     assert ropes.start_of(turned)[0] - ropes.SHIFT == pytest.approx(places @ ropes.about_the_vertical(0.7).T)
     assert ropes.start_of(grams)[0] == pytest.approx(1000 * places)
     assert grams.masses == pytest.approx(1000 * case.masses)
-    assert ropes.placed(named_case("rope_falling_root"), ropes.about_the_vertical(0.7), ropes.SHIFT) is None
-    assert ropes.converted(named_case("rope_wind")) is None
+    assert ropes.relocated(named_case("rope_falling_root"), ropes.about_the_vertical(0.7), ropes.SHIFT) is None
+    assert ropes.rescaled(named_case("rope_wind")) is None
 
 
 @pytest.mark.long

@@ -1,4 +1,4 @@
-"""A solver's process: what it does to itself costs one check, and is said in one sentence."""
+"""A solver's process: a fault of its own costs one check, and is reported in one sentence."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""All mutants that the rules make of a target, and a draw of them that is the same on every machine."""
+"""All mutants of a target by the rules, and a sample of them that is the same on every machine."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Mutant:
     Attributes
     ----------
     module, line
-        Where.
+        Place of the change.
     lines
         First and last line of the statement, or of its head.
     rule
@@ -34,9 +34,9 @@ class Mutant:
     number
         Among the mutants of the module with the same texts, for a statement may occur twice.
     place
-        Of the changed node among the nodes that a module offers, and of the change among those of the rule.
+        Numbers of the changed node among the module's nodes, and of the change among those of the rule.
     kind
-        What the function that it stands in is: see `targets.KINDS`.
+        Kind of the function around it: see `targets.KINDS`.
     """
 
     module: str
@@ -53,13 +53,13 @@ class Mutant:
 
     @property
     def name(self) -> str:
-        """A name that moving the statement to another line does not change."""
+        """Name that does not depend on the statement's line."""
         text = "\n".join([self.module, self.rule, self.old, self.new, self.statement, self.becomes, str(self.number)])
         return hashlib.sha256(text.encode()).hexdigest()[:SHOWN_DIGITS]
 
     @property
     def key(self) -> tuple[str, str, str, str]:
-        """Module, rule, statement and what it becomes."""
+        """Module, rule, statement and its new form."""
         return self.module, self.rule, self.statement, self.becomes
 
 
@@ -101,7 +101,7 @@ def all_mutants(modules: Iterable[str]) -> list[Mutant]:
 
 
 def draw(mutants: Iterable[Mutant], seed: int, count: int) -> list[Mutant]:
-    """Return so many mutants, spread over modules first, over rules next, and over statements last.
+    """Return `count` mutants, spread over modules first, over rules next, and over statements last.
 
     A hash draws: it is the same on every machine and for every version of Python.
     """

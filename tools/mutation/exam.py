@@ -1,6 +1,6 @@
-"""One exam in a process of its own: cases are solved, recorded and judged as a stranger's are, until a row is red.
+"""One exam in a process of its own: cases are solved, recorded and judged like a third-party solver's until a row is red.
 
-Nothing here imports shellbench before a mutant is planted.
+This module does not import shellbench before a mutant is in place.
 """
 
 from __future__ import annotations
@@ -41,16 +41,16 @@ class Question:
 
 @dataclass(frozen=True)
 class Answered:
-    """What came of a question.
+    """Result of a question.
 
     Attributes
     ----------
     red
         The first red row in words; empty if all are green.
     seconds
-        Of the processor that it took with its judging: how busy a machine is does not count.
+        Processor time of the solve and its judging; the load of the machine does not count.
     reached
-        Lines that ran, by module, if they were asked for.
+        Lines that ran, by module, if they were requested.
     """
 
     question: Question
@@ -60,12 +60,12 @@ class Answered:
 
 
 def examine(mutant: Mutant | None, questions: Sequence[Question], modules: Sequence[str], answers: Connection) -> None:
-    """Put questions until one is red, and send what comes of each.
+    """Solve questions until one is red, and send the result of each.
 
     Parameters
     ----------
     mutant
-        What is examined; None for the code as it is.
+        The mutant; None for the unchanged code.
     modules
         Modules whose lines are to be noted; none for no lines.
     """
@@ -94,7 +94,7 @@ def examine(mutant: Mutant | None, questions: Sequence[Question], modules: Seque
 def first_red(question: Question) -> str:
     """Return the first red row of the accuracy gate, or else of calibration, in words; empty if all are green.
 
-    The lock is not asked: it notices that a question changed, whatever a solver answers, and would examine nothing.
+    The lock is left out: it detects changed questions independently of the solver's answers, and would test nothing.
     """
     from shellbench.bench.judge import gate as gates
     from shellbench.bench.judge.expected import Scope
@@ -117,7 +117,7 @@ def first_red(question: Question) -> str:
 
 
 def first_mistake(verdict: Any, case: str) -> str:
-    """Return why a verdict on a case is red, in words: a value or a run, or else a figure that is wrong with confidence."""
+    """Return the reason why a verdict on a case is red: a value, a run, or a value whose stated uncertainty is too small."""
     judged = [finding for finding in verdict.accuracy if finding.row.case == case]
     if not judged:
         return f"{FAILED}: no row is judged"
@@ -131,18 +131,18 @@ def first_mistake(verdict: Any, case: str) -> str:
 
 
 def finds_a_mistake(finding: Any) -> bool:
-    """Whether a finding is red over an answer that falls short: one that passes against expectation is no worse."""
+    """Return True if a finding is red and its answer fails; an answer that passes unexpectedly is no mistake."""
     better = finding.row.open_finding is not None and finding.row.why_short(finding.row.tolerance) is None
     return bool(finding.colour == "red" and not better)
 
 
 def _told(finding: Any) -> str:
-    """Say whether a value is wrong or the run has failed, and why."""
+    """Describe the wrong value or the failed run, with the reason."""
     return f"{VALUE if finding.row.status == 'ok' else FAILED}: {finding.row.quantity}: {finding.sentence}"
 
 
 def _look_at_nothing_else(question: Question) -> None:
-    """Read no case but the one that is asked, and digest no source: no file changes while an exam lasts."""
+    """Read only the requested case, and digest no source: no file changes during an exam."""
     from shellbench.bench.catalogue import catalog
     from shellbench.bench.judge import classes, gate
     from shellbench.bench.plugins import registry
@@ -161,7 +161,7 @@ def _look_at_nothing_else(question: Question) -> None:
 
 
 def _prepare() -> None:
-    """Be quiet, modest, and at the root of the tree."""
+    """Suppress output, use one thread, and change to the root of the tree."""
     for variable in ONE_THREAD:
         os.environ[variable] = "1"
     os.chdir(ROOT)
@@ -176,7 +176,7 @@ def _prepare() -> None:
 
 @contextlib.contextmanager
 def _noted(modules: Sequence[str]) -> Iterator[dict[str, set[int]]]:
-    """Note which lines of modules run."""
+    """Record the lines of modules that run."""
     lines: dict[str, set[int]] = {module: set() for module in modules}
     if not modules:
         yield lines

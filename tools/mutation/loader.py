@@ -1,6 +1,6 @@
 """A mutant takes the place of its module when that is imported; no file is written.
 
-What is digested and locked are files, so that a mutant runs under the identity of the code that it was made of.
+Digests and the lock are computed from files, so that a mutant runs under the identity of the original code.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class MutantFinder(MetaPathFinder):
 
 
 def plant(mutant: Mutant) -> None:
-    """Have a mutant imported in place of its module.
+    """Import a mutant in place of its module.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Rules that make mutants: small changes of an expression that are mistakes people make.
+"""Rules that make mutants: small changes of an expression that resemble common mistakes.
 
-Each rule takes one node of a syntax tree and yields what may stand in its place. A rule knows no types: where a plus
-joins two lists, the mutant crashes, and a crash is red.
+Each rule takes one node of a syntax tree and yields its replacements. A rule knows no types: if a plus joins two lists,
+the mutant crashes, and a crash is red.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def transposed(node: ast.AST) -> Iterator[ast.AST]:
 
 
 def dropped_term(node: ast.AST) -> Iterator[ast.AST]:
-    """Leave out a term of a sum, or what is added in place."""
+    """Leave out a term of a sum, or an addition in place."""
     match node:
         case ast.BinOp(op=ast.Add(), left=left, right=right):
             yield left
@@ -175,12 +175,12 @@ def _is_integer(node: ast.Constant) -> bool:
 
 
 def _is_sum(node: ast.AST) -> bool:
-    """Whether a node is a sum, whose terms are changed one by one."""
+    """Return True if a node is a sum, whose terms are changed one by one."""
     return isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub)
 
 
 def _is_index(node: ast.AST) -> bool:
-    """Whether a node names one index: no slice, no ellipsis, no new axis."""
+    """Return True if a node is one index: no slice, no ellipsis, no new axis."""
     return not isinstance(node, ast.Slice | ast.Starred) and not (
         isinstance(node, ast.Constant) and not isinstance(node.value, int)
     )

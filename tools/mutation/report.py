@@ -33,7 +33,7 @@ def score(results: Sequence[Entry], kinds: Collection[str] = ()) -> Score:
 
 
 def interval(red: int, judged: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Return the bounds that a draw gives of the share that is red of all mutants (Clopper and Pearson 1934)."""
+    """Return the bounds of the share of red mutants among all, from a draw (Clopper and Pearson 1934)."""
     tail = (1 - confidence) / 2
     low = float(beta.ppf(tail, red, judged - red + 1)) if red else 0.0
     high = float(beta.ppf(1 - tail, red + 1, judged - red)) if red < judged else 1.0
@@ -56,8 +56,8 @@ def words(run: Entry) -> str:
 def add(run: Entry, path: Path = SCORE) -> None:
     """Put the score of an unseen draw into the file that the report reads, a line a draw.
 
-    A draw that is there stays: its score was unseen once alone. Whoever finds a survivor to be equivalent moves it from
-    `holes` to `equivalent` there, with the reason in the commit.
+    An existing draw stays, because its score can be unseen only once. A survivor that proves to be equivalent is moved
+    from `holes` to `equivalent` there, with the reason in the commit.
     """
     draws = json.loads(path.read_text(encoding="utf-8"))["draws"] if path.is_file() else []
     name = {"target": run["target"], "seed": run["seed"]}

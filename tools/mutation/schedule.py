@@ -1,10 +1,10 @@
-"""Which questions a mutant is put, cheapest first, and a process for each mutant; what comes of it is kept at once.
+"""Schedule of mutants: each mutant runs in its own process, on the cheapest cases first, and its result is stored at once.
 
-1. The code as it is answers every case, one process a case: which lines run, and how long it takes. Cases that it
-   does not answer within a time are no part of this exam. This is kept too, as long as the code stays.
-2. Of the mutants whose statement some case runs, and is of a kind that is asked for, a seed draws.
-3. A mutant is put the cases that run its statement, until one is red: cheap ones first, and each further way to ask
-   the same case later. `patience` may end this early.
+1. The unchanged code solves every case, one process a case, which gives its lines and its time. Cases that take too
+   long are not part of this exam. These results are stored until the code changes.
+2. A seed draws from the mutants whose statement runs in some case and is of a requested kind.
+3. A mutant is solved on the cases that run its statement until one is red. Cheap cases come first, and variants of the
+   same case come last. `patience` may end this early.
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Reach:
-    """What the code as it is does with a question: seconds, and lines that run by module."""
+    """Reach of a question with the unchanged code: seconds, and lines that run by module."""
 
     question: Question
     seconds: float
     lines: Mapping[str, frozenset[int]]
 
     def runs(self, mutant: Mutant) -> bool:
-        """Whether the statement of a mutant runs."""
+        """Return True if the statement of a mutant runs."""
         first, last = mutant.lines
         return any(first <= line <= last for line in self.lines.get(mutant.module, ()))
 
@@ -69,21 +69,21 @@ def examined(
     processes: int,
     say: Say,
 ) -> dict[str, Any]:
-    """Draw mutants of a target, put each through the exam, and return what came of them.
+    """Draw mutants of a target, judge each by the exam, and return the results.
 
-    Results are appended to a file in `folder`, one line a mutant; those that are there already are not made again,
-    unless they stayed green in a shorter exam.
+    Results are appended to a file in `folder`, one line a mutant. Existing results are kept, unless they stayed green in
+    a shorter exam.
 
     Parameters
     ----------
     kinds
-        Of what mutants are drawn: see `targets.KINDS`.
+        Kinds of code of the drawn mutants: see `targets.KINDS`.
     longest
-        Seconds of the longest case that is asked.
+        Seconds of the longest case.
     patience
-        Seconds that the code as it is takes for the cases that are asked of one mutant.
+        Seconds of the unchanged code for all cases of one mutant.
     only
-        Cases that are asked, those of one solver as `solver:case`; all that are not too long if there are none.
+        Cases to solve, for one solver as `solver:case`; if empty, all that are not too long.
     """
     everything = all_mutants(target.modules())
     exam = [reach for solver in target.solvers for reach in reaches(solver, folder, longest, only, processes, say)]
@@ -123,7 +123,7 @@ def examined(
 
 
 def reaches(solver: str, folder: Path, longest: float, only: Collection[str], processes: int, say: Say) -> list[Reach]:
-    """Return what the code as it is reaches in each case that it answers in green within about `longest` seconds."""
+    """Return the reach of the unchanged code in each case that it solves in green within about `longest` seconds."""
     modules = sorted({name for target in TARGETS.values() if solver in target.solvers for name in target.modules()})
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"reach-{solver}-{_digest(modules)}.jsonl"
@@ -159,7 +159,7 @@ def reaches(solver: str, folder: Path, longest: float, only: Collection[str], pr
 
 
 def _cases(solver: str, longest: float, only: Collection[str]) -> list[str]:
-    """Return the cases of the suites that hold a solver to a figure, without those that are known to take longer."""
+    """Return the cases of the suites that gate a solver, without those that are known to take longer."""
     # The baseline's machine knows what a case takes; of a variant, what its case takes.
     from shellbench.bench.catalogue import catalog
 
@@ -185,7 +185,7 @@ def _cases(solver: str, longest: float, only: Collection[str]) -> list[str]:
 
 
 def _in_order(exam: Sequence[Reach]) -> list[Reach]:
-    """Return cheap questions first; each further way to ask the same case counts as dearer."""
+    """Return cheap questions first; further variants of the same case count as more expensive."""
     ways: Counter[tuple[str, str]] = Counter()
     dear: dict[Question, float] = {}
     for reach in sorted(exam, key=lambda r: ("@" in r.question.case, r.seconds)):
@@ -196,7 +196,7 @@ def _in_order(exam: Sequence[Reach]) -> list[Reach]:
 
 
 def _within(exam: Sequence[Reach], patience: float) -> list[Reach]:
-    """Return the first questions of an exam that take so long together, at least one."""
+    """Return the first questions of an exam up to a total time, at least one."""
     ends = list(accumulate(reach.seconds for reach in exam))
     return [reach for reach, end in zip(exam, ends, strict=True) if end <= max(patience, ends[0])]
 
@@ -227,7 +227,7 @@ def _result(mutant: Mutant, exam: Sequence[Reach]) -> dict[str, Any]:
 def _answers(
     mutant: Mutant | None, questions: Sequence[Question], modules: Sequence[str], limit: Callable[[Question], float]
 ) -> tuple[list[Answered], str]:
-    """Examine in a process of its own; return what it answered, and why it stopped if it did not end by itself."""
+    """Judge in a process of its own; return its results, and the reason if it did not end by itself."""
     if not questions:
         return [], ""
     context = _context()
@@ -256,7 +256,7 @@ def _answers(
 
 
 def _waited(answers: Connection, pid: int, allowed: float) -> bool:
-    """Wait for an answer as long as the process has not taken so many seconds of its processor more; return whether."""
+    """Wait for an answer up to a limit of the process's processor time; return True if there is one."""
     # A process that waits for nothing takes none: the clock ends that, much later.
     process, start, begin = None, 0.0, time.monotonic()
     with contextlib.suppress(psutil.NoSuchProcess):  # it has ended: its last words may be there
@@ -271,7 +271,7 @@ def _waited(answers: Connection, pid: int, allowed: float) -> bool:
 
 
 def _context() -> Any:
-    """Return a context whose processes start with what takes long to import, and with nothing of shellbench."""
+    """Return a context whose processes start with slow imports done, and without shellbench."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")

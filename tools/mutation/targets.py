@@ -1,20 +1,19 @@
-"""Where mutants are made: the mechanics of the solvers and of the question, and what is left out of it by rule.
+"""Code that is mutated: the mechanics of the solvers and of the question, without the exclusions of these rules.
 
-Whole modules are left out that hold settings, files, checks, training, or choose how fine and in which steps to solve:
-a mistake there shows as cost or as a refusal. So does one in the choice of trial functions. Of the other modules these statements are left out:
+Modules with settings, files, checks, training, or the choice of resolution and steps are excluded: a mistake there appears
+as cost or as a refusal. The same holds for the choice of trial functions. In the other modules these statements are excluded:
 
-- docstrings, messages, `raise`, `assert`, and the condition under which a `raise` is all that follows;
-- what tells of progress; `isinstance`;
+- docstrings, messages, `raise`, `assert`, and a condition with nothing but a `raise`;
+- progress reports; `isinstance`;
 - fields of classes, defaults of arguments, decorators, annotations;
 - numbers and types with a name of their own at the top of a module: tolerances, limits, numbers of points;
 - functions that return text, check input, or read and write files.
 
-These rules name modules, and functions do other things beside the mechanics of theirs: a module of meshes holds basis
-functions and chooses lines. `KINDS` applies the same rules function by function: by what a function is, whatever became
-of its mutants. It was written when seeds 1 to 6 had been seen, and before seed 7 was drawn. Up to seed 7 mutants were
-drawn of all statements. The score is told of all of them, of those that are mechanics, and of those that state how sure
-an answer is: these are part of the answer, and are examined by calibration. From seed 8 on they are drawn of mechanics
-alone (`--kind mechanics`).
+These rules name modules, but some modules mix mechanics with other tasks: a module of meshes has basis functions and
+chooses lines. `KINDS` applies the same rules to functions, by their task and not by the results of their mutants. It was
+written when seeds 1 to 6 had been seen, and before seed 7 was drawn. Up to seed 7 mutants were drawn from all statements.
+The score is given for all of them, for mechanics, and for uncertainties, which are part of the answer and are judged by
+calibration. From seed 8 on mutants are drawn from mechanics only (`--kind mechanics`).
 """
 
 from __future__ import annotations
@@ -30,12 +29,12 @@ ROOT = Path(__file__).parents[2]
 
 @dataclass(frozen=True)
 class Target:
-    """Modules of which mutants are made, and the solvers whose exam they go through.
+    """Modules that are mutated, and the solvers whose exam judges them.
 
     Attributes
     ----------
     folders
-        Of the package; modules in folders below are meant where it ends with `**`.
+        Folders of the package; `**` at the end includes the folders below.
     excluded
         Patterns of stems of modules that are left out, each with the reason.
     """
@@ -51,7 +50,7 @@ class Target:
         return [module_of(path) for path in paths if self.why_excluded(path.stem) is None]
 
     def why_excluded(self, stem: str) -> str | None:
-        """Return why a module is left out, None if it is not."""
+        """Return the reason why a module is left out, None if it is not."""
         return next((why for pattern, why in self.excluded if re.fullmatch(pattern, stem)), None)
 
 
@@ -263,7 +262,7 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
 
 
 def kind_of(module: str, function: str) -> str:
-    """Return what a function of a module is: mechanics unless `KINDS` says otherwise; the first entry counts."""
+    """Return the kind of a module's function: mechanics unless `KINDS` has another one; the first matching entry counts."""
     for modules, functions, kind, _ in KINDS:
         if any(module.endswith(f".{name}") for name in modules.split("|")) and re.fullmatch(functions, function):
             return kind
@@ -300,9 +299,9 @@ class Part:
     expressions
         Nodes in it that may be changed, in the order of the tree.
     lines
-        First and last line: whatever runs one of them reaches it.
+        First and last line: running one of them reaches the statement.
     function
-        In which it stands, `Class.method` of a method; functions within functions are part of these. Empty at the top.
+        Function around it, `Class.method` for a method; functions within functions are part of these. Empty at the top.
     """
 
     statement: ast.stmt
@@ -312,7 +311,7 @@ class Part:
 
 
 def parts(tree: ast.Module) -> Iterator[Part]:
-    """Yield what may be changed of a module, statement by statement."""
+    """Yield the changeable parts of a module, statement by statement."""
     for node in tree.body:
         if isinstance(node, ast.FunctionDef):
             yield from _named(node.name, _of_function(node))
@@ -392,7 +391,7 @@ def _only_refuses(body: list[ast.stmt]) -> bool:
 
 
 def _is_named_number(node: ast.Assign | ast.AnnAssign) -> bool:
-    """Whether an assignment gives a name to one number, or to an expression of numbers."""
+    """Return True if an assignment gives a name to one number, or to an expression of numbers."""
     value = node.value
     return value is None or all(
         isinstance(part, ast.Constant | ast.BinOp | ast.UnaryOp | ast.operator | ast.unaryop)
@@ -401,7 +400,7 @@ def _is_named_number(node: ast.Assign | ast.AnnAssign) -> bool:
 
 
 def _is_type(node: ast.Assign | ast.AnnAssign) -> bool:
-    """Whether an assignment gives a name to a type."""
+    """Return True if an assignment gives a name to a type."""
     value = node.value
     return isinstance(value, ast.BinOp) or (isinstance(value, ast.Subscript) and _name(value.value) in TYPES)
 

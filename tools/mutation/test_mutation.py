@@ -1,4 +1,4 @@
-"""The exam examined: rules make what they say and nothing else, draws repeat, and the exam tells a fault from none."""
+"""Tests of the exam's test: rules make the described changes only, draws repeat, and the exam detects a fault."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tools.mutation.targets import CHECK, FEM, KINDS, LEFT_OUT, MECHANICS, STATE
 
 
 def made(rule: str, expression: str) -> set[str]:
-    """Return what a rule makes of an expression, or of a statement, in any of its nodes."""
+    """Return the mutations that a rule makes of an expression, or of a statement, in any of its nodes."""
     source = f"def f():\n    {expression}"
     return {mutant.becomes for mutant in mutants_of("toy", source) if mutant.rule == rule}
 
@@ -248,7 +248,7 @@ def test_a_score_counts_survivors_as_holes_and_mechanics_alone() -> None:
 
 
 def test_the_bounds_of_a_share_are_those_of_the_binomial_distribution() -> None:
-    """At either bound so many red ones, or so few, come up in a fortieth of all draws."""
+    """At either bound so many red mutants, or so few, have a probability of one fortieth."""
     low, high = interval(18, 20)
     chances = [[math.comb(20, k) * p**k * (1 - p) ** (20 - k) for k in range(21)] for p in (low, high)]
     assert sum(chances[0][18:]) == pytest.approx(0.025, rel=1e-9)

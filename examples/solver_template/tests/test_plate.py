@@ -1,4 +1,4 @@
-"""What must hold of the series, whatever shellbench thinks of it."""
+"""Properties of the series that do not depend on shellbench."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Other people's mechanics: Kratos Multiphysics, set up from a case and asked for its answer."""
+"""Third-party mechanics: Kratos Multiphysics solves the cases."""

@@ -1,9 +1,9 @@
-"""Kratos Multiphysics as an engine: imported without its banner, and asked to be silent.
+"""Kratos Multiphysics as an engine: imported without its banner, and without later output.
 
-Kratos writes to the process's standard output from C++, past `sys.stdout`: a banner at import, and a word about each
-application at exit. A solver's output belongs to its user, so that the descriptor itself is turned away while
-Kratos is imported; what would be said afterwards, warnings and the exit among them, is held back by the logger's
-severity. What a solver has to say it says itself: in diagnostics, or as a `SolveFailure`.
+Kratos writes to the process's standard output from C++, not through `sys.stdout`: a banner at import, and a message
+about each application at exit. A solver's output belongs to its user. The descriptor itself is therefore redirected
+while Kratos is imported, and the logger's severity suppresses later output, including warnings. A solver reports by
+its diagnostics, or by a `SolveFailure`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ STDOUT = 1  # its descriptor, whatever sys.stdout is
 
 @contextmanager
 def _silent_descriptor() -> Iterator[None]:
-    """Send what is written to the standard output's descriptor nowhere."""
+    """Discard output to the standard output's descriptor."""
     sys.stdout.flush()
     try:
         kept = os.dup(STDOUT)
@@ -46,7 +46,7 @@ def _silent_descriptor() -> Iterator[None]:
 
 
 def _imported() -> tuple[ModuleType, ...]:
-    """Import Kratos and its applications without a word."""
+    """Import Kratos and its applications without output."""
     with _silent_descriptor():
         core = importlib.import_module(DISTRIBUTION)
         core.Logger.GetDefaultOutput().SetSeverity(core.Logger.Severity(BELOW_WARNINGS))
@@ -60,7 +60,7 @@ kratos, structural, iga, linear_solvers = _modules
 
 @contextmanager
 def failing_with_kratos(partial: Callable[[], Solution | None], too_large: str) -> Iterator[None]:
-    """Give a failure what was reached before it, one of Kratos among them (see `history.failing_with`)."""
+    """Attach the solution so far to a failure, including failures of Kratos (see `history.failing_with`)."""
     with failing_with(partial, too_large):
         try:
             yield
@@ -86,7 +86,7 @@ class FreshModel:
 def fresh_model(*variables: Any) -> FreshModel:
     """Return a model with one empty model part in three dimensions, whose nodes carry historical variables.
 
-    Kratos takes as many threads as OMP_NUM_THREADS says now, not as it said at import.
+    Kratos uses the present value of OMP_NUM_THREADS, not that at its import.
     """
     threads = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
     if threads.isdigit() and int(threads) > 0:

@@ -31,7 +31,7 @@ EXTRA_POINTS = 2  # a span and coordinate, beyond degree + 1: loads may be any f
 
 @dataclass(frozen=True)
 class Row:
-    """What is asked of the control points along one edge of the part, or at one of its corners.
+    """Conditions on the control points along one edge of the part, or at one of its corners.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Conditions:
-    """What supports and symmetry leave free.
+    """Constraints of the control points by supports and symmetry.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Conditions:
         return int(np.count_nonzero(own & ~self.fixed))
 
     def balanced(self, forces: Array) -> Array:
-        """Return what is left of forces (3, n1, n2) in the directions that are free, gathered at their leaders."""
+        """Return the parts of forces (3, n1, n2) in free directions, gathered at their leaders."""
         total = np.zeros((3, self.fixed[0].size))
         for component in range(3):
             np.add.at(total[component], self.leader[component].ravel(), forces[component].ravel())
@@ -85,7 +85,7 @@ def tied_by(case: Case, support: Support, edge: Edge) -> tuple[int, ...] | None:
     Returns
     -------
     tuple or None
-        None if no components in Cartesian directions say it.
+        None if Cartesian components can't express it.
     """
     if not support.holds_slope:
         return ()
@@ -110,7 +110,7 @@ def _held_on(case: Case, edge: Edge) -> set[str]:
 
 
 def _at_right_angles(first: Array, second: Array) -> bool:
-    """Tell whether vectors (n, 3) are at right angles to others."""
+    """Return True if vectors (n, 3) are at right angles to others."""
     lengths = np.linalg.norm(first, axis=-1) * np.linalg.norm(second, axis=-1)
     return bool(np.all(np.abs(np.einsum("ni,ni->n", first, second)) <= ALONG * lengths))
 
@@ -123,7 +123,7 @@ def _direction(vectors: Array) -> int | None:
 
 
 def row_of(case: Case, support: Support, place: Place) -> Row:
-    """Return what a support asks along an edge of the shell, or at one of its corners; of a case that is taken."""
+    """Return the conditions of a support of a valid case along an edge of the shell, or at one of its corners."""
     held, every = tuple("xyz".index(c) for c in support.held), slice(None)
     if isinstance(place, Edge):
         tied = tied_by(case, support, place)
@@ -153,7 +153,7 @@ def end_of(case: Case, xi: tuple[float, float], axis: int) -> int | None:
 
 
 def conditions_of(case: Case, shape: tuple[int, int]) -> Conditions:
-    """Return what holds the control points (n1, n2) of a shell."""
+    """Return the constraints of the control points (n1, n2) of a shell."""
     fixed = np.zeros((3, *shape), dtype=bool)
     leader = np.broadcast_to(np.arange(shape[0] * shape[1]).reshape(shape), (3, *shape)).copy()
     rows = [row_of(case, support, place) for support, place in case.supported_places()]
@@ -172,9 +172,9 @@ def conditions_of(case: Case, shape: tuple[int, int]) -> Conditions:
 
 
 def held_by(part: Part, number: int, mirrors: tuple[Mirror, ...], shape: tuple[int, int]) -> Mask:
-    """Tell which components (3, n1, n2) a support of the whole acts on, on the copy of the part to which mirrors lead.
+    """Return the components (3, n1, n2) that a support of the whole shell holds, on the part's copy under mirrors.
 
-    Where two supports share a control point the one that the case names first is said to act.
+    If two supports share a control point, its force is assigned to the support that the case names first.
     """
     acting = np.zeros((len(part.whole.supports), 3, *shape), dtype=bool)
     for other, support, place in part.supported(mirrors):

@@ -1,7 +1,7 @@
 """The model in Kratos: a NURBS surface whose quadrature points are Kirchhoff-Love elements, `Shell3pElement`.
 
-Kratos builds and solves all systems of equations. It is given the control points, the material, what is held or
-tied, and forces on the control points; it gives back their displacements.
+Kratos builds and solves all systems of equations. Its input is the control points, the material, the constraints, and
+forces on the control points; its output is their displacements.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class IgaModel:
     Attributes
     ----------
     midsurface, conditions
-        What was built.
+        Input of the model.
     fresh
         Model and model part.
     linear, strategy
@@ -137,7 +137,7 @@ class IgaModel:
             kratos.VariableUtils().UpdateCurrentPosition(nodes)
 
     def prescribe(self, component: int, point: tuple[int, int], value: float) -> None:
-        """Hold a component of a control point, and what is tied to it, at a displacement, m."""
+        """Hold a component of a control point, and the components tied to it, at a displacement, m."""
         variable = (kratos.DISPLACEMENT_X, kratos.DISPLACEMENT_Y, kratos.DISPLACEMENT_Z)[component]
         leaders = self.conditions.leader[component]
         for flat in np.flatnonzero(leaders == leaders[point]):

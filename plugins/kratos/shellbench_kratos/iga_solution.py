@@ -2,8 +2,8 @@
 
 Strains, energies and forces of a displacement field on a patch, from the theory and not from Kratos.
 
-They say what Kratos' answer means in the terms of the case, and how well it balances the loads: an error in the use of
-the engine would show as a residual.
+They express Kratos' answer in the terms of the case, and measure its balance with the loads: an error in the use of
+the engine would appear as a residual.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def densities(x: Derivatives, strain: Array, material: Material) -> Array:
 
 @dataclass(frozen=True)
 class Integrals:
-    """What a displacement field has over a patch.
+    """Integrals of a displacement field over a patch.
 
     Attributes
     ----------
@@ -155,7 +155,7 @@ def integrals(case: Case, patch: NurbsPatch, control_points: Array, displacement
 
 
 def _work(frame: Frame, stress: Array) -> dict[tuple[int, int], Array]:
-    """Return what is conjugate to the derivatives of a displacement (..., 3), for stresses (..., 2, 3)."""
+    """Return the conjugates of the derivatives of a displacement (..., 3), for stresses (..., 2, 3)."""
     n, m = stress[..., 0, :, None], stress[..., 1, :, None]
     # delta kappa_ab = -(delta u,ab . a3 + x,ab . delta a3), and delta a3 is linear in delta u,1 and delta u,2
     pull = -(m[..., 0, :] * frame.second[0] + m[..., 1, :] * frame.second[1] + 2 * m[..., 2, :] * frame.second[2])
@@ -201,7 +201,7 @@ class IgaSolution(ShellSolution):
 
     @property
     def case(self) -> Case:
-        """The case it answers."""
+        """The solved case."""
         return self.part.whole
 
     @property
@@ -260,8 +260,8 @@ class IgaSolution(ShellSolution):
     def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell.
 
-        They are what its control points lack for equilibrium: internal forces less loads. Since rigid motions of the
-        field are those of its control points, the forces' moment about the centre is the support's.
+        They are the forces that its control points lack for equilibrium: internal forces less loads. Rigid motions of
+        the field are those of its control points. The forces' moment about the centre is therefore the support's.
         """
         state, patch = self.state(at), self.midsurface.patch
         lacking = self._integrals[state].forces - control_forces(self.part.case, patch, self.factors[state])
@@ -279,7 +279,7 @@ class IgaSolution(ShellSolution):
         return force, moment
 
     def kept(self) -> tuple[Words, Arrays]:
-        """Return what a file holds beside the case and the history."""
+        """Return the data of a file beside the case and the history."""
         return {"degree": self.degree, "symmetry": bool(self.part.mirrors)}, {
             "lines1": np.asarray(self.lines[0]),
             "lines2": np.asarray(self.lines[1]),
@@ -290,7 +290,7 @@ class IgaSolution(ShellSolution):
 
     @classmethod
     def restored(cls, case: Case, words: Words, arrays: Arrays) -> IgaSolution:
-        """Make a solution of what a file holds; ValueError or KeyError if it does not fit together."""
+        """Make a solution from the content of a file; ValueError or KeyError if it is inconsistent."""
         degree, lines1, lines2 = int(words["degree"]), arrays["lines1"].tolist(), arrays["lines2"].tolist()
         coefficients, states = arrays["coefficients"], tuple(arrays["states"].tolist())
         factors = tuple(arrays["factors"].tolist())

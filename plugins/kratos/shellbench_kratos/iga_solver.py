@@ -1,6 +1,6 @@
-"""The solver `kratos-iga`: Kirchhoff-Love NURBS shells of Kratos' IgaApplication, put to the questions of the suite.
+"""The solver `kratos-iga`: Kirchhoff-Love NURBS shells of Kratos' IgaApplication.
 
-What the solver on Kratos' shell element can't take, each with its reason.
+This module also has the reasons for which the solver declines cases.
 """
 
 from __future__ import annotations
@@ -65,11 +65,11 @@ class KratosIgaSolver(ShellSolver):
     )
 
     def declines(self, case: Case) -> str | None:
-        """Return why the solver can't take this case, as one clause, or None if it can."""
+        """Return the reason why the solver can't take this case, as one clause, or None if it can."""
         return reason(case)
 
     def declines_with(self, case: Case, settings: KratosIgaSettings) -> str | None:
-        """Return why the solver can't take the part of a case that is to be solved, as one clause, or None."""
+        """Return the reason why the solver can't take the part of a case to be solved, as one clause, or None."""
         from shellbench.problems.shell.symmetry.symmetry import part_of, whole_of
 
         return reason(case, part_of(case) if settings.symmetry else whole_of(case))
@@ -82,22 +82,21 @@ class KratosIgaSolver(ShellSolver):
         Raises
         ------
         SolveFailure
-            If Kratos gives up, Newton's method fails, or forces are not in balance; the states that were found come
-            with it.
+            If Kratos gives up, Newton's method fails, or forces are not in balance; it carries the states found before.
         """
         from shellbench_kratos import iga_solving
 
         return iga_solving.solve(case, settings, progress)
 
     def load(self, path: Path) -> IgaSolution:
-        """Read a solution that `save` wrote; InputError in one sentence if it is none."""
+        """Read a solution that `save` wrote; InputError in one sentence for other files."""
         from shellbench_kratos.iga_solution import IgaSolution
 
         return IgaSolution.load(path)
 
 
 def reason(case: Case, part: Part | None = None) -> str | None:
-    """Return why a case can't be taken, as one clause; None if it can. `part` is found if it is not given."""
+    """Return the reason why a case can't be taken, as one clause; None if it can. `part` is computed if it is None."""
     if refusal := why_not_plain(case):
         return refusal
     if case.dynamics is not None:

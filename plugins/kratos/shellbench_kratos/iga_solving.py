@@ -49,7 +49,7 @@ class IgaState:
     iterations
         Newton's; of a linear case, solves.
     kept
-        Whether the case asks for it.
+        True if the case asks for it.
     rounding
         Relative error of the loads' work by rounding; None where it is not known.
     """
@@ -67,7 +67,7 @@ class IgaState:
 def equilibrium(
     model: IgaModel, part: Part, mark: float, factor: float, displacements: Array, kept: bool, iterations: int
 ) -> IgaState:
-    """Return a state with its energy, held against the balance of forces.
+    """Return a state with its energy, after a check of the balance of forces.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def equilibrium(
 
 
 def states(model: IgaModel, part: Part, load_steps: int, rounding: float) -> Iterator[IgaState]:
-    """Yield the states of a case's path in order; of a linear case those that it asks for.
+    """Yield the states of a case's path in order; for a linear case those that it asks for.
 
     `rounding` is the relative change of the loads' work by rounding above which a linear answer is corrected.
 
@@ -115,9 +115,9 @@ def states(model: IgaModel, part: Part, load_steps: int, rounding: float) -> Ite
 
 
 def _linear(model: IgaModel, part: Part, forces: Array, rounding: float) -> tuple[Array, int, float]:
-    """Solve a linear case, and again for what is out of balance while rounding changes the answer by too much.
+    """Solve a linear case, and solve again for the residual while rounding changes the answer by too much.
 
-    The work of the forces that are out of balance is the error, by rounding, of the work of the loads: f . e = u . K e.
+    The work of the residual forces is the error, by rounding, of the work of the loads: f . e = u . K e.
 
     Returns
     -------
@@ -193,7 +193,7 @@ def _by_displacement(model: IgaModel, part: Part, load_steps: int) -> Iterator[I
 
 @dataclass
 class _Course:
-    """What is known of a solve so far."""
+    """State of a running solve."""
 
     part: Part
     settings: KratosIgaSettings
@@ -227,7 +227,7 @@ class _Course:
         self.log.add_state(*numbers, lambda: displacements(self.solution([state]), state.mark))
 
     def partial(self) -> IgaSolution | None:
-        """Return what was reached, or None before the first state that is kept."""
+        """Return the solution up to now, or None before the first kept state."""
         return self.solution(self.kept) if self.kept else None
 
 

@@ -1,6 +1,6 @@
 """NURBS: rational B-splines in one coordinate and in two, and the midsurface of a part as their surface.
 
-Straight lines and circular arcs are exact; what is made of others is interpolated. A coordinate xi of the case is
+Straight lines and circular arcs are exact; other curves are interpolated. A coordinate xi of the case is
 joined to the spline's own parameter s in [0, 1] in closed form. On a straight line they are proportional. On an arc of
 half-angle alpha about theta_m, with r = tan((theta - theta_m)/2) and T = tan(alpha/2), s = (1 + r/T)/2 and the weight
 is W = 1 + r^2, so that W cos(theta - theta_m) = 1 - r^2 and W sin(theta - theta_m) = 2 r: a rational quadratic (Piegl &
@@ -27,14 +27,14 @@ CHECKED = 23  # points a side at which the surface is held against the case's
 
 @dataclass(frozen=True)
 class Chart:
-    """How a coordinate is joined to the parameter s of a spline.
+    """The map between a coordinate and the parameter s of a spline.
 
     Attributes
     ----------
     lower, upper
         Bounds of the coordinate; radians for angles.
     arc
-        Whether the coordinate is the angle of circular arcs; less than half a turn then.
+        True if the coordinate is the angle of circular arcs; less than half a turn then.
     """
 
     lower: float

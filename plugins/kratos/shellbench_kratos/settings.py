@@ -1,4 +1,4 @@
-"""What the solvers on Kratos declare in common; Kratos itself is imported by what solves (`engine`)."""
+"""Common settings of the solvers on Kratos; only the solving modules import Kratos itself (`engine`)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def installed() -> str:
 
 
 class KratosSettings(Settings):
-    """What the settings of all solvers on Kratos have in common."""
+    """Common settings of all solvers on Kratos."""
 
     engine: str = Field(default_factory=installed, description="the engine and its version; the installed one")
 

@@ -152,8 +152,8 @@ class Elements:
 class SmallStrains:
     """Strains of elements by themselves, each moved by its own displacements without a rigid turn.
 
-    Kratos' own output of strains and energies takes displacements and rotations for small. Here each element has its
-    own four nodes, so that what its frame's motion leaves of them can be given to it.
+    Kratos' own output of strains and energies assumes small displacements and rotations. Here each element has its own
+    four nodes, so that it can get its displacements without its frame's motion.
 
     Attributes
     ----------
@@ -189,8 +189,8 @@ class SmallStrains:
     def strains(self, displacement: Array, rotation: Array) -> tuple[Array, Array]:
         """Return strain and change of curvature (e, 4, 2, 2) at four points of each element, in its own axes.
 
-        Displacements (e, 4, 3), m, and small rotations (e, 4, 3) are those of each element's nodes. Kratos puts strains
-        below 1e-12 to zero. It is therefore asked about displacements that are much larger.
+        Displacements (e, 4, 3), m, and small rotations (e, 4, 3) are those of each element's nodes. Kratos sets strains
+        below 1e-12 to zero. The displacements are therefore scaled up before the call.
         """
         largest = max(float(np.abs(displacement).max()), float(np.abs(rotation).max()))
         factor = 2.0 ** round(np.log2(MAGNIFIED / largest)) if largest > 0 else 1.0
@@ -204,7 +204,7 @@ class SmallStrains:
         return membrane, bending
 
     def energies(self, displacement: Array, rotation: Array) -> tuple[Array, Array]:
-        """Return membrane and bending energy (e,) of each element, J; what Kratos calls energy is twice that."""
+        """Return membrane and bending energy (e,) of each element, J; Kratos' own energy is twice that."""
         self._move(displacement, rotation)
         info = self._model.part.ProcessInfo
         found = [

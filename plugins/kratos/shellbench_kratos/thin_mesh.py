@@ -138,7 +138,7 @@ def across(axis: int) -> tuple[int, ...]:
 
 
 def held_rotations(case: Case, place: Place, support: Support) -> tuple[int, ...] | None:
-    """Return the rotations (0, 1, 2) that a support holds at a place; None if single components can't say it.
+    """Return the rotations (0, 1, 2) that a support holds at a place; None if single components can't express it.
 
     A clamp holds the rotation about the edge's tangent. That is a component where the tangent is along a Cartesian
     axis. Where the normal is along one, and the displacement in its direction is held, so that the rotation about
@@ -185,7 +185,7 @@ def held_nodes(case: Case, mesh: QuadMesh, supported: Iterable[tuple[int, Suppor
 
 @dataclass(frozen=True)
 class Supports:
-    """What is held.
+    """Supports of the nodes.
 
     Attributes
     ----------
@@ -206,7 +206,7 @@ class Supports:
 
     @cached_property
     def free(self) -> Integers:
-        """Degrees of freedom 6 v + component that nothing prescribes."""
+        """Free degrees of freedom 6 v + component."""
         return np.flatnonzero(~self.held.ravel())
 
     def prescribed(self, t: float) -> Array:
@@ -314,12 +314,12 @@ class Loose:
 
 @dataclass(frozen=True)
 class Loads:
-    """What acts on the nodes of a shell.
+    """Loads on the nodes of a shell.
 
     Attributes
     ----------
     case, mesh
-        What is solved, the case of a part for one, and its mesh.
+        The solved case, possibly that of a part, and its mesh.
     """
 
     case: Case
@@ -347,7 +347,7 @@ class Loads:
 
     @cached_property
     def areas(self) -> Array:
-        """(v,) the midsurface that each node stands for, m^2."""
+        """(v,) area of each node, m^2."""
         return self._shared(np.ones((len(self._rule[0]), 1)))[:, 0]
 
     def forces(self, t: float) -> Array:

@@ -1,6 +1,6 @@
 """The answer of a mesh of Kratos' thin quadrilaterals, between its nodes and over the whole shell.
 
-What an element's corotating frame leaves of its displacements, and the strains that Kratos finds there.
+This module also has the displacements in an element's corotating frame, and Kratos' strains of them.
 
 An element's frame has its third axis across both diagonals of the four nodes and is turned about it so that the
 displacement gradient in the middle is symmetric, as Kratos' own corotating frame is (after Haugen 1994). Strains
@@ -150,7 +150,7 @@ class ThinSolution(ShellSolution):
     Attributes
     ----------
     problem
-        What of the case was solved, and on what; Kratos is asked there for strains, energies and forces.
+        The solved part of the case and its mesh, where Kratos computes strains, energies and forces.
     marks
         (k,) load factors, increasing.
     frames
@@ -183,7 +183,7 @@ class ThinSolution(ShellSolution):
 
     @property
     def storage_bytes(self) -> int:
-        """Bytes of the displacements; the mesh follows from the settings, and rotations serve other questions."""
+        """Bytes of the displacements; the mesh follows from the settings, and rotations are not counted."""
         return self.frames[:, :3].size * self.frames.itemsize
 
     @cached_property
@@ -248,7 +248,7 @@ class ThinSolution(ShellSolution):
     def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell.
 
-        They are what its nodes need to stay: Kratos' internal forces and moments less the loads.
+        They keep its nodes in equilibrium: Kratos' internal forces and moments less the loads.
         """
         k = self._frame(at)
         missing, places = self._unbalanced(k), self.problem.positions
@@ -268,7 +268,7 @@ class ThinSolution(ShellSolution):
         return total, moment
 
     def _unbalanced(self, k: int) -> Array:
-        """Return what the nodes lack (v, 6) to stay where they are at a frame, N and N m."""
+        """Return the forces (v, 6), N and N m, that the nodes lack for equilibrium at a frame."""
         elements, values = self._elements, self.frames[..., k]
         elements.begin()
         if self.case.linear:
@@ -288,13 +288,13 @@ class ThinSolution(ShellSolution):
         return replace(self, frames=frames), short.nbytes
 
     def kept(self) -> tuple[Words, Arrays]:
-        """Return what a file holds beside the case and the history."""
+        """Return the data of a file beside the case and the history."""
         words = {"cells": list(self.mesh.cells), "whole": not self.part.mirrors}
         return words, {"marks": self.marks, "frames": self.frames}
 
     @classmethod
     def restored(cls, case: Case, words: Words, arrays: Arrays) -> ThinSolution:
-        """Make a solution of what a file holds; ValueError or KeyError if it does not fit together."""
+        """Make a solution from the content of a file; ValueError or KeyError if it is inconsistent."""
         part = whole_of(case) if words["whole"] else part_of(case)
         mesh = mesh_on(part, (int(words["cells"][0]), int(words["cells"][1])))
         marks, frames = arrays["marks"], arrays["frames"]

@@ -6,10 +6,10 @@ flat elements see the change of curvature as that of the normal's turning alone,
 eps_11 / R is missing from kappa_11. This alters answers by a part of order h / R: 2e-4 on the Scordelis-Lo roof, where
 h / R = 0.01, 2e-5 where it is ten times thinner. test_thin_limit.py finds the roof's limit from a series.
 
-On a path the load is prescribed, and whether a state is stable is not looked at: beyond a limit point Newton's method
-may find a state far from the last one, which is in balance but not where the path from rest leads by equilibria.
+On a path the load is prescribed, and stability is not checked: beyond a limit point Newton's method may find a state
+far from the last one, which is in balance but not on the path of equilibria from rest.
 
-Also here: what Kratos' thin quadrilaterals can't take as they are set up here, each with its reason.
+This module also has the reasons for which the solver declines cases.
 """
 
 from __future__ import annotations
@@ -69,11 +69,11 @@ class KratosThinSolver(ShellSolver):
     )
 
     def declines(self, case: Case) -> str | None:
-        """Return why the solver can't take this case, as one clause, or None if it can."""
+        """Return the reason why the solver can't take this case, as one clause, or None if it can."""
         return self.declines_with(case, KratosThinSettings())
 
     def declines_with(self, case: Case, settings: KratosThinSettings) -> str | None:
-        """Return why the solver can't take the part of a case that is to be solved, as one clause, or None."""
+        """Return the reason why the solver can't take the part of a case to be solved, as one clause, or None."""
         from shellbench.problems.shell.symmetry.symmetry import part_of, whole_of
         from shellbench_kratos.thin_solver import reason
 
@@ -97,7 +97,7 @@ class KratosThinSolver(ShellSolver):
         return thin_solving.solve(case, settings, progress)
 
     def load(self, path: Path) -> ThinSolution:
-        """Read a solution that `save` wrote; InputError in one sentence if it is none."""
+        """Read a solution that `save` wrote; InputError in one sentence for other files."""
         from shellbench_kratos.thin_solution import ThinSolution
 
         return ThinSolution.load(path)
@@ -107,7 +107,7 @@ ALONG = 1e-9  # sine of an angle that is rounding
 
 
 def reason(part: Part) -> str | None:
-    """Return why a case, of which a part is to be solved, can't be taken, as one clause; None if it can."""
+    """Return the reason why the solver can't take a part of a case, as one clause; None if it can."""
     from shellbench_kratos.thin_mesh import held_rotations
 
     case = part.whole

@@ -51,7 +51,7 @@ def usual_cells(part: Part) -> tuple[int, int]:
 
 @dataclass
 class _Course:
-    """What is known of a solve so far."""
+    """State of a running solve."""
 
     problem: ThinProblem
     log: Log
@@ -59,11 +59,11 @@ class _Course:
 
     @cached_property
     def gauge(self) -> Gauge:
-        """What tells the strain energy of a path's states."""
+        """The gauge of the strain energy of a path's states."""
         return Gauge(self.problem)
 
     def solution(self) -> ThinSolution:
-        """Return what was reached."""
+        """Return the solution up to the current state."""
         problem = self.problem
         figures = {
             "element": ELEMENT,
@@ -81,7 +81,7 @@ class _Course:
         )
 
     def partial(self) -> ThinSolution | None:
-        """Return what was reached, or None before the first state."""
+        """Return the solution up to now, or None before the first state."""
         return self.solution() if self.states else None
 
     def add(self, state: ThinState) -> None:

@@ -48,17 +48,17 @@ class ThinProblem:
 
     @cached_property
     def supports(self) -> Supports:
-        """What is held."""
+        """Supports of the nodes."""
         return Supports.on_mesh(self.part.case, self.mesh)
 
     @cached_property
     def loose(self) -> Loose:
-        """What nothing holds."""
+        """Rigid motions that no support holds."""
         return Loose.from_supports(self.supports, self.positions)
 
     @cached_property
     def loads(self) -> Loads:
-        """What acts."""
+        """Loads on the nodes."""
         return Loads(self.part.case, self.mesh)
 
     @cached_property
@@ -173,7 +173,7 @@ def follow_path(
     tolerance
         Newton's last step, relative to the shell's size.
     tell
-        Is given each of the states as it is found.
+        Called with each new state.
 
     Raises
     ------

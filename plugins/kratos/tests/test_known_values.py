@@ -1,7 +1,7 @@
-"""What references/ has from Kratos is what `kratos-iga` computes with the settings that stand there.
+"""The values of Kratos in references/ are those that `kratos-iga` computes with the settings given there.
 
-No symmetry is looked for: these values are held against solvers that look for it. A shell is solved whole, or the part
-of it between planes of symmetry is a case by itself, stated here by hand.
+The solver does not use symmetry here, because these values are compared with those of solvers that do. A shell is
+solved whole. Otherwise the part between planes of symmetry is a case of its own, written here by hand.
 """
 
 import numpy as np

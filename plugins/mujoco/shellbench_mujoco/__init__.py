@@ -1,1 +1,1 @@
-"""Other people's mechanics: cloth of MuJoCo, the physics engine, set up from a case and asked for its motion."""
+"""Third-party mechanics: the physics engine MuJoCo computes the motion of cloth for a case."""

@@ -1,4 +1,4 @@
-"""The solver `mujoco-chain`: a chain of hinges of the physics engine MuJoCo, put to the questions of ropes."""
+"""The solver `mujoco-chain`: a chain of hinges of the physics engine MuJoCo, for ropes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class MujocoChainSolver(RopeSolver):
     refinements: ClassVar[tuple[Mapping[str, Any], ...]] = tuple({"steps_per_second": n} for n in (60.0, 120.0, 240.0))
 
     def declines(self, case: Any) -> str | None:
-        """Return why it can't take a problem, as one clause, or None if it can."""
+        """Return the reason why the solver can't take a problem, as one clause, or None if it can."""
         if reason := why_not_planar(case):
             return reason
         if any(isinstance(formula, str) for formula in case.rope.root):

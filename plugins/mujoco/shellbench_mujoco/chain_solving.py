@@ -1,7 +1,7 @@
 """Following a chain of MuJoCo: a body for each mass, on a hinge about -y at the far end of the link before it.
 
 Bodies hang straight down where all angles are zero. A hinge's angle is that of its link less that of the link before.
-Masses are points: the engine asks for moments of inertia, and gets such as are rounding. What a link carries is the
+Masses are points: the engine requires moments of inertia, and gets negligible ones. The tension of a link is the
 engine's own force between a body and the one before it.
 """
 

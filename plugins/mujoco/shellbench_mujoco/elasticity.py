@@ -1,7 +1,7 @@
-"""The elastic energy of a two-dimensional flex, written down again to be asked for energies and strains.
+"""The elastic energy of a two-dimensional flex, implemented again for energies and strains.
 
-MuJoCo gives forces, and no energy of a flex. Its manual (XML reference, flex/elasticity) describes the model, and the
-tests hold the derivative of what stands here against the engine's own forces.
+MuJoCo gives forces, and no energy of a flex. Its manual (XML reference, flex/elasticity) describes the model. The tests
+compare the derivative of this energy with the engine's own forces.
 
 Stretching: linear triangles of St. Venant and Kirchhoff's material. With E = (F^T F - 1)/2 the energy per reference
 area is D/2 ((1 - nu) E:E + nu (tr E)^2), D = E h/(1 - nu^2).
@@ -123,7 +123,7 @@ class Elasticity:
         return float(self.stretching(positions).sum()), float(self.bending(positions).sum())
 
     def forces(self, positions: Array) -> Array:
-        """Return the derivative of the energy by the vertices (v, 3), N: the forces that hold them there."""
+        """Return the derivative of the energy by the vertices (v, 3), N: the forces that hold them in place."""
         f = self.deformation(positions)
         pull = self.grid.areas[:, None, None] * (f @ self.stress(self.strain(positions)))
         total = self.grid.scattered(np.einsum("tik,tak->tai", pull, self.slopes))

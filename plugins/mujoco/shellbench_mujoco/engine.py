@@ -1,4 +1,4 @@
-"""MuJoCo as an engine: which version is installed, and that no other can be asked for."""
+"""MuJoCo as an engine: the installed version, and the refusal of any other."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _installed() -> str:
 
 
 class EngineSettings(Settings):
-    """Settings of a solver that stands on MuJoCo."""
+    """Settings of a solver on MuJoCo."""
 
     engine: str = Field(default_factory=_installed, description="name and version of the engine; not to be chosen")
 
@@ -43,7 +43,7 @@ class EngineSettings(Settings):
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Keep the engine from writing its warnings to a file; they are counted in its data all the same."""
+    """Keep the engine from writing its warnings to a file; its data still count them."""
     import mujoco
 
     mujoco.set_mju_user_warning(lambda _: None)

@@ -1,8 +1,8 @@
-"""The grid of vertices on a midsurface that a flex is made of, two triangles a cell.
+"""The grid of a flex's vertices on a midsurface, with two triangles a cell.
 
-Also here: mass, springs and loads of a cloth, lumped at its vertices. What is spread over the area is taken at the
-midpoints of the triangles' sides, a rule that is exact for quadratic functions, and shared among the corners by the
-linear shape functions.
+This module also has mass, springs and loads of a cloth, lumped at its vertices. Densities over the area are evaluated
+at the midpoints of the triangles' sides, a rule that is exact for quadratic functions. The linear shape functions
+distribute them to the corners.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Grid:
     Attributes
     ----------
     case
-        Whose midsurface the vertices lie on.
+        Case with the midsurface of the vertices.
     cells
         Number of cells along xi1 and xi2.
     """
@@ -65,7 +65,7 @@ class Grid:
         return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=-1) / 2)
 
     def scattered(self, shares: Array) -> Array:
-        """Add up what the triangles give to their corners, (t, 3, ...), at the vertices, (v, ...)."""
+        """Add up the values of the triangles' corners, (t, 3, ...), at the vertices, (v, ...)."""
         total = np.zeros((len(self.points), *shares.shape[2:]))
         np.add.at(total, self.triangles, shares)
         return total
@@ -107,14 +107,14 @@ class Grid:
 
     @cached_property
     def held(self) -> NDArray[np.bool_]:
-        """(v, 3) whether a support holds a vertex, by component."""
+        """(v, 3) True if a support holds a vertex, by component."""
         held = np.zeros(self.rest.shape, dtype=bool)
         for number in range(len(self.case.supports)):
             held |= self.held_by(number)
         return held
 
     def held_by(self, number: int) -> NDArray[np.bool_]:
-        """Return whether one of the case's supports holds a vertex (v, 3), by component."""
+        """Return the components of each vertex that one of the case's supports holds, (v, 3)."""
         held = np.zeros(self.rest.shape, dtype=bool)
         support = self.case.supports[number]
         for name in support.on:
@@ -129,7 +129,7 @@ MIDPOINTS = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]])  # bar
 
 @dataclass(frozen=True)
 class Loading:
-    """What acts on the vertices of a grid beside the elastic forces."""
+    """Loads on the vertices of a grid beside the elastic forces."""
 
     grid: Grid
 

@@ -50,12 +50,12 @@ class FlexSolution(ShellSolution):
 
     @property
     def case(self) -> Case:
-        """The case it answers."""
+        """The solved case."""
         return self.grid.case
 
     @cached_property
     def elasticity(self) -> Elasticity:
-        """The cloth's elastic energy, made anew where strains, energies or forces are asked for."""
+        """The cloth's elastic energy, for strains, energies and forces."""
         return Elasticity(self.grid)
 
     def _place(self, at: float | None) -> tuple[int, float, float]:
@@ -104,7 +104,7 @@ class FlexSolution(ShellSolution):
 
     @cached_property
     def _fields(self) -> Any:
-        """What `evaluate` returns, by name and time, of each triangle; the latest are kept."""
+        """Values of `evaluate` by name and time, for each triangle; the latest are cached."""
 
         def of_triangles(name: str, at: float | None) -> Array:
             positions, elasticity = self.grid.rest + self.vertices(at), self.elasticity
@@ -130,16 +130,15 @@ class FlexSolution(ShellSolution):
         return np.asarray((1 - s) * self.pressing[k] + s * self.pressing[k + (s > 0)])
 
     def touch(self, at: float | None = None) -> Touch:
-        """Return what obstacles exert on free vertices: the engine's own forces, linear between frames."""
+        """Return the forces of obstacles on free vertices: the engine's own forces, linear between frames."""
         steps = np.asarray(self.case.surface.domain.size) / self.grid.cells
         return touch_at_vertices(self.case, self.grid.points, steps, self._pressing(at))
 
     def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the cloth.
 
-        It is what keeps its vertices at rest: their elastic forces less their loads. An obstacle presses on none of
-        them: the engine presses free vertices only. What damping adds, if a setting asks for any, is left out: the
-        engine has no name for it.
+        It keeps its vertices at rest: their elastic forces less their loads. No obstacle presses on them, because the
+        engine presses free vertices only. Forces of damping are left out, because the engine does not give them.
         """
         every = [self.grid.held_by(other) for other in range(len(self.case.supports))]
         share = every[number] / np.maximum(np.sum(every, axis=0), 1)
@@ -149,14 +148,14 @@ class FlexSolution(ShellSolution):
         return forces.sum(axis=0), np.cross(positions - centre, forces).sum(axis=0)
 
     def kept(self) -> tuple[Words, Arrays]:
-        """Return what a file holds beside the case and the history."""
+        """Return the data of a file beside the case and the history."""
         words = {"cells": list(self.grid.cells), "until": self.until}
         pressing = {} if self.pressing is None else {"pressing": self.pressing}
         return words, {"frames": self.frames, "rates": self.rates, **pressing}
 
     @classmethod
     def restored(cls, case: Case, words: Words, arrays: Arrays) -> FlexSolution:
-        """Make a solution of what a file holds; ValueError or KeyError if it does not fit together."""
+        """Make a solution from the content of a file; ValueError or KeyError if it is inconsistent."""
         first, second = words["cells"]
         grid = Grid(case, (int(first), int(second)))
         frames, rates = arrays["frames"], arrays["rates"]

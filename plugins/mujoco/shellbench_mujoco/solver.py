@@ -1,6 +1,6 @@
-"""The solver `mujoco-flex`: cloth of the physics engine MuJoCo, put to the questions of the suite.
+"""The solver `mujoco-flex`: cloth of the physics engine MuJoCo.
 
-What cloth of MuJoCo can't take, each with its reason.
+This module also has the reasons for which the solver declines cases.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class MujocoFlexSolver(ShellSolver):
     )
 
     def declines(self, case: Case) -> str | None:
-        """Return why the solver can't take this case, as one clause, or None if it can."""
+        """Return the reason why the solver can't take this case, as one clause, or None if it can."""
         return reason(case)
 
     def answer(
@@ -81,7 +81,7 @@ class MujocoFlexSolver(ShellSolver):
         Raises
         ------
         SolveFailure
-            If the motion diverges; the frames before come with it.
+            If the motion diverges; it carries the frames before.
         InputError
             If the settings do not fit the case.
         """
@@ -90,7 +90,7 @@ class MujocoFlexSolver(ShellSolver):
         return solving.solve(case, settings, progress)
 
     def load(self, path: Path) -> FlexSolution:
-        """Read a solution that `save` wrote; InputError in one sentence if it is none."""
+        """Read a solution that `save` wrote; InputError in one sentence for other files."""
         from shellbench_mujoco.solution import FlexSolution
 
         return FlexSolution.load(path)
@@ -102,7 +102,7 @@ INCOMPRESSIBLE = 0.5  # Poisson's ratio that the engine does not reach; its leas
 
 
 def reason(case: Case) -> str | None:
-    """Return why a case can't be taken, as one clause; None if it can."""
+    """Return the reason why a case can't be taken, as one clause; None if it can."""
     if refusal := why_not_plain(case, frozenset({"contact"})):
         return refusal
     if case.dynamics is None:
@@ -123,7 +123,7 @@ def reason(case: Case) -> str | None:
 
 
 def _why_no_geom(obstacle: Obstacle) -> str | None:
-    """Return why an obstacle can't be one of the engine's shapes, as one clause; None if it can."""
+    """Return the reason why an obstacle can't be one of the engine's shapes, as one clause; None if it can."""
     if not isinstance(obstacle, Sphere | HalfSpace | Capsule | Box):
         return f"it has an obstacle of kind '{obstacle.kind}', and the engine's are planes, balls, capsules and boxes"
     if obstacle.friction:

@@ -45,14 +45,14 @@ BOTH = 3  # of a flex's `elastic2d`: stretching and bending
 
 @dataclass(frozen=True)
 class Cloth:
-    """A compiled model and which of its degrees of freedom are which.
+    """A compiled model with the meaning of its degrees of freedom.
 
     Attributes
     ----------
     model, data
         The engine's own.
     free
-        (v, 3) whether a vertex moves, by component; the degrees of freedom are these in their order.
+        (v, 3) True if a vertex moves, by component; the degrees of freedom are these in their order.
     masses
         (v,) kg.
     """
@@ -108,16 +108,16 @@ class Cloth:
         return field
 
     def pressing(self) -> Array:
-        """Return what obstacles exert on the vertices (v, 3) in this state, N."""
+        """Return the forces of obstacles on the vertices (v, 3) in this state, N."""
         mujoco.mj_forward(self.model, self.data)
         return self._spread(self.data.qfrc_constraint)
 
     def push(self, forces: Array) -> None:
-        """Set the forces (v, 3) that are applied until others are, N."""
+        """Set the applied forces (v, 3), N."""
         self.data.qfrc_applied[:] = forces[self.free]
 
     def set_velocity(self, velocity: Array) -> None:
-        """Set the velocities (v, 3), m/s; what is held stays at rest."""
+        """Set the velocities (v, 3), m/s; held components stay at rest."""
         self.data.qvel[:] = velocity[self.free]
 
     def step(self, count: int = 1) -> None:
@@ -126,7 +126,7 @@ class Cloth:
 
     @property
     def well(self) -> bool:
-        """Whether the engine has warned of nothing, and all numbers are finite."""
+        """True if the engine has given no warning and all numbers are finite."""
         warned = any(int(warning.number) for warning in self.data.warning)
         return not warned and bool(np.isfinite(self.data.qpos).all() and np.isfinite(self.data.qvel).all())
 
@@ -134,7 +134,7 @@ class Cloth:
 def _add_flex(spec: Any, grid: Grid, damping: float) -> None:
     """Add the flex with the case's stiffnesses.
 
-    It knows one Young's modulus and one thickness. Where a case scales its bending stiffness by a factor f, the
+    The flex has one Young's modulus and one thickness. If a case scales its bending stiffness by a factor f, the
     thickness is h sqrt(f) and the modulus E / sqrt(f): E h stays, and E h^3 becomes f times as large.
     """
     material, size = grid.case.material, float(np.ptp(grid.rest, axis=0).max())
@@ -188,7 +188,7 @@ ROUNDING = 1e-9  # of a step or a frame
 
 @dataclass(frozen=True)
 class Pace:
-    """How a motion is cut into equal frames, and frames into equal steps."""
+    """Division of a motion into equal frames, and of frames into equal steps."""
 
     until: float
     frames: int
@@ -321,7 +321,7 @@ NEGLIGIBLE = 1e-12  # strain whose energy may be rounding: relative to D times t
 
 @dataclass
 class _Course:
-    """What is known of a motion so far."""
+    """State of a running motion."""
 
     grid: Grid
     pace: Pace
@@ -339,7 +339,7 @@ class _Course:
         self.negligible = NEGLIGIBLE * material.membrane_stiffness * float(self.grid.areas.sum())
 
     def keep(self, frame: Frame) -> bool:
-        """Keep a frame; False if it has more energy than anything has put into it."""
+        """Keep a frame; return False if its energy exceeds the work done on it."""
         u, v = frame.displacement, frame.velocity
         kinetic = float(np.sum(self.loading.masses[:, None] * v**2)) / 2
         stored = kinetic + sum(self.elasticity.energies(self.grid.rest + u))
@@ -356,7 +356,7 @@ class _Course:
         return True
 
     def solution(self) -> FlexSolution:
-        """Return the motion as far as it was followed."""
+        """Return the motion up to the last frame."""
         energies = [step.energy for step in self.history]
         figures = {
             **self.figures,
@@ -377,7 +377,7 @@ class _Course:
 
     @property
     def partial(self) -> FlexSolution | None:
-        """What can be kept of a motion that failed."""
+        """Solution up to the failure of a motion; None before the first frame."""
         return self.solution() if len(self.frames) > 1 else None
 
 

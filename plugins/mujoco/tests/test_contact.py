@@ -23,7 +23,7 @@ OBSTACLES = {
 
 @pytest.mark.parametrize("kind", OBSTACLES)
 def test_an_obstacle_pushes_along_its_own_normal_and_is_not_entered(kind):
-    """What the distance of the case says: an obstacle built elsewhere, or turned otherwise, would be entered."""
+    """Compare with the distance of the case: the cloth would enter an obstacle that is built or turned differently."""
     case = cloth(until=0.15, obstacles=[OBSTACLES[kind]])
     solution = MujocoFlexSolver().solve(case, SETTINGS)
     forces, points = solution.touch(0.15).forces, solution.grid.points

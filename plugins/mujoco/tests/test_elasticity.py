@@ -1,4 +1,4 @@
-"""The energy that is written down for a flex: held against the engine's forces, and against what theory says of it."""
+"""The energy of a flex agrees with the engine's forces and with the theory."""
 
 import numpy as np
 import pytest

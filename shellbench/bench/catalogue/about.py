@@ -1,4 +1,4 @@
-"""All about one case, suite or solver: what ``shellbench list NAME`` prints, and what a case's page is made of."""
+"""Description of one case, suite or solver, for ``shellbench list NAME`` and for the pages of cases."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from shellbench.bench.catalogue.brought import claimed
 from shellbench.bench.catalogue.listing import gated_quantities, list_solver, list_suite, run_words
 from shellbench.bench.catalogue.reference import KnownValue, Tolerance
 from shellbench.bench.plugins.kinds import find_kind
-from shellbench.bench.plugins.outside import asked, declines, described
+from shellbench.bench.plugins.outside import declines, describe_solver, resolve_solver
 from shellbench.bench.plugins.registry import OWN, SolverEntry, solver_entries
 from shellbench.errors import InputError
 from shellbench.problem import VARIANT, Problem, Quantity
@@ -25,7 +25,7 @@ NO_PART_OF_THE_QUESTION = {"name", "kind", "title", "description", "suites", "un
 
 
 def about(name: str) -> Data:
-    """Return all about the case, suite or solver of this name as JSON data; `what` says which it is.
+    """Return the description of the case, suite or solver of this name as JSON data; its kind is under `what`.
 
     A case may be a variant, such as ``scordelis_lo@oblique``, or a path to a TOML file.
 
@@ -48,7 +48,7 @@ def about(name: str) -> Data:
 
 
 def about_case(case: Problem, asked: str = "") -> Data:
-    """Return all about a case: the question, what is known of each quantity, and who has to answer how closely.
+    """Return the description of a case: the question, the known values, and the tolerance of each solver.
 
     `asked` is how it was named, such as the path to its file; its own name if empty.
     """
@@ -79,7 +79,7 @@ def about_case(case: Problem, asked: str = "") -> Data:
 
 
 def _variants(case: Problem, asked: str) -> list[Data]:
-    """Return the ways in which a case can be asked otherwise."""
+    """Return the variants of a case."""
     found = []
     for name, variant in find_kind(case.kind).variants.items():
         try:
@@ -115,7 +115,7 @@ def _known(value: KnownValue, theory: str) -> Data:
 
 
 def about_suite(name: str) -> Data:
-    """Return all about a suite: its cases and variants, its runs, and how many figures it gates by solver."""
+    """Return the description of a suite: its cases and variants, its runs, and its number of gated values by solver."""
     suite = catalog.find_suite(name)
     gated: dict[str, int] = {}
     for case in catalog.cases_of(name):
@@ -133,9 +133,9 @@ def about_suite(name: str) -> Data:
 
 
 def about_solver(entry: SolverEntry) -> Data:
-    """Return all about a solver: settings, what it declines of the suite's cases, and how closely it must answer."""
+    """Return the description of a solver: its settings, the suite's cases that it declines, and its tolerances."""
     if not entry.own:
-        described(entry)  # a plug-in that does not answer is bad input here
+        describe_solver(entry)  # an unresponsive plug-in counts as bad input here
     data = {"what": "solver", **list_solver(entry)}
     runs = [name for name in catalog.suite_names() if entry.name in {r.solver for r in catalog.find_suite(name).runs}]
     data |= {
@@ -153,8 +153,8 @@ def _dumped(held: Mapping[str, Mapping[str, Tolerance]]) -> Data:
 
 
 def _declined(entry: SolverEntry) -> dict[str, str]:
-    """Return why a solver declines cases, by case."""
-    solver = asked(entry)
+    """Return the reasons for which a solver declines cases, by case."""
+    solver = resolve_solver(entry)
     found = {}
     for name in catalog.case_names():
         try:
@@ -167,12 +167,12 @@ def _declined(entry: SolverEntry) -> dict[str, str]:
 
 
 def as_json(name: str) -> str:
-    """Return all about something as JSON."""
+    """Return the description as JSON."""
     return json.dumps(about(name), indent=1, ensure_ascii=False)
 
 
 def as_text(name: str) -> str:
-    """Return all about something as text."""
+    """Return the description as text."""
     data = about(name)
     lines = {"case": _case_lines, "suite": _suite_lines, "solver": _solver_lines}[data["what"]](data)
     return "\n".join(line.rstrip() for line in lines)
@@ -200,7 +200,7 @@ def _case_lines(case: Data) -> Iterator[str]:
 
 
 def question(case: Data) -> Iterator[tuple[str, str]]:
-    """Yield name and words of each part of the question; of what there may be several, each with its number."""
+    """Yield name and words of each part of the question; parts of which there may be several have a number."""
     for key, value in case["problem"].items():
         if isinstance(value, list | tuple) and value and all(isinstance(item, dict) for item in value):
             for number, item in enumerate(value, 1):
@@ -245,7 +245,7 @@ def _quantity_lines(quantity: Data) -> Iterator[str]:
 
 
 def known_words(known: Data, unit: str) -> str:
-    """Say a known value: figure, uncertainty, theory, how it came about, and where it stands."""
+    """Describe a known value: the number, its uncertainty, its theory, its origin and its source."""
     sure = f" ± {known['uncertainty']:.2g}" if known.get("uncertainty") is not None else ""
     where = ", ".join(filter(None, (known["source"], known.get("locator", ""))))
     note = f" {known['note']}" if known.get("note") else ""
@@ -253,7 +253,7 @@ def known_words(known: Data, unit: str) -> str:
 
 
 def tolerance_words(quantity: Data) -> str:
-    """Say what each solver is allowed, and what is open."""
+    """Describe the tolerance of each solver, and open findings."""
     return _listed(f"{solver} {_allowed(held, quantity['unit'])}" for solver, held in quantity["tolerances"].items())
 
 
@@ -300,8 +300,8 @@ def _solver_lines(solver: Data) -> Iterator[str]:
     yield from _entry("suites", _listed(solver["suites"]) or "none")
     if solver["available"]:
         yield from _headed("Settings")
-        for setting in solver["settings"]:
-            yield from _entry(f"{setting['name']} = {json.dumps(setting['default'])}", setting["description"])
+        for one in solver["settings"]:
+            yield from _entry(f"{one['name']} = {json.dumps(one['default'])}", one["description"] or "no description")
         yield from _headed(f"Declined, {len(solver['declines'])} of {len(catalog.case_names())} cases")
         reasons: dict[str, list[str]] = {}
         for case, reason in solver["declines"].items():
@@ -324,7 +324,7 @@ def _headed(words: str) -> Iterator[str]:
 
 
 def _entry(name: str, words: str, indent: int = 0) -> Iterator[str]:
-    """Yield a name and what is said of it, wrapped below itself."""
+    """Yield a name and its description, wrapped below itself."""
     if words:
         start = " " * indent
         yield from textwrap.wrap(

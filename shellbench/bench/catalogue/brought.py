@@ -7,7 +7,7 @@ A package names its folder in the entry-point group ``shellbench.data``::
 
 The folder is laid out as shellbench's own data: ``cases/*.toml``, ``cases/suites/*.toml``, ``references/*.toml`` and
 ``references/tolerances/*.toml``. It is found and read without importing the package. Known values and tolerances judge
-the package's own cases only. What it says of its own solvers on other cases is a claim, and decides nothing.
+the package's own cases only. Its tolerances for its own solvers on other cases are claims, and decide nothing.
 """
 
 from __future__ import annotations
@@ -54,17 +54,17 @@ class Brought:
 
 
 def brought() -> tuple[Brought, ...]:
-    """Return the data of all installed packages but ours.
+    """Return the data of all installed packages except shellbench.
 
     Raises
     ------
     InputError
-        In one sentence, if a folder is not there, a file is malformed, or judges what is not the package's.
+        In one sentence, if a folder is not there, a file is malformed, or a file judges cases of another package.
     """
     return _brought(tuple(sys.path))
 
 
-@cache  # what is installed is looked for once
+@cache  # cached: the installed packages do not change
 def _brought(path: tuple[str, ...]) -> tuple[Brought, ...]:
     return tuple(_read(entry) for entry in registered(GROUP, "folder of data").values())
 
@@ -109,14 +109,14 @@ def _files(folder: Path) -> dict[str, Path]:
 
 
 def suites_brought() -> Iterator[tuple[str, str, Suite]]:
-    """Yield the suites of other packages: the package, the suite that is meant, and what the file says of it."""
+    """Yield the suites of other packages: the package, the name of the suite, and the content of its file."""
     for one in brought():
         for name, suite in one.suites.items():
             yield one.package, suite.extends or name, suite
 
 
 def distinct(what: str, own: list[str], others: list[tuple[str, str]]) -> list[str]:
-    """Return our names and those of others as (package, name), sorted.
+    """Return the names of shellbench and of other packages as (package, name), sorted.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Where cases, suites, known values and tolerances are: in the wheel or the source tree, or in other packages.
+"""Cases, suites, known values and tolerances, from the wheel or the source tree, or from other packages.
 
 What is called *own* here comes with shellbench; the rest is what other packages bring
 (`shellbench.bench.catalogue.brought`).
@@ -43,7 +43,7 @@ def data_folder(name: str) -> Path:
 
 
 def shipped_baseline() -> Path:
-    """Return the baseline that comes with the suite; the file is there but in a catalog of tests."""
+    """Return the path of the baseline that comes with the suite; only in a catalog of tests the file is absent."""
     return data_folder("reports") / "baseline.json"
 
 
@@ -121,7 +121,7 @@ def _asked_by(case: str) -> tuple[str, ...]:
 
 
 def has_case(name: str) -> bool:
-    """Whether a name is one of the suite's own cases or a variant of one."""
+    """Return True if a name is one of the suite's own cases or a variant of one."""
     base, _, variant = name.partition(VARIANT)
     return base in case_names() and (not variant or variant in find_kind(named_case(base).kind).variants)
 
@@ -133,8 +133,8 @@ def named_case(name: str) -> Problem:
     Raises
     ------
     InputError
-        If it is malformed, or states a tolerance: what our cases allow is frozen in references/tolerances/. If there
-        is no such variant of the case.
+        If it is malformed, or states a tolerance: those of own cases are frozen in references/tolerances/. If there is
+        no such variant of the case.
     """
     base, _, variant = name.partition(VARIANT)
     if variant:
@@ -152,7 +152,7 @@ def named_case(name: str) -> Problem:
 
 
 def variant_of(case: Problem, name: str) -> Problem:
-    """Return a variant of a case: the same question asked otherwise.
+    """Return a variant of a case: an equivalent statement of the same question.
 
     Raises
     ------
@@ -197,7 +197,7 @@ def find_case(text: str) -> Problem:
 
 
 def is_own(case: Problem) -> bool:
-    """Whether a case is a user's own: none of the suite's has its name and its physics."""
+    """Return True if a case is a user's own: no case of the suite has the same name and physics."""
     return not has_case(case.name) or named_case(case.name).digest() != case.digest()
 
 
@@ -251,13 +251,13 @@ def _in_order(suite: str, cases: list[Problem]) -> list[Problem]:
 
 
 def cases_named(suite: str, name: str) -> list[Problem]:
-    """Return the cases of a suite that a name stands for: the case and the variants of it that the suite asks."""
+    """Return the cases of a suite that a name selects: the case and those of its variants that the suite has."""
     return [case for case in cases_of(suite) if name in (case.name, case.base)]
 
 
 @cache
 def variants_asked(suite: str) -> tuple[str, ...]:
-    """Return the names of the variants that a suite asks: by name, all, or so many of each case, drawn by its seed."""
+    """Return the names of a suite's variants: named ones, all, or a number for each case, drawn by its seed."""
     asked = find_suite(suite).variants
     if asked is None:
         return ()
@@ -288,7 +288,7 @@ def _drawn(case: Problem, count: int | None, seed: int) -> Iterator[str]:
 
 
 def _suites_that_ask(variant: str) -> tuple[str, ...]:
-    """Return the suites that ask a variant; only the case that it is of is built."""
+    """Return the suites that have a variant; only its case is built."""
     base = variant.partition(VARIANT)[0]
     return tuple(name for name in suite_names() if variant in _variants_asked_of(name, base))
 
@@ -315,7 +315,7 @@ def exam_version() -> int | None:
 
 @cache
 def known_values(case_name: str) -> KnownValues:
-    """Return the known values of a case, or of that which it is a variant of; none for one that is not the suite's."""
+    """Return the known values of a case, for a variant those of its case; none for a user's own case."""
     name = case_name.partition(VARIANT)[0]
     found = (one.references(name) for one in brought() if name in one.cases)
     path = next(found, data_folder("references") / f"{name}.toml")
@@ -324,7 +324,7 @@ def known_values(case_name: str) -> KnownValues:
 
 @cache
 def tolerances() -> Mapping[str, Tolerances]:
-    """Return the frozen tolerances by solver: those that come with shellbench, and that the lock holds.
+    """Return the frozen tolerances by solver: those that come with shellbench and are in the lock.
 
     Raises
     ------

@@ -1,10 +1,11 @@
-"""The list of cases, suites and solvers, with what each needs."""
+"""The list of cases, suites and solvers, with the requirements of each."""
 
 from __future__ import annotations
 
 import json
 from collections import defaultdict
 from io import StringIO
+from textwrap import wrap
 from typing import Any
 
 from rich.console import Console
@@ -13,18 +14,20 @@ from rich.table import Table
 
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.plugins.kinds import kinds_of_theories
-from shellbench.bench.plugins.outside import described
+from shellbench.bench.plugins.outside import describe_solver
 from shellbench.bench.plugins.registry import OWN, SolverEntry, solver_entries
 from shellbench.errors import InputError, ShellbenchError
 from shellbench.problem import Problem, Quantity
 
 WIDTH = 110  # characters
+NOT_GATED = "not gated"  # how titles of such suites end
+UNUSABLE = ""  # in place of a kind: solvers that can't be imported
 
 
 def contents() -> dict[str, Any]:
     """Return cases, suites and solvers as JSON data.
 
-    A solver that can't be imported is listed with the reason; the others are not harmed.
+    A solver that can't be imported is listed with the reason.
     """
     return {
         "cases": [_case(name) for name in catalog.case_names()],
@@ -57,12 +60,12 @@ def _case(name: str) -> dict[str, Any]:
 
 
 def _tolerances(case: str, quantity: str) -> dict[str, float]:
-    """Return what is frozen for a quantity, by solver."""
+    """Return the frozen tolerances of a quantity, by solver."""
     return {solver: allowed.largest for solver, allowed in catalog.tolerated(case, quantity).items()}
 
 
 def list_suite(name: str) -> dict[str, Any]:
-    """Return what is listed of a suite as JSON data."""
+    """Return the description of a suite as JSON data."""
     suite = catalog.find_suite(name)
     return {
         "name": name,
@@ -75,56 +78,58 @@ def list_suite(name: str) -> dict[str, Any]:
 
 
 def list_solver(entry: SolverEntry) -> dict[str, Any]:
-    """Return what is listed of a solver as JSON data; why, if it can't be imported."""
+    """Return the description of a solver as JSON data; the reason if it can't be imported."""
     origin = {"name": entry.name, "package": entry.distribution, "version": entry.version}
     try:
-        facts = described(entry)
+        facts = describe_solver(entry)
     except ShellbenchError as error:
         return origin | {"available": False, "reason": str(error)}
     return origin | {"available": True, "reason": None} | facts
 
 
 def as_json() -> str:
-    """Return what there is as JSON."""
+    """Return all suites, cases and solvers as JSON."""
     return json.dumps(contents(), indent=1)
 
 
 def overview(width: int | None = None) -> str:
-    """Return suites and solvers by kind of problem as text, a line for each suite. No case is built for it."""
+    """Return suites and solvers by kind of problem as text, a line for each gated suite. No case is built for it."""
+    width = width or WIDTH
     kinds = {name: catalog.kind_named_by(name) for name in catalog.case_names()}
-    cases = defaultdict[str, list[str]](list)
+    cases, suites, solvers = defaultdict[str, list[str]](list), defaultdict[str, list[str]](list), _solvers_by_kind()
     for name in kinds:
         for suite in catalog.suites_named_by(name):
             cases[suite].append(name)
-    suites = defaultdict[str, list[tuple[str, str, str]]](list)
-    for name in catalog.suite_names():
-        of, count = kinds[cases[name][0]] if cases[name] else "variants", str(len(cases[name]) or "")
-        suites[of].append((name, count, catalog.find_suite(name).title + _from(catalog.package_of_suite(name))))
-    solvers, unusable = defaultdict[str, list[str]](list), list[str]()
+    for suite in catalog.suite_names():
+        suites[kinds[cases[suite][0]] if cases[suite] else "variants"].append(suite)
+    lines = ["Suites by kind of problem, with the number of their cases:"]
+    for kind in sorted({*suites, *solvers} - {UNUSABLE}, key=lambda kind: (-len(suites[kind]), kind)):
+        of = f", solved by {', '.join(solvers[kind])}" if kind in solvers else ""
+        lines += wrap(f"{kind}{of}", width, subsequent_indent="    ", break_on_hyphens=False)
+        titles = {name: catalog.find_suite(name).title + _from(catalog.package_of_suite(name)) for name in suites[kind]}
+        shown = [name for name in titles if not titles[name].endswith(NOT_GATED)]
+        rows = (f"  {name:<16} {len(cases[name]) or '':>3}  {titles[name]}" for name in shown)
+        lines += [row if len(row) <= width else f"{row[: width - 1]}…" for row in rows]
+        if rest := ", ".join(f"{name} ({len(cases[name])})" for name in titles if name not in shown):
+            lines += wrap(f"  not gated: {rest}", width, subsequent_indent="    ")
+    count = "1 case" if len(kinds) == 1 else f"{len(kinds)} cases"
+    hint = f"{count}: `shellbench list --all` has a line for each, `shellbench list NAME` all about one."
+    return "\n".join([*lines, "", *solvers[UNUSABLE], *wrap(hint, width)])
+
+
+def _solvers_by_kind() -> defaultdict[str, list[str]]:
+    """Return the names of solvers by kind of problem, and why the others can't be used."""
+    found = defaultdict[str, list[str]](list)
     for solver in (list_solver(entry) for entry in solver_entries().values()):
         if not solver["available"]:
-            unusable.append(solver["reason"])
+            found[UNUSABLE].append(solver["reason"])
         for kind in kinds_of_theories(solver["theories"]) if solver["available"] else ():
-            solvers[kind].append(solver["name"] + _from(solver["package"]))
-    console = Console(file=StringIO(), width=width or WIDTH)
-    table = _table("suite", "cases", "title")
-    for kind in sorted(suites, key=lambda kind: -len(suites[kind])):
-        table.add_row(f"[bold]{escape(kind)}[/bold]")
-        for row in suites[kind]:
-            table.add_row(*map(escape, row))
-    console.print(table)
-    table = _table("kind", "solvers")
-    for kind in sorted(solvers, key=lambda kind: -len(solvers[kind])):
-        table.add_row(escape(kind), escape(", ".join(solvers[kind])))
-    console.print()
-    console.print(table)
-    count = "1 case" if len(kinds) == 1 else f"{len(kinds)} cases"
-    hint = f"{count}: `shellbench list --all` has a line for each,\n`shellbench list NAME` says all about one."
-    return "\n".join([_printed(console), "", *unusable, hint])
+            found[kind].append(solver["name"] + _from(solver["package"]))
+    return found
 
 
 def all_cases(width: int | None = None) -> str:
-    """Return a line for each case as text; names and titles alone where a width is given that has no room for more."""
+    """Return a line for each case as text; only names and titles if the given width has no room for more."""
     narrow = width is not None and width < WIDTH
     console = Console(file=StringIO(), width=width if narrow else WIDTH)
     table = _table(*("case", "title", "theory", "suites")[: 2 if narrow else None])
@@ -152,15 +157,15 @@ def _table(*columns: str) -> Table:
 
 
 def _from(package: str) -> str:
-    """Return the words that say which package something comes with; none for ours."""
+    """Return the words that name the package of an entry; empty for shellbench's own."""
     return "" if package == OWN else f" (package {package})"
 
 
 def run_words(run: dict[str, Any]) -> str:
-    """Return what tables call a run of a suite."""
+    """Return the name of a suite's run in tables."""
     return f"{run['solver']} {run['label']}".strip()
 
 
 def gated_quantities(case: Problem, solver: str) -> list[Quantity]:
-    """Return what a tolerance is frozen for of a solver's answer to one of the suite's own cases."""
+    """Return the quantities of one of the suite's own cases that have a frozen tolerance for a solver."""
     return [q for q in case.quantities if catalog.tolerance(case.name, q.name, solver) is not None]

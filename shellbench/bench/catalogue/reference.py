@@ -1,10 +1,10 @@
-"""Known values: each with its theory, its source and how sure it is.
+"""Known values, each with its theory, its source and its uncertainty.
 
 Tolerances: the largest errors that a solver is allowed, by case and quantity.
 
-What references/tolerances/<solver>.toml says is frozen: gates judge by it, and nothing else widens it. A plug-in may
-have a file of the same kind beside its module, tolerances/<solver>.toml. That is its claim: it is shown, and no gate
-takes it.
+The tolerances in references/tolerances/<solver>.toml are frozen: gates judge by them, and nothing widens them. A
+plug-in may have a file of the same kind beside its module, tolerances/<solver>.toml. These tolerances are its claim:
+they are shown, and no gate uses them.
 """
 
 from __future__ import annotations
@@ -27,18 +27,19 @@ published: what a paper reports of its own solver."""
 
 
 class KnownValue(Model):
-    """One figure for one quantity of a case.
+    """One value of one quantity of a case.
 
     Attributes
     ----------
     value, uncertainty
-        In the quantity's own unit; the uncertainty is a half width that surely covers the truth, null if unknown.
+        In the quantity's own unit; the uncertainty is the half width of an interval that surely contains the true
+        value, null if unknown.
     origin
-        How the figure came about (a series, an engine, a measurement), in a few words.
+        Origin of the value (a series, an engine, a measurement), in a few words.
     source
         Key in references/bibliography.bib.
     locator
-        Where in the source: table, equation, page.
+        Place in the source: table, equation, page.
     label
         What a table calls it, such as "GELU" for an ablation.
     """
@@ -91,7 +92,7 @@ class KnownValues(Model):
     curves: tuple[KnownCurve, ...] = ()
 
     def judge(self, quantity: str, theory: str) -> KnownValue | None:
-        """Return the value that decides on a quantity under a theory, if there is one."""
+        """Return the value that judges a quantity in a theory, if there is one."""
         for value in self.values:
             if value.role == "judge" and value.quantity == quantity and value.theory == theory:
                 return value
@@ -142,9 +143,9 @@ class Tolerance(Model):
     absolute
         Instead, in the quantity's unit.
     open_finding
-        Why it is known to be exceeded. Such a row is an expected failure, and red once it passes.
+        Reason why it is known to be exceeded. Such a row is an expected failure, and red once it passes.
     variants
-        Variants of the case in which alone it is known to be exceeded, and why.
+        If it is known to be exceeded in some variants of the case only: the reason by variant.
     """
 
     relative: Annotated[Positive, Field(lt=1)] | None = None
@@ -172,11 +173,11 @@ class Tolerance(Model):
 
     @property
     def is_absolute(self) -> bool:
-        """Whether it is in the quantity's unit."""
+        """True if the tolerance is in the quantity's unit."""
         return self.absolute is not None
 
     def of_variant(self, name: str) -> Self:
-        """Return what it is for a variant; the name is empty for the case as declared."""
+        """Return the tolerance for a variant; an empty name means the case as declared."""
         found = (self.variants or {}).get(name, self.open_finding)
         return self.model_copy(update={"open_finding": found, "variants": None})
 

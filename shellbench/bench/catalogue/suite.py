@@ -1,6 +1,6 @@
-"""Suites: which solvers, settings and seeds run on the cases that belong together.
+"""Suites: cases that belong together, with the solvers, settings and seeds that run on them.
 
-A line may sweep over the values of one setting; it is then read as so many lines with one value each.
+A line may sweep over the values of one setting. It then stands for one line for each value.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ class SuiteRun(Model):
     Attributes
     ----------
     cases
-        Names of the cases it is for; all cases of the suite if empty.
+        Names of its cases; all cases of the suite if empty.
     variants
-        Whether it is for the suite's variants too.
+        True if it includes the suite's variants.
     label
-        What tables call it beside the solver's name, such as "GELU".
+        Name in tables after the solver's name, such as "GELU".
     """
 
     solver: str
@@ -41,24 +41,24 @@ class SuiteRun(Model):
     label: str = ""
 
     def is_for(self, case: str) -> bool:
-        """Whether it is for a case, or variant, of this name."""
+        """Return True if this run applies to a case or variant of the given name."""
         base, _, variant = case.partition(VARIANT)
         return (not self.cases or base in self.cases) and (self.variants or not variant)
 
 
 class AskedVariants(Model):
-    """Variants that a suite asks beside its cases: the same questions asked otherwise.
+    """Variants of a suite beside its cases: equivalent statements of the same questions.
 
     Attributes
     ----------
     suites
-        Suites whose cases are meant; the suite's own cases if empty.
+        Suites whose cases have the variants; the suite's own cases if empty.
     drawn
-        How many of each case are drawn; all if it is left out.
+        Number of variants that are drawn for each case; all if it is left out.
     seed
-        Of the draw.
+        Seed of the draw.
     named
-        Variants by name, such as ``scordelis_lo@oblique``; then these, and no others.
+        Variants by name, such as ``scordelis_lo@oblique``; the suite then has no others.
     """
 
     named: tuple[CaseName, ...] = ()
@@ -68,7 +68,7 @@ class AskedVariants(Model):
 
 
 class Suite(Model):
-    """A named set of runs; the cases say themselves to which suites they belong.
+    """A named set of runs; each case names its suites itself.
 
     Attributes
     ----------
@@ -79,11 +79,11 @@ class Suite(Model):
     cases
         Cases of other packages that it asks; its own say so themselves.
     study
-        What it studies; its runs are shown in the section of that study, not in the tables of displacements.
+        Its study; its runs are shown in the section of that study, not in the tables of displacements.
     variants
         The variants that it asks; none if it is left out.
     remarks
-        What a reader must know of its solvers or cases, sentences for the sections that show them.
+        Remarks on its solvers or cases, sentences for the sections that show them.
     newton
         By case in motion: its series that the finding on Newton's law shows.
     rolled, turned
@@ -123,7 +123,7 @@ def read_suite(path: Path) -> Suite:
 
 
 def swept(run: Any, where: str) -> list[Any]:
-    """Return a line for each value of the setting over which a line sweeps, or the line itself.
+    """Return one line for each value of a sweep, or the line itself.
 
     Raises
     ------

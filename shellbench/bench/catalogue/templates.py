@@ -17,12 +17,12 @@ from shellbench.protocol.spelling import did_you_mean
 
 CASE = "hyperbolic_paraboloid.toml"
 SOLVER = "solver_template"
-NAME, PACKAGE, CLASS = "plate-series", "plate_series", "PlateSeriesSolver"  # what the template calls its own
+NAME, PACKAGE, CLASS = "plate-series", "plate_series", "PlateSeriesSolver"  # names in the template
 CASE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,79}")
 SOLVER_NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 SUITES = re.compile(r"^suites\s*=\s*\[.*?\][^\n]*\n", re.MULTILINE | re.DOTALL)
 OPENING = re.compile(r"\A(#[^\n]*\n)+")
-LINK = re.compile(r"\[([^\]]*)\]\(\.\./[^)]*\)")  # to what lies beside the template, and not beside a copy
+LINK = re.compile(r"\[([^\]]*)\]\(\.\./[^)]*\)")  # links to files beside the template, which a copy does not have
 MESH = re.compile(r'^mesh\s*=\s*"(.*?)"', re.MULTILINE)
 UNWANTED = shutil.ignore_patterns("__pycache__", "*.pyc", ".pytest_cache", ".ruff_cache", ".shellbench", "dist")
 
@@ -30,15 +30,19 @@ UNWANTED = shutil.ignore_patterns("__pycache__", "*.pyc", ".pytest_cache", ".ruf
 def write_case(name: str, like: str | None, folder: Path, mesh: Path | None = None) -> Path:
     """Write a case file into a folder, from the template or from one of the suite's cases; return its path.
 
-    With a mesh the surface is that, held on one edge; the mesh's path stands in the file as it is given.
+    A `-` in the name becomes `_`. With a mesh the surface is that, held on one edge; the mesh's path stands in the file
+    as it is given.
 
     Raises
     ------
     InputError
         If the name can't be one, is taken, or the file is there already.
     """
+    name = name.replace("-", "_")
     if not CASE_NAME.fullmatch(name):
-        raise InputError(f"'{name}' can't be the name of a case: it begins with a letter, then letters, digits and _")
+        raise InputError(
+            f"'{name}' can't be the name of a case: it takes letters, digits, _ and -, and begins with a letter"
+        )
     if name in catalog.case_names():
         raise InputError(f"'{name}' is a case of the suite: name yours otherwise")
     path = folder / f"{name}.toml"
@@ -87,15 +91,17 @@ def _write(path: Path, text: str) -> None:
 def write_solver(name: str, folder: Path) -> Path:
     """Write a package with a solver of this name into a folder of that name; return that folder.
 
+    A `_` in the name becomes `-`, except in the name of the Python package.
+
     Raises
     ------
     InputError
         If the name can't be one, is taken, or the folder is there already.
     """
-    package = name.replace("-", "_")
+    name, package = name.replace("_", "-"), name.replace("-", "_")
     if not SOLVER_NAME.fullmatch(name) or keyword.iskeyword(package):
         raise InputError(
-            f"'{name}' can't be the name of a solver: small letters and digits, with - between, as my-solver"
+            f"'{name}' can't be the name of a solver: it takes small letters, digits, - and _, as my-solver"
         )
     if name in solver_entries():
         raise InputError(f"a solver '{name}' is installed already: name yours otherwise")

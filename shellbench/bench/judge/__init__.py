@@ -1,4 +1,4 @@
-"""Judging records by known values: rows, classes, gates, the lock, the baseline, comparisons, boards and exams.
+"""Judgement of records by known values: rows, classes, gates, lock, baseline, comparisons, boards and exams.
 
-It may import all other rooms of the bench; nothing of the bench imports it.
+This package may import all other packages of the bench; no other package of the bench imports it.
 """

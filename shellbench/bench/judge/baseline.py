@@ -1,7 +1,7 @@
-"""The baseline: what the suite answered when it was last moved, deliberately and by a commit.
+"""The baseline: values of the suite when the baseline was last moved, deliberately and by a commit.
 
 A value must stay within the widest of three bands: `DEVIATIONS` standard deviations over the baseline's seeds,
-`ROOM` times what was measured between processors (real or emulated) and numbers of threads, and `REPEATS`.
+`ROOM` times the measured spread between processors (real or emulated) and numbers of threads, and `REPEATS`.
 Costs are compared only between runs on the same processor with as many threads.
 """
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from statistics import fmean, stdev
 from typing import Annotated, Literal
@@ -24,8 +25,8 @@ from shellbench.files import read_file
 from shellbench.problem import VARIANT
 from shellbench.protocol.schema import Finite, Model, Name, one_sentence
 
-REPEATS = 1e-6  # relative: what other processors and libraries change in the last digits stays far below
-ROOM = 5.0  # of the measured spread: a handful of conditions does not show the worst one
+REPEATS = 1e-6  # relative: changes of the last digits by other processors and libraries are far smaller
+ROOM = 5.0  # times the measured spread: a few conditions do not include the worst one
 DEVIATIONS = 5.0  # with three seeds the deviation itself is known to a factor of about two
 SLOWER = 1.5  # seconds of a run on the same processor vary by some ten per cent
 LARGER = 1.2  # likewise memory
@@ -57,13 +58,12 @@ class BaselineValue(Model):
 
     @property
     def band(self) -> float:
-        """Half width of what is admissible around the mean."""
-        between_seeds = stdev(self.values.values()) if len(self.values) > 1 else 0.0
-        return max(DEVIATIONS * between_seeds, ROOM * self.spread, REPEATS * abs(self.mean))
+        """Half width of the admissible band around the mean."""
+        return max(DEVIATIONS * _deviation(tuple(self.values.values())), ROOM * self.spread, REPEATS * abs(self.mean))
 
 
 class BaselineCost(Model):
-    """What the runs of one solver on one case took: the least over the seeds."""
+    """The cost of one solver's runs on one case: the least over the seeds."""
 
     case: Name
     solver: str
@@ -77,16 +77,16 @@ class BaselineCost(Model):
 
 
 class Baseline(Model):
-    """All that the regression and cost gates remember."""
+    """The stored values and costs of the regression and cost gates."""
 
     schema_version: Literal[1] = 1
     values: tuple[BaselineValue, ...]
     costs: tuple[BaselineCost, ...]
 
     def value(self, row: Row) -> BaselineValue | None:
-        """Return what is remembered of a row."""
-        wanted = (row.case, row.solver, row.quantity, row.at)
-        return next((v for v in self.values if (v.case, v.solver, v.quantity, v.at) == wanted), None)
+        """Return the remembered value of a row; None if there is none."""
+        wanted = _key(row)
+        return next((value for value in self.values if value.quantity == row.quantity and _key(value) == wanted), None)
 
 
 def read_baseline(path: Path) -> Baseline | None:
@@ -116,12 +116,12 @@ def write_baseline(baseline: Baseline, path: Path) -> None:
 def make_baseline(
     rows: Sequence[Row], records: Sequence[Record], old: Baseline | None = None, like: Sequence[Row] = ()
 ) -> Baseline:
-    """Make a baseline of gated rows and their records; what `old` knows of other runs stays.
+    """Make a baseline of gated rows and their records; entries of `old` for other runs stay.
 
     Parameters
     ----------
     rows
-        Gated rows, all with a value. Variants are not remembered: which ones are asked follows from a draw.
+        Gated rows, all with a value. Variants are not stored, because they depend on a draw.
     records
         The records behind them.
     like
@@ -144,6 +144,11 @@ def make_baseline(
         values=tuple(sorted((*kept_values, *new), key=lambda v: (v.case, v.solver, v.quantity))),
         costs=tuple(sorted((*kept_costs, *costs.values()), key=lambda c: (c.case, c.solver))),
     )
+
+
+@lru_cache(maxsize=4096)  # cached: a gate needs the band of each row, and many rows share one
+def _deviation(values: tuple[float, ...]) -> float:
+    return stdev(values) if len(values) > 1 else 0.0
 
 
 def _key(of: Row | BaselineValue) -> Key:
@@ -181,7 +186,7 @@ def _cost(record: Record, records: Sequence[Record]) -> BaselineCost:
 
 
 def regression_finding(baseline: Baseline, row: Row) -> Finding | None:
-    """Say whether a row still has the baseline's value; None if its run left no value (accuracy says so)."""
+    """Compare a row with the baseline's value; None if its run has no value (the accuracy gate reports it)."""
     if row.value is None:
         return None
     known = baseline.value(row)
@@ -190,7 +195,7 @@ def regression_finding(baseline: Baseline, row: Row) -> Finding | None:
     change = row.value - known.mean
     said = f"{change / abs(known.mean):+.2e}" if known.mean else f"{change:+.2e} {row.unit}"
     allowed = f"{known.band / abs(known.mean):.2g}" if known.mean else f"{known.band:.2g} {row.unit}"
-    if row.tolerance_is_absolute and row.tolerance:  # what is left of zero is rounding, and no property of the solver
+    if row.tolerance_is_absolute and row.tolerance:  # values near zero are rounding errors
         band = max(known.band, row.tolerance)
         said, allowed = f"{change:+.2e} {row.unit}", f"{band:.2g} {row.unit}"
     else:
@@ -200,9 +205,9 @@ def regression_finding(baseline: Baseline, row: Row) -> Finding | None:
 
 
 def cost_findings(baseline: Baseline, records: Sequence[Record]) -> list[Finding]:
-    """Say of each case and solver whether its quickest run takes much more than the quickest did then.
+    """Compare the fastest run of each case and solver with the fastest run of the baseline.
 
-    The least over the seeds is compared: whatever else the machine does only ever adds.
+    The least over the seeds is compared, because the load of the machine only ever adds time.
     """
     quickest: dict[tuple[str, str], Record] = {}
     for record in sorted(records, key=lambda r: r.seconds, reverse=True):
@@ -234,7 +239,7 @@ def _cost_finding(baseline: Baseline, record: Record) -> Finding | None:
 
 
 def cost_row(record: Record) -> Row:
-    """Return a row that names a run and what it took."""
+    """Return a row that names a run and its cost."""
     return Row(
         case=record.case_name,
         suite=None,

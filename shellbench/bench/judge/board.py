@@ -1,8 +1,8 @@
-"""A board: packs of many solvers beside each other, each figure held against today's known value.
+"""A board: packs of many solvers in one table, with each value compared with today's known value.
 
-Nothing on a board is typed in. Values, seconds and bytes are those of packed records; errors and verdicts are made
-anew from today's known values. A figure is *re-measured* if whoever keeps the board has a run of the very same code
-and settings that is no worse.
+A board has no manual entries. Values, seconds and bytes come from packed records. Errors and verdicts are computed
+from today's known values. A value is *re-measured* if the keeper of the board has a run of the same code and settings
+that is no worse.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from shellbench.bench.store.store import Contents, Store
 from shellbench.errors import InputError
 
 Mark = Literal["yes", "differs", "no"]
-AGREES = 1e-5  # relative to the known value: how much worse a run made again may be; the finest error that is ranked
-DIGITS = 6  # of a checksum, where two packs have the same solver and version
+AGREES = 1e-5  # relative to the known value: largest loss of a repeated run; the finest error that is ranked
+DIGITS = 6  # digits of a checksum that distinguish two packs of the same solver and version
 
 
 @dataclass(frozen=True)
@@ -38,17 +38,17 @@ class Entry:
     Attributes
     ----------
     name
-        What the board calls it: solver and version, and more if two packs have the same.
+        Name on the board: solver and version, and more if two packs have the same.
     rows
         A row for each figure of each run, its solver called by this name.
     records
         The runs by their name.
     marks
-        By name of run and quantity: whether it was re-measured.
+        By name of run and quantity: True if it was re-measured.
     differs
-        Why figures were not confirmed, one clause each.
+        Reasons why values were not confirmed, one clause each.
     notes
-        One sentence for whatever is left out.
+        One sentence for each omission.
     """
 
     pack: Pack
@@ -60,7 +60,7 @@ class Entry:
     notes: tuple[str, ...] = ()
 
     def mark(self, run_ids: Sequence[str], quantity: str) -> Mark:
-        """Return the mark of runs that make one line: the worst of theirs."""
+        """Return the mark of the runs of one line: the worst of their marks."""
         marks = {self.marks.get((run_id, quantity), "no") for run_id in run_ids}
         return "differs" if "differs" in marks else "no" if "no" in marks else "yes"
 
@@ -71,7 +71,7 @@ def read_board(folder: Path, own: Store | None = None) -> list[Entry]:
     Parameters
     ----------
     own
-        Runs of whoever keeps the board; with none, nothing is re-measured.
+        Runs of the keeper of the board; without any, nothing is re-measured.
 
     Raises
     ------
@@ -107,7 +107,7 @@ def _entry(pack: Pack, name: str, mine: Sequence[Record]) -> Entry:
 
 
 def _rows(records: Sequence[Record]) -> tuple[list[Row], tuple[str, ...]]:
-    """Return rows whatever the code of their solver was, and why runs are left out."""
+    """Return rows for any state of their solver's code, and the reasons why runs are left out."""
     found = current_runs(Contents(tuple(records)), any_code=True)
     reasons = Counter(reason for _, reason in found.stale.values())
     rows = rows_of(found)
@@ -120,7 +120,7 @@ def _rows(records: Sequence[Record]) -> tuple[list[Row], tuple[str, ...]]:
 def _made_again(
     pack: Pack, rows: Sequence[Row], mine: Sequence[Record]
 ) -> tuple[dict[tuple[str, str], Mark], tuple[str, ...]]:
-    """Return the mark of each figure, and why some differ: the packed runs against own ones of the same code."""
+    """Return the mark of each value, and reasons for differences between packed runs and own runs of the same code."""
     code = {(record.identity.source, record.case_name) for record in pack.records}
     copied = {record.run_id for record in pack.records}
     same = [r for r in mine if (r.identity.source, r.case_name) in code and r.run_id not in copied and not r.own_case]
@@ -134,7 +134,7 @@ def _made_again(
     ]
     try:
         compared = compare_sides(sides[0], sides[1], Limits(AGREES))
-    except InputError:  # no figure in common
+    except InputError:  # no value in common
         return {}, ()
     marks: dict[tuple[str, str], Mark] = {}
     differs = []
@@ -147,7 +147,7 @@ def _made_again(
 
 
 def board_as_json(entries: Sequence[Entry]) -> str:
-    """Return a board as JSON: of each submission its manifest, rows and marks."""
+    """Return a board as JSON: manifest, rows and marks of each submission."""
     data: list[dict[str, Any]] = []
     for entry in entries:
         rows = json.loads(as_json(entry.rows))

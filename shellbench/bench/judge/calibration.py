@@ -1,10 +1,11 @@
-"""Calibration: the true errors of answers, held against the uncertainties that their solvers state.
+"""Calibration: the true errors of answers, compared with the uncertainties that their solvers state.
 
     ratio = |value - known value| / (stated uncertainty + uncertainty of the known value)
 
-A solver is as sure as it may be if 95 % of its figures have a ratio of at most 2, and none has one above 5: that is a
-finding about the solver, even where its value is within the tolerance. Of a solver with frozen tolerances such a figure
-is red, unless the answer itself says that it has not settled, or an open finding names it. Of a stranger it is shown.
+A solver passes if 95 % of its values have a ratio of at most 2, and none has a ratio above 5. A ratio above 5 is a
+finding about the solver, even if the value is within the tolerance. For a solver with frozen tolerances this finding is
+red, unless the answer states that it has not settled, or an open finding names it. For a third-party solver the finding
+is only shown.
 """
 
 from __future__ import annotations
@@ -18,23 +19,23 @@ from shellbench.bench.judge.row import Finding, Row
 from shellbench.bench.store.identity import GATED_DTYPE
 from shellbench.bench.store.record import ANSWERED
 
-ASKED_SHARE = 0.95  # of the figures have to be
-WITHIN = 2.0  # so many times what is stated,
+ASKED_SHARE = 0.95  # share of the values that must be
+WITHIN = 2.0  # within this multiple of the stated uncertainty,
 MOST = 5.0  # and none beyond this
 TIMES = (1.0, WITHIN, MOST)
-ROUNDING = 1e-12  # of a figure's scale: in double precision nothing is known better
+ROUNDING = 1e-12  # of a value's scale: the limit of double precision
 
 
 @dataclass(frozen=True)
 class Judged:
-    """One figure whose error is known, and whose uncertainty is stated.
+    """One value with a known error and a stated uncertainty.
 
     Attributes
     ----------
     error, stated
-        Magnitudes in the row's unit; the known value's own uncertainty, and rounding, are part of what is stated.
+        Magnitudes in the row's unit; `stated` includes the known value's own uncertainty, and rounding.
     scale
-        What relative figures are relative to: the known value, or where that is near zero, the largest of its unit.
+        Scale of relative values: the known value, or the largest known value of its unit if that is near zero.
     """
 
     row: Row
@@ -56,14 +57,14 @@ class Judged:
 
 @dataclass(frozen=True)
 class Calibration:
-    """How sure a solver is of its figures, and how right.
+    """Comparison of a solver's stated uncertainties with its actual errors.
 
     Attributes
     ----------
     judged
-        Figures with a known value and a stated uncertainty, the worst first.
+        Values with a known value and a stated uncertainty, the worst first.
     silent
-        How many figures with a known value state no uncertainty.
+        Number of values that have a known value and state no uncertainty.
     """
 
     solver: str
@@ -71,17 +72,17 @@ class Calibration:
     silent: int
 
     def share(self, times: float) -> float | None:
-        """Return the share of figures whose error is at most so many times what is stated; None if there is none."""
+        """Return the share of values whose ratio is at most `times`; None if there are no values."""
         return sum(one.ratio <= times for one in self.judged) / len(self.judged) if self.judged else None
 
     @property
     def overconfident(self) -> tuple[Judged, ...]:
-        """Figures of answers with status ok whose error is beyond the most that is asked."""
+        """Values of answers with status ok whose ratio exceeds the largest admissible one."""
         return tuple(one for one in self.judged if one.ratio > MOST and one.row.status == "ok")
 
     @property
     def holds(self) -> bool | None:
-        """Whether it is as sure as it may be; None if it states nothing."""
+        """True if the stated uncertainties cover enough errors and none is far too small; None if none is stated."""
         share = self.share(WITHIN)
         return None if share is None else share >= ASKED_SHARE and not self.overconfident
 
@@ -99,7 +100,7 @@ class Calibration:
 
 
 def judged_figure(row: Row) -> Judged | None:
-    """Return the error and what is stated of it; None if the row has no known value or states nothing."""
+    """Return the error and its stated uncertainty; None if the row has no known value or no uncertainty."""
     if not _has_known_error(row) or row.uncertainty is None or row.absolute_error is None or row.reference is None:
         return None
     near_zero = row.relative_error is None
@@ -133,7 +134,7 @@ def calibrations(rows: Iterable[Row]) -> list[Calibration]:
 
 
 def calibration_findings(found: Sequence[Calibration], ours: Collection[str]) -> list[Finding]:
-    """Return a finding for each figure of our solvers that is wrong with confidence."""
+    """Return a finding for each value of a built-in solver whose error far exceeds its stated uncertainty."""
     return [
         Finding(
             one.row,

@@ -1,13 +1,14 @@
-"""What differs between two sides of a comparison: figures, what they cost, and what only one side has.
+"""Differences between two sides of a comparison: values, their cost, and runs that only one side has.
 
-A loss is of accuracy, or of how a run ended:
+A loss is one of these:
 
-- the run ended worse (ok, then not settled, then failed);
-- a figure held its frozen tolerance and does not any more;
-- the error grew by more than the threshold, relative to the known value.
+- The run ended worse. The order is: ok, not settled, failed.
+- A value passed its frozen tolerance and no longer does.
+- The error grew by more than the threshold, relative to the known value.
 
-An error within three uncertainties of the known value says nothing, and is taken for so large. Where nothing is known
-a value can only change. Seconds and memory are ratios, and lose only where a largest ratio is given.
+An error within three uncertainties of the known value can't be told from zero. It is therefore replaced by three
+uncertainties. Without a known value, a value can only change. Ratios of seconds and memory count as losses only if
+the user gives a largest ratio.
 """
 
 from __future__ import annotations
@@ -27,14 +28,14 @@ from shellbench.bench.store.record import Record
 from shellbench.errors import InputError
 
 THRESHOLD = CLASSES[0]  # the tightest class of accuracy
-LEAST_SECONDS = 0.1  # shorter differences are what else the machine did
-ENDED = ("ok", "not settled")  # from good to bad; all else is worse
+LEAST_SECONDS = 0.1  # shorter differences come from the load of the machine
+ENDED = ("ok", "not settled")  # from good to bad; other statuses are worse
 Verdict = Literal["loss", "gain", "changed", "same"]
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What is a loss: growth of an error, and largest ratios of seconds and memory; None where no ratio is."""
+    """Limits of a comparison: growth of an error, and largest ratios of seconds and memory; None for no limit."""
 
     threshold: float = THRESHOLD
     seconds: float | None = None
@@ -43,7 +44,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class OneSide:
-    """What one side says of a figure: rows that differ in their seed alone. The worst of them counts."""
+    """The value of one side: rows that differ in their seed only. The worst row counts."""
 
     rows: tuple[Row, ...]
 
@@ -55,7 +56,7 @@ class OneSide:
 
     @cached_property
     def error(self) -> float | None:
-        """Largest error in magnitude, signed, relative to the known value; near zero, to the largest of its unit."""
+        """Signed error of largest magnitude, relative to the known value; near zero, to the largest of its unit."""
         return max((error for row in self.rows if (error := _error(row)) is not None), key=abs, default=None)
 
     @property
@@ -65,7 +66,7 @@ class OneSide:
 
     @property
     def passed(self) -> bool | None:
-        """Whether all hold their tolerance; None if one is not gated."""
+        """True if all rows pass their tolerance; None if one of them is not gated."""
         said = [row.passed for row in self.rows]
         return None if None in said else all(said)
 
@@ -87,7 +88,7 @@ class OneSide:
 
 @dataclass(frozen=True)
 class Change:
-    """One figure on both sides."""
+    """One value on both sides."""
 
     before: OneSide
     after: OneSide
@@ -96,13 +97,13 @@ class Change:
 
     @property
     def row(self) -> Row:
-        """A row that says which figure it is, as the second side has it."""
+        """A row of the second side that identifies the value."""
         return self.after.rows[0]
 
 
 @dataclass(frozen=True)
 class CostChange:
-    """What runs took on both sides: mean seconds, largest memory. `why` says why it is a loss, if it is."""
+    """Cost of runs on both sides: mean seconds and largest memory. `why` is the reason if it is a loss."""
 
     row: Row
     seconds: tuple[float, float]
@@ -112,23 +113,23 @@ class CostChange:
 
     @property
     def seconds_ratio(self) -> float | None:
-        """Second side by first; None where the first took no time."""
+        """Ratio of the second side to the first; None if the first took no time."""
         return self.seconds[1] / self.seconds[0] if self.seconds[0] > 0 else None
 
     @property
     def memory_ratio(self) -> float | None:
-        """Second side by first; None where memory was not measured."""
+        """Ratio of the second side to the first; None if memory was not measured."""
         return self.memory[1] / self.memory[0] if self.memory and self.memory[0] > 0 else None
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """What differs between two sides.
+    """Differences between two sides.
 
     Attributes
     ----------
     gone, appeared
-        Runs that only the first side has, and only the second: a row of each.
+        One row for each run that only the first side has, and that only the second side has.
     """
 
     before: Side
@@ -142,35 +143,35 @@ class Comparison:
 
     @property
     def solvers(self) -> bool:
-        """Whether two solvers are compared, and not two states of the same ones."""
+        """True if two solvers are compared, and not two states of the same solvers."""
         return self.after.what == "solver"
 
     def of(self, verdict: Verdict) -> list[Change]:
-        """Return the figures of which this is said."""
+        """Return the changes with this verdict."""
         return [change for change in self.changes if change.verdict == verdict]
 
     @property
     def cost_losses(self) -> list[CostChange]:
-        """What took too much more."""
+        """Runs whose cost grew beyond its limit."""
         return [cost for cost in self.costs if cost.why]
 
     def good(self, gone_counts: bool = False) -> bool:
-        """Whether nothing was lost; with `gone_counts` runs that only the first side has are lost too."""
+        """Return True if nothing was lost; with `gone_counts`, runs that only the first side has count as losses."""
         return not (self.of("loss") or self.cost_losses or (gone_counts and self.gone))
 
 
 def compare_sides(before: Side, after: Side, limits: Limits) -> Comparison:
-    """Hold two sides against each other.
+    """Compare two sides.
 
     Raises
     ------
     InputError
-        If they have no figure in common.
+        If they have no value in common.
     """
-    # 1. Group the rows of either side by what they answer: of solvers by the question, else by solver and settings too.
-    # 2. Where both sides have seeds in common, only these are compared.
-    # 3. The worst seed speaks for a side.
-    # 4. What is left of the runs is gone, or has appeared.
+    # 1. Group the rows of each side by the question and, unless solvers are compared, by solver and settings.
+    # 2. If the sides have common seeds, compare only these.
+    # 3. Compare the worst seed of each side.
+    # 4. Report the other runs as gone or new.
     solvers = after.what == "solver"
     left, right = _grouped(before.rows, solvers), _grouped(after.rows, solvers)
     physics = [{run.case_name: run.identity.case for run in side.records.values()} for side in (before, after)]
@@ -201,7 +202,7 @@ def compare_sides(before: Side, after: Side, limits: Limits) -> Comparison:
 
 
 def same_figure(row: Row, solvers: bool = False) -> tuple[object, ...]:
-    """Return what rows of one figure have in common on both sides; of solvers only the question."""
+    """Return the key that rows of one value share on both sides; between solvers only the case and quantity count."""
     who = () if solvers else (row.solver, json.dumps(row.overrides, sort_keys=True))
     return (row.case, row.own_case, row.quantity, row.at, *who)
 
@@ -214,7 +215,7 @@ def _grouped(rows: Iterable[Row], solvers: bool) -> dict[tuple[object, ...], lis
 
 
 def _of_common_seeds(old: Sequence[Row], new: Sequence[Row]) -> tuple[tuple[Row, ...], tuple[Row, ...]]:
-    """Return the rows of seeds that both have; all, where one side has no seeds."""
+    """Return the rows of seeds that both sides have; all rows if one side has no seeds."""
     before, after = ({row.seed for row in rows} for rows in (old, new))
     if None in before | after:
         return tuple(old), tuple(new)
@@ -238,32 +239,32 @@ def _scale(row: Row) -> float:
 
 
 def _blunt(row: Row) -> float:
-    """Return the relative error that says nothing, for the known value is no surer."""
+    """Return the relative error below which the known value's uncertainty hides all differences."""
     size = abs(row.reference or 0.0) if row.relative_error is not None else _scale(row)
     return BLUNT * (row.reference_uncertainty or 0.0) / size if size else 0.0
 
 
 def _change(before: OneSide, after: OneSide, threshold: float, solvers: bool) -> Change:
-    """Say of a figure whether it was lost, gained, changed, or is the same."""
+    """Decide if a value was lost, gained, changed, or is the same."""
     was, now = _rank(before.worst), _rank(after.worst)
     if was != now:
         why = after.worst.reason if now > was else before.worst.reason
         words = f"{before.worst.status} -> {after.worst.status}"
         return Change(before, after, "loss" if now > was else "gain", f"{words}{f': {why}' if why else ''}")
-    # Solvers have tolerances of their own, so that holding them says nothing of two of them.
+    # Each solver has its own tolerances, so that passing them can't rank two solvers.
     if not solvers and None not in (before.passed, after.passed) and before.passed != after.passed:
-        tolerance = after.rows[0].tolerance
-        held = f"its tolerance {'' if tolerance is None else f'{tolerance:g} '}"
-        verdict: Verdict = "loss" if before.passed else "gain"
-        return Change(
-            before, after, verdict, f"{held}{'held and is missed' if before.passed else 'missed and is held'}"
-        )
+        row = after.rows[0]
+        size = f"{row.tolerance:g} {row.unit}" if row.tolerance_is_absolute else f"{100 * (row.tolerance or 0):g} %"
+        words = f"{'A' if before.passed else 'B'} alone meets the tolerance of {size}"
+        return Change(before, after, "loss" if before.passed else "gain", words)
     old, new = before.error, after.error
     if old is not None and new is not None and isfinite(old) and isfinite(new):
         floor = _blunt(after.rows[0])
         grown = max(abs(new), floor) - max(abs(old), floor)
         if abs(grown) > threshold:
-            return Change(before, after, "loss" if grown > 0 else "gain", f"error {old:+.2g} -> {new:+.2g}")
+            return Change(
+                before, after, "loss" if grown > 0 else "gain", f"error {100 * old:+.2g} % -> {100 * new:+.2g} %"
+            )
         return Change(before, after, "same")
     if before.value is not None and after.value is not None:
         apart = abs(after.value - before.value)
@@ -273,7 +274,7 @@ def _change(before: OneSide, after: OneSide, threshold: float, solvers: bool) ->
 
 
 def _cost(old: Sequence[Row], new: Sequence[Row], before: Side, after: Side, limits: Limits) -> CostChange | None:
-    """Return what runs that ended well took; None if some did not."""
+    """Return the cost of runs on both sides; None unless all of them ended well."""
     if any(row.status != "ok" or row.seconds is None for row in (*old, *new)):
         return None
     was, now = (fmean(row.seconds or 0.0 for row in rows) for rows in (old, new))
@@ -300,7 +301,7 @@ def mean_ratio(ratios: Iterable[float | None]) -> float | None:
 
 
 def as_data(found: Comparison) -> dict[str, Any]:
-    """Return a comparison as JSON data: all figures, whatever is said of them."""
+    """Return a comparison as JSON data, with the values of every verdict."""
     return {
         **{name: {"name": s.name, "what": s.what} for name, s in (("a", found.before), ("b", found.after))},
         "threshold": found.limits.threshold,
@@ -334,12 +335,12 @@ def _named(row: Row, solvers: bool) -> dict[str, Any]:
 
 
 def as_json(found: Comparison) -> str:
-    """Return a comparison as JSON; figures that are not finite as null."""
+    """Return a comparison as JSON; numbers that are not finite as null."""
     return json_text(as_data(found))
 
 
 def json_text(data: Any) -> str:
-    """Return JSON data as text; figures that are not finite as null."""
+    """Return JSON data as text; numbers that are not finite as null."""
     return json.dumps(_finite(data), indent=1, allow_nan=False)
 
 

@@ -1,8 +1,8 @@
-"""Classes of accuracy: how a solver without frozen tolerances, a stranger, is judged.
+"""Classes of accuracy, by which third-party solvers, which have no frozen tolerances, are judged.
 
-Every figure that a known value judges counts, not only those that we gate of our own solvers. The loosest class is the
-gate. The tightest class that all figures hold is the solver's grade, if the solver has passed the checks that a class
-needs (`shellbench.bench.store.conformance`).
+Every value with a known value counts, not only the values that are gated for built-in solvers. The loosest class is the
+gate. The solver's grade is the tightest class that all values reach. It requires that the solver has passed the checks
+of conformance (`shellbench.bench.store.conformance`).
 """
 
 from __future__ import annotations
@@ -18,30 +18,30 @@ from shellbench.problem import VARIANT, Problem
 
 CLASSES = (1e-4, 1e-3, 1e-2)  # relative errors, the tightest first
 LOOSEST = CLASSES[-1]
-BLUNT = 3.0  # an error within so many uncertainties of its known value says nothing against a solver
-BLUNTEST = 0.99  # relative: however uncertain a known value is, the answer zero holds no class
-OWN = "shellbench"  # the distribution of our solvers
-MOST_NAMED = 8  # cases that are declined, in a sentence
+BLUNT = 3.0  # an error within this many uncertainties of the known value does not count
+BLUNTEST = 0.99  # relative: the answer zero must get no class, however uncertain the known value is
+OWN = "shellbench"  # the distribution of the built-in solvers
+MOST_NAMED = 8  # number of declined cases that a sentence lists
 
 
 @dataclass(frozen=True)
 class Grade:
-    """What a stranger is good for.
+    """The accuracy class of a third-party solver.
 
     Attributes
     ----------
     solver
         Its name.
     within
-        The tightest class that all its figures hold; None if they do not even hold the loosest.
+        The tightest class that all its values reach; None if they miss even the loosest.
     figures, cases
-        How many figures of how many cases, variants among them, were judged.
+        Numbers of judged values and cases, variants included.
     worst
-        The row that is farthest from its known value, by classes; None if every figure is missing.
+        The row that is farthest from its known value, by classes; None if every value is missing.
     declined
-        Cases that it does not take.
+        Cases that the solver declines.
     unchecked
-        Why it is not checked, as a clause; empty if it is. Without checks it holds no class, whatever its figures are.
+        Reason why the solver is not checked, as a clause; empty if it is checked. An unchecked solver gets no class.
     """
 
     solver: str
@@ -54,7 +54,7 @@ class Grade:
 
     @property
     def held(self) -> float | None:
-        """The class that it holds; None if it holds none, or is not checked."""
+        """The solver's class; None if it reaches none, or is not checked."""
         return None if self.unchecked else self.within
 
     def __str__(self) -> str:
@@ -77,7 +77,7 @@ class Grade:
         )
 
 
-def strangers(named: Iterable[str]) -> set[str]:
+def third_party_solvers(named: Iterable[str]) -> set[str]:
     """Return the solvers without tolerances that are judged by class: those of other distributions, and named ones."""
     frozen = catalog.tolerances().keys()
     others = {name for name, entry in solver_entries().items() if _is_foreign(entry)}
@@ -89,7 +89,7 @@ def _is_foreign(entry: SolverEntry) -> bool:
 
 
 def judged_by_class(row: Row) -> Row:
-    """Return a stranger's row with its verdict; unchanged if no known value judges it."""
+    """Return a third-party solver's row with its verdict; unchanged if no known value judges it."""
     allowed = _allowed(row, LOOSEST)
     return row if allowed is None else row.judged(allowed)
 
@@ -106,9 +106,9 @@ def _allowed(row: Row, size: float) -> Tolerance | None:
 
 
 def scale_of(name: str, unit: str) -> float:
-    """Return the largest known value of a case in a unit: what errors of values near zero are held against.
+    """Return the largest known value of a case in a unit, as the scale of errors of values near zero.
 
-    What has no unit is relative already.
+    The scale is 1 for values without a unit.
     """
     if not unit:
         return 1.0
@@ -118,18 +118,18 @@ def scale_of(name: str, unit: str) -> float:
 
 
 def judged_quantities(case: Problem) -> list[str]:
-    """Return the names of what known values judge."""
+    """Return the names of the quantities that known values judge."""
     known = catalog.known_values(case.name)
     return [q.name for q in case.quantities if known.judge(q.name, case.theory)]
 
 
 def grades(rows: Sequence[Row], solvers: Iterable[str], unchecked: Mapping[str, str]) -> list[Grade]:
-    """Return the grades of strangers, by all their judged rows.
+    """Return the grades of third-party solvers, from all their judged rows.
 
     Parameters
     ----------
     unchecked
-        By solver: why it is not checked, as a clause; empty if it is.
+        By solver: the reason why it is not checked, as a clause; empty if it is checked.
     """
     return [_grade(name, [row for row in rows if row.solver == name], unchecked[name]) for name in sorted(solvers)]
 

@@ -1,8 +1,8 @@
-"""Comparing: each quantity of each run that counts, held against the known value that judges it.
+"""Comparison of each quantity of each valid run with the known value that judges it.
 
 A solver is judged by the known value of the case's own theory. Only runs with default settings are gated, each
-quantity at the tolerance that is frozen for the solver. Where no value is known, as for a user's own
-case, solvers are held against each other.
+quantity at the solver's frozen tolerance. Without a known value, as for a user's own case, solvers are compared with
+each other.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from shellbench.protocol.schema import LONGEST_TITLE
 
 
 def rows(store: Store, suites: Sequence[str] = (), cases: Sequence[str] = ()) -> list[Row]:
-    """Return the rows of all runs in a store that count, sorted by suite, case, quantity, solver and seed.
+    """Return the rows of all valid runs in a store, sorted by suite, case, quantity, solver and seed.
 
     Runs that were planned and did not end have rows without a value.
 
@@ -37,9 +37,9 @@ def rows(store: Store, suites: Sequence[str] = (), cases: Sequence[str] = ()) ->
     store
         Where the records are.
     suites
-        Names of suites to look at; all, and what belongs to none, if empty.
+        Names of suites; if empty all, and runs without a suite.
     cases
-        Names of cases, or paths to case files, to look at; all if empty.
+        Names of cases, or paths to case files; all if empty.
 
     Raises
     ------
@@ -52,11 +52,13 @@ def rows(store: Store, suites: Sequence[str] = (), cases: Sequence[str] = ()) ->
 def rows_and_notes(
     store: Store, suites: Sequence[str] = (), cases: Sequence[str] = (), current: CurrentRuns | None = None
 ) -> tuple[list[Row], tuple[str, ...]]:
-    """Return the rows of `rows`, and a sentence for whatever was left out; `current` spares reading the store again."""
+    """Return the rows of `rows`, and a sentence for each omission; `current` saves reading the store again."""
     wanted = asked_cases(cases, suites)
-    # Records that count, and plans that no record has ended. Suites narrow a row to those of its suites that were asked
+    # Valid records, and plans without a record. Suites narrow a row to those of its suites that were asked
     # for.
-    current, planned = as_files_say(current or current_runs(store.read()), cases), read_planned(store)
+    current, planned = with_cases_of_files(current or current_runs(store.read()), cases), read_planned(store)
+    if cases:
+        current = current.narrowed(wanted)
     found = rows_of(current, not_ended(planned, (run.record for run in current.runs)))
     found = in_suites(found, suites)
     if cases:
@@ -64,10 +66,10 @@ def rows_and_notes(
     return found, (*current.notes, *planned.damaged)
 
 
-def as_files_say(current: CurrentRuns, cases: Sequence[str]) -> CurrentRuns:
-    """Return the runs with the cases of the files that are named as they stand there now, if they ask the same still.
+def with_cases_of_files(current: CurrentRuns, cases: Sequence[str]) -> CurrentRuns:
+    """Return the runs with the cases of the named files; runs whose physics has changed are stale.
 
-    What a file knows is no physics: it may have changed since the run.
+    Known values in a file are not physics, and may have changed since the run.
     """
     named = [catalog.find_case(text) for text in cases]
     files = {case.name: case for case in named if catalog.is_own(case)}
@@ -82,7 +84,7 @@ def as_files_say(current: CurrentRuns, cases: Sequence[str]) -> CurrentRuns:
 
 
 def asked_cases(cases: Sequence[str], suites: Sequence[str]) -> set[tuple[str, bool]]:
-    """Return name, and whether it is a user's own, of the cases that were asked for.
+    """Return names of the requested cases, each with a flag that is True for a user's own case.
 
     Raises
     ------
@@ -103,33 +105,27 @@ def asked_cases(cases: Sequence[str], suites: Sequence[str]) -> set[tuple[str, b
     return asked
 
 
-def beyond(found: Sequence[Row]) -> str:
-    """Say in one sentence what the suites declare beside the runs of the rows; nothing if there is no more."""
+def missing_runs(found: Sequence[Row]) -> str:
+    """Return one line on the runs that the suites of these rows declare besides them; empty if there are none."""
     runs = {(row.case, row.solver, json.dumps(row.overrides, sort_keys=True), row.seed): row for row in found}
     begun = list(dict.fromkeys(row.suites[0] for row in found if row.declared))
     members = {name: catalog.suites_named_by(name) for name in catalog.case_names()} if begun else {}
-    more = []
+    more: dict[str, int] = {}
     for name in begun:
-        lines = [
-            run
-            for run in catalog.find_suite(name).runs
-            for case in (*(case for case in members if name in members[case]), *catalog.variants_asked(name))
-            if run.is_for(case)
-        ]
-        left = sum(len(run.seeds) for run in lines) - sum(row.declared and name in row.suites for row in runs.values())
-        more += [f"suite '{name}' declares {left} more"] if left > 0 else []
-    others = len(set(catalog.suite_names()) - set(begun))
-    if others:
-        more.append(f"{others} other suite{'s declare others' if others > 1 else ' declares others'}")
-    return f"Beside these runs {' and '.join(more)}: --suite NAME asks for a whole suite." if more else ""
+        cases = (*(case for case in members if name in members[case]), *catalog.variants_asked(name))
+        declared = sum(len(run.seeds) for run in catalog.find_suite(name).runs for case in cases if run.is_for(case))
+        left = declared - sum(row.declared and name in row.suites for row in runs.values())
+        more |= {name: left} if left > 0 else {}
+    of = f"suite '{next(iter(more))}'" if len(more) == 1 else f"{len(more)} suites"
+    return f"Left out: {sum(more.values())} other runs of {of}; --suite NAME takes them in." if more else ""
 
 
 def rows_of(current: CurrentRuns, planned: Sequence[Task] = ()) -> list[Row]:
-    """Return the rows of runs that count, and of runs that were planned and did not end."""
-    # 1. Rows of records, a quantity each, with what judges them.
-    # 2. Rows of plans that did not end.
-    # 3. Where nothing judges, rows are held against each other.
-    # 4. In the order of suite and case, so that a report reads the same whatever was run first.
+    """Return the rows of valid runs, and of runs that were planned and did not end."""
+    # 1. Make rows of records, one for each quantity, with the values that judge them.
+    # 2. Make rows of plans that did not end.
+    # 3. Compare rows without a known value with each other.
+    # 4. Sort by suite and case, so that a report does not depend on the order of the runs.
     found = [row_of(run, quantity) for run in current.runs for quantity in run.case.quantities]
     order = {(run.case.name, q.name): i for run in current.runs for i, q in enumerate(run.case.quantities)}
     for task in planned:
@@ -145,13 +141,13 @@ def rows_of(current: CurrentRuns, planned: Sequence[Task] = ()) -> list[Row]:
     errors = {(run.case.name, q.name) for run in current.runs for q in run.case.quantities if q.is_an_error}
     alone = [row for row in found if (row.case, row.quantity) in errors]
     return sorted(
-        [*alone, *held_against_each_other(row for row in found if (row.case, row.quantity) not in errors)],
+        [*alone, *with_mutual_differences(row for row in found if (row.case, row.quantity) not in errors)],
         key=lambda row: _position(row, order[row.case, row.quantity], places.get((row.suite or "", row.case), ())),
     )
 
 
 def with_distinct_titles(found: Sequence[Row]) -> list[Row]:
-    """Return the rows, users' own cases whose title another case has with the name of their file in it."""
+    """Return the rows; if a user's own case has the same title as another case, its title gets the name of its file."""
     of_title: dict[str, set[tuple[str, bool]]] = {}
     for row in found:
         of_title.setdefault(row.case_title, set()).add((row.case, row.own_case))
@@ -164,17 +160,17 @@ def with_distinct_titles(found: Sequence[Row]) -> list[Row]:
 
 
 def planned_rows(task: Task) -> list[Row]:
-    """Return red rows for a run that was planned and did not end: what is gated of it, or else its headline."""
+    """Return red rows for a run that was planned and did not end: its gated values, or else its headline."""
     known = case_of_planned(task)
     if known is None:
         return []
     case, declared = known
-    # A run that was planned must not vanish from the table. Where nothing of it is gated its headline stands for it.
+    # A planned run must not vanish from the table. If none of its values is gated, it has a row for its headline.
     judged = [] if overrides_of(task) or task.own_case else gated_quantities(case, task.identity.solver)
     return [
         without_record(case, quantity, task.identity.solver, task.identity.seed, (), DID_NOT_END).model_copy(
             update=_about_run(task, case, declared)
-            # what is frozen for a case of the suite does not hold for its namesake
+            # frozen tolerances of a suite's case do not apply to a user's case of the same name
             | ({"tolerance": None, "open_finding": None} if task.own_case else {})
         )
         for quantity in judged or [case.primary]
@@ -190,7 +186,7 @@ def without_record(
     reason: str,
     status: Literal["missing", "declined"] = "missing",
 ) -> Row:
-    """Return a row that was asked for and has no record, which is red."""
+    """Return a red row for a requested run without a record."""
     allowed = catalog.tolerance(case.name, quantity.name, solver)
     return Row(
         **_about_quantity(case, quantity),
@@ -210,7 +206,7 @@ def without_record(
 
 
 def _about_quantity(case: Problem, quantity: Quantity) -> dict[str, Any]:
-    """Return the fields of a row that say what was asked."""
+    """Return the fields of a row that describe the question."""
     return {
         "case": case.name,
         "kind": case.kind,
@@ -225,7 +221,7 @@ def _about_quantity(case: Problem, quantity: Quantity) -> dict[str, Any]:
 
 
 def _about_run(run: Task | Record, case: Problem, declared: Mapping[str, str]) -> dict[str, Any]:
-    """Return the fields of a row that say whose answer it is; `declared` are the suites that declare the run."""
+    """Return the fields of a row that describe the run; `declared` are the suites that declare the run."""
     identity, overrides = run.identity, overrides_of(run)
     suites = tuple(declared) or (() if run.own_case else case.suites)
     return {
@@ -275,8 +271,8 @@ def row_of(run: CurrentRun, quantity: Quantity) -> Row:
         storage_bytes=record.storage_bytes,
         run_id=record.run_id,
     )
-    # A user's own case may bear the name of one of the suite. What is known of that, and allowed there, is not passed
-    # on to it: its own file says both.
+    # A user's own case may have the name of a suite's case. Known values and tolerances of that case do not apply
+    # to it: its own file has both.
     known = values_of_file(run.case) if record.own_case else catalog.known_values(record.case_name)
     row = with_known_values(row, known, run.case, quantity)
     allowed = allowed_by_file(run.case, quantity) if record.own_case else _frozen(row)
@@ -288,7 +284,7 @@ def _frozen(row: Row) -> Tolerance | None:
 
 
 def values_of_file(case: Problem) -> KnownValues:
-    """Return the known values that stand in a user's own case file."""
+    """Return the known values in a user's own case file."""
     return KnownValues(
         values=tuple(
             KnownValue(
@@ -306,7 +302,7 @@ def values_of_file(case: Problem) -> KnownValues:
 
 
 def with_known_values(row: Row, known: KnownValues, case: Problem, quantity: Quantity) -> Row:
-    """Return the row with the value that judges it, its errors, and the figures of the literature."""
+    """Return the row with the value that judges it, its errors, and the values of the literature."""
     found: dict[str, Any] = {}
     if judge := known.judge(quantity.name, case.theory):
         found |= {
@@ -331,21 +327,21 @@ def with_known_values(row: Row, known: KnownValues, case: Problem, quantity: Qua
 
 
 def near_zero(judge: KnownValue, quantity: Quantity) -> bool:
-    """Tell whether an error relative to the known value would say nothing."""
+    """Return True if the known value is too near zero for relative errors."""
     return quantity.absolute or abs(judge.value) <= (judge.uncertainty or 0.0)
 
 
-def held_against_each_other(found: Iterable[Row]) -> list[Row]:
-    """Return the rows, those without a known value with their difference to another solver.
+def with_mutual_differences(found: Iterable[Row]) -> list[Row]:
+    """Return the rows; those without a known value get their difference from another solver.
 
-    A deterministic solver is what the others are held against; if there is none, or several, the median of all.
+    The comparison is with the deterministic solver. If there are none or several, it is with the median of all.
     """
     listed = list(found)
     peers: dict[tuple[object, ...], list[Row]] = {}
     for row in listed:
         if row.default_settings and row.status == "ok" and row.value is not None:
             peers.setdefault(_asked(row), []).append(row)
-    # One solver agrees with itself: a yardstick needs answers of two.
+    # One solver agrees with itself: a comparison needs answers of two.
     yardsticks = {
         asked: _yardstick(answers) for asked, answers in peers.items() if len({row.solver for row in answers}) > 1
     }
@@ -353,7 +349,7 @@ def held_against_each_other(found: Iterable[Row]) -> list[Row]:
 
 
 def _asked(row: Row) -> tuple[object, ...]:
-    """Return what a row answers: rows that are alike in it can be held against each other."""
+    """Return the key of a row's case and quantity: rows with equal keys can be compared."""
     return row.case, row.own_case, row.quantity, row.at
 
 
@@ -365,7 +361,7 @@ def _held_against(row: Row, value: float, name: str) -> Row:
 
 def _yardstick(peers: Sequence[Row]) -> tuple[float, str]:
     values = [row.value for row in peers if row.value is not None]
-    # Answers of one deterministic solver do not scatter. Of several none is the better one, and the median is robust.
+    # One deterministic solver has no scatter, and is the reference. If there are several, the median is robust.
     certain = [row for row in peers if row.seed is None and row.value is not None]
     if len(certain) == 1 and certain[0].value is not None:
         return certain[0].value, certain[0].solver
@@ -373,6 +369,6 @@ def _yardstick(peers: Sequence[Row]) -> tuple[float, str]:
 
 
 def as_json(found: Iterable[Row]) -> str:
-    """Return rows as a JSON list of objects, figures that are not finite as null; case and variant apart."""
+    """Return rows as a JSON list of objects; numbers that are not finite are null, case and variant are separate."""
     rows = [json.loads(row.model_dump_json()) | {"case": row.base, "variant": row.variant} for row in found]
     return json.dumps(rows, indent=1, allow_nan=False)

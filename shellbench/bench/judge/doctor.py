@@ -1,4 +1,4 @@
-"""What a machine has for shellbench: versions, threads, memory, disk, a GPU, and whether a solve comes out right."""
+"""Checks of a machine: versions, threads, memory, disk, a GPU, and the result of one small solve."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ OPTIONAL = {"pypardiso": "fast", "numba": "compiled", "pyvista": "vtk", "distrib
 GIGABYTE = 1e9
 MEMORY = 2 * GIGABYTE  # a training of the course takes 1.6 GB
 DISK, LEAST_DISK = 2 * GIGABYTE, 0.05 * GIGABYTE  # a suite's records, and one record with its fields
-PATIENCE = 120.0  # seconds for the solve, and for PyTorch to say whether it sees a GPU
+PATIENCE = 120.0  # limits in seconds: for the solve, and for PyTorch to find a GPU
 SEES_GPU = "import torch; print(torch.cuda.is_available())"
 
 
 @dataclass(frozen=True)
 class Line:
-    """What was found of one thing."""
+    """Result of one check."""
 
     about: str
     state: State
@@ -55,7 +55,7 @@ class Line:
 
 
 def examine(store: Store, case: str, solver: str) -> Iterator[Line]:
-    """Yield what is found, quick things first; the last is a solve of the case by the solver."""
+    """Yield the results of the checks, fast ones first; the last check is a solve of the case by the solver."""
     yield Line(
         "shellbench", "ok", f"{__version__}, Python {platform.python_version()}, {platform.platform(terse=True)}"
     )
@@ -141,14 +141,14 @@ def _solvers() -> Line:
         listed = [list_solver(entry) for entry in solver_entries().values()]
     except ShellbenchError as error:
         return Line("solvers", "BAD", str(error))
-    # What needs an engine that is not installed says so itself, and harms nobody.
+    # A solver whose engine is not installed reports it itself; other solvers are not affected.
     broken = [str(one["reason"]) for one in listed if not one["available"]]
     words = f"{len(listed) - len(broken)} can be used"
     return Line("solvers", "note" if broken else "ok", "; ".join([words, *broken]))
 
 
 def _solve(case: str, solver: str) -> Line:
-    """Solve as `run` does, in a process of its own, and hold the answer against the known value."""
+    """Solve as `run` does, in a process of its own, and compare the answer with the known value."""
     began = time.monotonic()
     about = f"a solve, {case} by {solver}"
     with tempfile.TemporaryDirectory() as folder:

@@ -1,7 +1,7 @@
-"""The exam of one solver: cases that known values judge are solved with default settings, and its class is found.
+"""The exam of one solver: it solves the cases with known values with default settings, and gets its class.
 
-It is the gate's own judgement, narrowed to one solver: every judged figure counts, what is declined is said, and a case
-that has no answer is not held. A solver of ours is graded in the same way as a stranger.
+The judgement is that of the gate, restricted to one solver. Every judged value counts, declined cases are listed, and a
+case without an answer fails. Built-in solvers are graded in the same way as third-party solvers.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.judge.classes import LOOSEST, Grade, grades
-from shellbench.bench.judge.expected import expected_of_stranger
+from shellbench.bench.judge.expected import expected_of_third_party
 from shellbench.bench.judge.row import Row
 from shellbench.bench.plugins.kinds import find_kind, kinds_of_theories
 from shellbench.bench.run.execute import Executor, Observer, execute
@@ -24,16 +24,16 @@ from shellbench.problem import Problem
 
 @dataclass(frozen=True)
 class Sitting:
-    """What came of an exam.
+    """Result of an exam.
 
     Attributes
     ----------
     grade
-        The class that the solver holds, its checks taken for passed.
+        The class that the solver reaches, assuming that it passes its checks.
     missed
-        Rows that do not even hold the loosest class, each with its reason.
+        Rows that miss even the loosest class, each with its reason.
     records
-        How many runs were made.
+        Number of runs that were made.
     answers
         The runs that were graded.
     """
@@ -45,7 +45,7 @@ class Sitting:
 
 
 def suites_for(theories: Iterable[str], *, quick: bool) -> tuple[str, ...]:
-    """Return the suites by which a solver of these theories is graded, those of its kinds of problem."""
+    """Return the suites that grade a solver of these theories: those of its kinds of problem."""
     kinds = map(find_kind, kinds_of_theories(theories))
     return tuple(dict.fromkeys(suite for kind in kinds for suite in (kind.quick if quick else kind.exam)))
 
@@ -57,13 +57,13 @@ def questions(suites: Sequence[str]) -> list[Problem]:
 
 
 def is_judged(case: Problem) -> bool:
-    """Whether a known value judges anything of a case; of a user's own none does."""
+    """Return True if a known value judges a quantity of a case; always False for a user's own case."""
     known = () if catalog.is_own(case) else catalog.known_values(case.name).values
     return any(value.role == "judge" and value.theory == case.theory for value in known)
 
 
 def plan_of(solver: str, cases: Sequence[Problem], store: Store, executor: Executor, threads: int) -> Plan:
-    """Return what has to be run before a solver can be graded; what has a record that counts is kept.
+    """Return the plan of the runs that a grade needs; runs with a valid record are kept.
 
     Raises
     ------
@@ -74,21 +74,21 @@ def plan_of(solver: str, cases: Sequence[Problem], store: Store, executor: Execu
     return make_plan(request, store.read(), expect=executor.expect)
 
 
-def sit(
+def hold_exam(
     solver: str, cases: Sequence[Problem], store: Store, plan: Plan, executor: Executor, observer: Observer
 ) -> Sitting:
-    """Have a solver answer what has no record, and grade all its answers.
+    """Run a solver on all cases without a valid record, and grade all its answers.
 
     Raises
     ------
     StoreError
         If the store can't be written.
     """
-    # Suites go from cheap to dear. From their end on, no long run is left over for one core while the others wait.
+    # Suites are sorted from cheap to expensive. The reverse order starts long runs first, so that no core stays idle.
     with contextlib.closing(executor):
         outcomes = execute(plan.tasks[::-1], store, observer, executor, plan.seen)
     current = current_runs(store.read())
-    expected = [expected_of_stranger("", case, solver, FIRST_SEED, current) for case in cases]
+    expected = [expected_of_third_party("", case, solver, FIRST_SEED, current) for case in cases]
     rows = [row for one in expected for row in one.rows()]
     (grade,) = grades(rows, [solver], {solver: ""})
     return Sitting(
@@ -100,5 +100,5 @@ def sit(
 
 
 def missed_words(row: Row) -> str:
-    """Say in a line what a row misses."""
+    """Describe in a line the failure of a row."""
     return f"{row.case} {row.quantity}: {row.reason or f'it misses class {LOOSEST:g}'}"

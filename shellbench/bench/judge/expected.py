@@ -1,6 +1,6 @@
-"""What a gate has to find: every run that the suites declare, and what named strangers owe.
+"""Results that a gate expects: every run that the suites declare, and the answers of named third-party solvers.
 
-A solver is imported only where its record is missing, to hear whether it declines the case.
+A solver is imported only if its record is missing, to find out if it declines the case.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from shellbench.bench.catalogue.listing import gated_quantities
 from shellbench.bench.judge.classes import judged_by_class, judged_quantities
 from shellbench.bench.judge.compare import row_of, without_record
 from shellbench.bench.judge.row import Row
-from shellbench.bench.plugins.outside import asked, declines
+from shellbench.bench.plugins.outside import declines, resolve_solver
 from shellbench.bench.plugins.registry import find_solver
 from shellbench.bench.run.plan import FIRST_SEED
 from shellbench.bench.store.current import CurrentRun, CurrentRuns
@@ -27,7 +27,7 @@ NOTHING_LACKS: Lack = ("missing", "")
 
 @dataclass(frozen=True)
 class Scope:
-    """What a gate looks at: what was run, or with suites all that they declare; the others narrow it."""
+    """Scope of a gate: all runs that were made, or all that the named suites declare; the other fields narrow it."""
 
     suites: tuple[str, ...] = ()
     solvers: tuple[str, ...] = ()
@@ -36,7 +36,7 @@ class Scope:
 
     @property
     def narrowed(self) -> str:
-        """What is left out, in words; empty if nothing is."""
+        """Description of the restrictions; empty if there are none."""
         parts = [
             f"{what} {', '.join(map(str, names))} only"
             for what, names in (
@@ -52,14 +52,14 @@ class Scope:
 
 @dataclass(frozen=True)
 class Expected:
-    """A run with default settings that is asked for, and its record if there is one that counts.
+    """An expected run with default settings, and its valid record if there is one.
 
     Attributes
     ----------
     lack
-        Why there is no record.
+        Reason why there is no record.
     by_class
-        Whether its solver is a stranger: then all that known values judge is gated.
+        True for a third-party solver: every value with a known value is then gated.
     """
 
     suite: str
@@ -79,17 +79,17 @@ class Expected:
                 yield without_record(self.case, quantity, self.solver, self.seed, (self.suite,), reason, status)
                 continue
             row = row_of(self.run, quantity)
-            if self.by_class:  # whatever is frozen of a solver of ours that is graded as a stranger is
+            if self.by_class:  # frozen tolerances do not count if a built-in solver is graded by class
                 row = judged_by_class(row.model_copy(update={"passed": None, "open_finding": None}))
-            if row.gated:  # a class says nothing of a zero that has no other value of its unit beside it
+            if row.gated:  # a class can't judge a zero without another value of its unit as a scale
                 yield row
 
 
 def expected_runs(scope: Scope, current: CurrentRuns, ask: bool = True) -> Iterator[Expected]:
-    """Yield what a scope should have; with `ask`, solvers have to be there, and say what they decline."""
+    """Yield the expected runs of a scope; with `ask`, solvers are imported to find out the cases that they decline."""
     for solver in scope.solvers:
         find_solver(solver)
-    # A case may be in several suites, and a deterministic solver answers for every seed: each run counts once.
+    # A case may be in several suites, and a run of a deterministic solver stands for every seed: each run counts once.
     seen: set[tuple[str, str, int | None]] = set()
     for suite in scope.suites or _suites_that_compare():
         for case in catalog.cases_of(suite):
@@ -109,8 +109,8 @@ def expected_runs(scope: Scope, current: CurrentRuns, ask: bool = True) -> Itera
 
 
 def expected_of_strangers(scope: Scope, solvers: set[str], current: CurrentRuns) -> Iterator[Expected]:
-    """Yield what strangers that are named should have: an answer to each case of the suites, or why they decline."""
-    # Seeds are those that were given, or that a line of the suite declares, or one.
+    """Yield the expected runs of named third-party solvers: an answer to each case, or the reason to decline."""
+    # Use the given seeds, or those of a line of the suite, or one.
     for solver in sorted(solvers & set(scope.solvers)):
         seen: set[tuple[str, int]] = set()
         for suite in scope.suites:
@@ -120,25 +120,25 @@ def expected_of_strangers(scope: Scope, solvers: set[str], current: CurrentRuns)
                 for seed in scope.seeds or declared or (FIRST_SEED,):
                     if (case.name, seed) not in seen:
                         seen.add((case.name, seed))
-                        yield expected_of_stranger(suite, case, solver, seed, current)
+                        yield expected_of_third_party(suite, case, solver, seed, current)
 
 
-def expected_of_stranger(suite: str, case: Problem, solver: str, seed: int, current: CurrentRuns) -> Expected:
-    """Return what a solver that is judged by class should have of a case: an answer, or why it declines."""
+def expected_of_third_party(suite: str, case: Problem, solver: str, seed: int, current: CurrentRuns) -> Expected:
+    """Return the expected result of a third-party solver on a case: an answer, or its reason to decline."""
     found = current.find(case.name, solver, {}, seed)
     lack = NOTHING_LACKS if found else _lack(current, case, solver, seed)
     return Expected(suite, case, solver, seed, found, lack, by_class=True)
 
 
 def _suites_that_compare() -> list[str]:
-    """Return the suites that are judged unless some are named: a study may need what is not installed."""
+    """Return the suites that are judged by default; studies are left out, because they may need other packages."""
     return [name for name in catalog.suite_names() if catalog.find_suite(name).study is None]
 
 
 def _lack(current: CurrentRuns, case: Problem, solver: str, seed: int) -> Lack:
-    """Say why there is no record that counts; only now is the solver imported, to hear whether it declines."""
+    """Return the reason why there is no valid record; only now is the solver imported, to find out if it declines."""
     try:
-        reason = declines(asked(find_solver(solver)), case)
+        reason = declines(resolve_solver(find_solver(solver)), case)
     except (InputError, PluginError) as error:
         return "missing", f"no record: {error}"
     if reason is not None:

@@ -1,4 +1,4 @@
-"""The gates, kept apart: accuracy, regression and cost; and the lock, which tells whether the exam is still the same.
+"""The gates of accuracy, regression and cost; and the lock, which detects changes of the exam.
 
 Accuracy holds every run with default settings against the known values: every one that was run, or that the suites
 declare that are named. A gated row without a record that counts is red, and says why, as is a run that was planned and
@@ -9,6 +9,7 @@ compares what they took with what they took then; see `shellbench.bench.judge.ba
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -18,8 +19,8 @@ from shellbench.bench.catalogue.listing import gated_quantities
 from shellbench.bench.catalogue.reference import Tolerances
 from shellbench.bench.judge.baseline import Baseline, cost_findings, make_baseline, regression_finding
 from shellbench.bench.judge.calibration import Calibration, calibration_findings, calibrations
-from shellbench.bench.judge.classes import Grade, grades, judged_by_class, strangers
-from shellbench.bench.judge.compare import asked_cases, beyond, rows_and_notes, without_record
+from shellbench.bench.judge.classes import Grade, grades, judged_by_class, third_party_solvers
+from shellbench.bench.judge.compare import asked_cases, missing_runs, rows_and_notes, without_record
 from shellbench.bench.judge.expected import Scope, expected_of_strangers, expected_runs
 from shellbench.bench.judge.lock import LockCheck, check_lock
 from shellbench.bench.judge.row import Finding, Row
@@ -34,30 +35,30 @@ from shellbench.problem import VARIANT
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the gates found.
+    """Result of the gates.
 
     Attributes
     ----------
     accuracy, regression, cost
         One finding for each gated row, cost one for each case and solver; the latter two only with a baseline.
     scope
-        What was looked at.
+        Scope of the gates.
     baseline
-        Whether there was one.
+        True if there was a baseline.
     lock
-        Whether the exam is the one that is locked.
+        Comparison of the exam with the locked one.
     warnings
-        What else to know, one sentence each.
+        Warnings, one sentence each.
     claims
-        Whether plug-ins hold the tolerances that they claim of themselves; this is no verdict.
+        Findings for tolerances that plug-ins claim for themselves; they do not affect the verdict.
     beyond
-        What there is beside what was run, in one sentence; empty if suites were named.
+        One sentence about declared runs that were not made; empty if suites were named.
     grades
-        The classes that solvers without frozen tolerances hold.
+        Classes of solvers without frozen tolerances.
     calibration
-        A finding for each figure of a solver with frozen tolerances that is wrong with confidence.
+        One finding for each value of a solver with frozen tolerances whose error far exceeds its stated uncertainty.
     calibrations
-        How sure each solver is of its figures, and how right.
+        Comparison of stated uncertainties and actual errors, by solver.
     """
 
     accuracy: tuple[Finding, ...]
@@ -74,15 +75,15 @@ class Verdict:
     calibrations: tuple[Calibration, ...] = ()
 
     def good(self, cost: bool = False, regression: bool = False) -> bool:
-        """Whether nothing is red; in the gates of regression and cost only if they are asked for."""
-        # A broken lock is red whatever the rows say: green answers to an easier exam prove nothing.
+        """Return True if no finding is red; regression and cost count only if they are asked for."""
+        # A broken lock is red for all rows: green answers to an easier exam prove nothing.
         judged = (
             *self.accuracy,
             *self.calibration,
             *(self.regression if regression else ()),
             *(self.cost if cost else ()),
         )
-        # The class is the gate of a stranger, and without its checks it holds none.
+        # The class is the gate of a third-party solver, which has no class without the checks.
         unchecked = any(grade.unchecked for grade in self.grades)
         return not self.lock.broken and not unchecked and not any(finding.colour == "red" for finding in judged)
 
@@ -97,40 +98,40 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
     InputError
         If the store is empty or not there, a name of the scope is unknown, or nothing of it is gated.
     """
-    # 1. Names of the scope, and a store that is not empty.
-    # 2. What was run or planned, and what plug-ins claim of it.
-    # 3. What has to be judged. With suites it is all that they declare, with a record or without one. Without, it is
-    #    all that was run, stale records included.
+    # 1. Check the names of the scope, and that the store is not empty.
+    # 2. Collect runs and plans, and the claims of plug-ins.
+    # 3. Collect the rows to judge. With suites these are all declared runs, with or without a record. Otherwise they
+    #    are all runs, stale records included.
     #    Solvers without frozen tolerances are judged by class.
-    # 4. Runs that were planned and did not end stand for themselves, before anything else about the same run.
-    # 5. Narrow to the scope, and refuse one of which any part judges nothing.
-    # 6. Accuracy, regression and cost of the same rows, and the lock. Calibration is of all figures with a known value.
-    # Silence is no success: what was asked for and has no record is red.
+    # 4. Planned runs that did not end take precedence over other rows of the same run.
+    # 5. Restrict the rows to the scope, and refuse a scope if any part of it judges nothing.
+    # 6. Judge accuracy, regression and cost of the same rows, the lock, and the calibration of all known values.
+    # Silence is no success: a requested run without a record is red.
     cases = asked_cases(scope.cases, scope.suites)
     for solver in scope.solvers:
         find_solver(solver)
     check_filled(store)
     current = current_runs(store.read())
     found, notes = rows_and_notes(store, scope.suites, scope.cases, current)
-    more = "" if scope.suites else beyond(found)
+    more = "" if scope.suites else missing_runs(found)
     known = {run.record.run_id for run in current.runs if run.installed}
     shown = [row for row in found if _in_scope(row, scope, cases)]
     claims, bad_claims = _claims(shown)
     calibrated = calibrations(row for row in shown if row.run_id in known)
     unfinished = [row for row in found if _is_unfinished(row)]
-    graded = strangers(scope.solvers)
+    graded = third_party_solvers(scope.solvers)
     if scope.suites:
         others = [row for expected in expected_runs(scope, current) for row in expected.rows()]
         others += [row for expected in expected_of_strangers(scope, graded, current) for row in expected.rows()]
     else:
-        # Records of a solver that is not installed may be of other code: they are shown, and never judged.
+        # Records of a solver that is not installed may come from other code: they are shown, and never judged.
         counted = [row for row in found if row.run_id in known]
         others = [row for row in (_by_class(row, graded) for row in counted) if row.gated]
-        # A record that does not count any more is no reason to forget that its run was gated.
+        # A run stays gated even if its record is no longer valid.
         others += _beside(others, stale_rows(current))
     found = [*unfinished, *_beside(unfinished, others)]
     rows = [row for row in found if _in_scope(row, scope, cases)]
-    _check_judged(rows, scope, cases, notes)
+    _check_judged(rows, shown, scope, cases, notes)
     _check_answered(rows, graded)
     by_id = {run.record.run_id: run.record for run in current.runs}
     records = [by_id[run_id] for run_id in dict.fromkeys(row.run_id for row in rows) if run_id in by_id]
@@ -158,22 +159,22 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
 
 
 def _finding(row: Row, graded: Collection[str]) -> Finding:
-    # A solver of ours that answers the question as declared need not take every other way to ask it, and a stranger
-    # need not take every case: that is shown.
+    # A built-in solver that takes a case as declared may decline its variants, and a third-party solver
+    # may decline any case: this is only shown.
     if row.status == "declined" and (row.variant or row.solver in graded):
         return Finding(row, "not judged", row.reason or "")
     return row.finding()
 
 
 def _by_class(row: Row, solvers: Collection[str]) -> Row:
-    """Return the row of a stranger's answer to one of the suite's cases with its verdict; others as they are."""
+    """Return the row with its verdict if a third-party solver answers one of the suite's cases; others unchanged."""
     if row.solver not in solvers or row.own_case or not row.default_settings:
         return row
     return judged_by_class(row)
 
 
 def _claims(rows: Iterable[Row]) -> tuple[list[Finding], list[str]]:
-    """Hold rows to what their solvers claim of themselves; return findings, and why a claim can't be read."""
+    """Judge rows by the tolerances that their solvers claim; return findings, and reasons why claims can't be read."""
     claims: dict[str, Tolerances] = {}
     findings, unread = [], []
     entries = solver_entries()
@@ -182,10 +183,10 @@ def _claims(rows: Iterable[Row]) -> tuple[list[Finding], list[str]]:
             claims[row.solver] = {}
             try:
                 claims[row.solver] = claimed(entries[row.solver]) if row.solver in entries else {}
-            except InputError as error:  # a plug-in's bad file is no harm to others
+            except InputError as error:  # a plug-in's bad file must not affect others
                 unread.append(f"what solver '{row.solver}' claims can't be read: {error}")
         claim = claims[row.solver].get(row.case, {}).get(row.quantity)
-        # A claim is about default settings on the suite's own cases, as a tolerance is.
+        # A claim applies to default settings on the suite's own cases, like a tolerance.
         if claim is None or row.own_case or not row.default_settings or row.run_id is None:
             continue
         held = row.held_to(claim)
@@ -195,7 +196,7 @@ def _claims(rows: Iterable[Row]) -> tuple[list[Finding], list[str]]:
 
 
 def check_filled(store: Store) -> None:
-    """Refuse a store that is not there, or holds nothing.
+    """Raise InputError if a store is not there or is empty.
 
     Raises
     ------
@@ -218,8 +219,8 @@ def _question(row: Row) -> tuple[object, ...]:
 
 
 def _beside(found: Iterable[Row], others: Iterable[Row]) -> list[Row]:
-    """Return those of other rows whose runs are not among the rows found; no seed answers for every seed."""
-    # One set of rows takes the place of another run by run, not quantity by quantity. Answers of two runs never mix.
+    """Return the other rows whose runs are not among the found rows; a run without seed stands for every seed."""
+    # One set of rows replaces another run by run, not quantity by quantity. Answers of two runs never mix.
     known: dict[tuple[object, ...], set[int | None]] = {}
     for row in found:
         known.setdefault(_question(row), set()).add(row.seed)
@@ -231,11 +232,11 @@ def _beside(found: Iterable[Row], others: Iterable[Row]) -> list[Row]:
 
 
 def stale_rows(current: CurrentRuns) -> list[Row]:
-    """Return red rows for what is gated of runs whose records do not count any more."""
+    """Return red rows for the gated values of runs whose records are no longer valid."""
     rows: dict[tuple[object, ...], list[Row]] = {}
     for record, reason in current.stale.values():
         solver, seed = record.identity.solver, record.identity.seed
-        # Only what can be gated: cases of the suites that are still there, with default settings.
+        # Keep only rows that can be gated: existing cases of the suites, with default settings.
         if record.own_case or not catalog.has_case(record.case_name) or overrides_of(record):
             continue
         case = catalog.named_case(record.case_name)
@@ -256,7 +257,7 @@ def _in_scope(row: Row, scope: Scope, cases: set[tuple[str, bool]]) -> bool:
 
 
 def _check_answered(rows: Sequence[Row], graded: Collection[str]) -> None:
-    """Refuse to judge a stranger that declines every case.
+    """Raise InputError if a third-party solver declines every case.
 
     Raises
     ------
@@ -269,35 +270,51 @@ def _check_answered(rows: Sequence[Row], graded: Collection[str]) -> None:
             raise InputError(f"nothing was judged of solver '{solver}': it declines every case that was asked for")
 
 
-def _check_judged(rows: Sequence[Row], scope: Scope, cases: set[tuple[str, bool]], notes: Sequence[str]) -> None:
-    """Refuse a scope of which a part judges nothing: a gate that can't fail is none.
+def _check_judged(
+    rows: Sequence[Row], shown: Sequence[Row], scope: Scope, cases: set[tuple[str, bool]], notes: Sequence[str]
+) -> None:
+    """Raise InputError if a part of the scope judges nothing, because such a gate could not fail.
+
+    `shown` are all rows of the scope, judged or not.
 
     Raises
     ------
     InputError
-        In one sentence that names the part.
+        In one sentence that names the part, and why nothing of it is judged.
     """
-    # Each name is checked for itself: a misspelt or ungated one would hide behind rows of the others.
+    # Check each name separately: rows of the others would hide a misspelt or ungated name.
     begin = "nothing was judged"
-    if not rows and scope.narrowed:
-        why = f" ({'; '.join(notes)})" if notes else ""
-        raise InputError(f"{begin}: no run is gated of {scope.narrowed.replace(' only', '')}{why}")
-    if not rows:
-        raise InputError(f"{begin}: nothing that was run is gated; `shellbench list` says what is")
+    for name, own in sorted(cases):
+        if (name, own) not in {(row.case, row.own_case) for row in rows}:
+            why = _why_unjudged([row for row in shown if (row.case, row.own_case) == (name, own)], notes)
+            raise InputError(f"{begin} of case '{name}': {why}")
     for solver in scope.solvers:
         if solver not in {row.solver for row in rows}:
-            raise InputError(f"{begin} of solver '{solver}': no case that was asked for or run gates it")
-    for name, own in cases:
-        if (name, own) not in {(row.case, row.own_case) for row in rows}:
-            raise InputError(f"{begin} of case '{name}': it gates no solver that was asked for or run")
+            why = _why_unjudged([row for row in shown if row.solver == solver], notes)
+            raise InputError(f"{begin} of solver '{solver}': {why}")
     for suite in scope.suites:
         members = {case.name for case in catalog.cases_of(suite)}
         solvers = {run.solver for run in catalog.find_suite(suite).runs} | set(scope.solvers)
         if not any(row.case in members and row.solver in solvers for row in rows):
-            raise InputError(f"{begin} of suite '{suite}': it gates nothing that was asked for")
+            raise InputError(f"{begin} of suite '{suite}': {_why_unjudged(shown, notes)}")
     for seed in scope.seeds:
         if not any(row.seed in {seed, None} for row in rows):
-            raise InputError(f"{begin} of seed {seed}: no run of it is gated")
+            raise InputError(f"{begin} of seed {seed}: {_why_unjudged([r for r in shown if r.seed == seed], notes)}")
+    if not rows:
+        raise InputError(f"{begin}: {_why_unjudged(shown, notes)}")
+
+
+def _why_unjudged(shown: Sequence[Row], notes: Sequence[str]) -> str:
+    """Return why a gate judges none of these rows, as a clause."""
+    if not shown:
+        return "; ".join(("no run counts", *notes))
+    if all(row.reference is None for row in shown):
+        file = "; `[[known]]` in the case's file states one" if any(row.own_case for row in shown) else ""
+        return f"no value is known{file}"
+    if all(row.overrides for row in shown):
+        given = {f"{row.solver}.{key}={json.dumps(value)}" for row in shown for key, value in row.overrides.items()}
+        return f"only runs with default settings are judged, and these have {', '.join(sorted(given))}"
+    return "; ".join(("no tolerance is stated", *notes))
 
 
 def missing_rows(store: Store, rows: Sequence[Row], suites: Sequence[str] = (), cases: Sequence[str] = ()) -> list[Row]:
@@ -320,7 +337,7 @@ def missing_rows(store: Store, rows: Sequence[Row], suites: Sequence[str] = (), 
 
 
 def move_baseline(store: Store, old: Baseline | None, scope: Scope, like: Sequence[Store] = ()) -> Baseline:
-    """Return a baseline of the runs of a scope; what the old one knows of others stays.
+    """Return a baseline of the runs of a scope; entries of the old one for other runs stay.
 
     `like` are stores of the same runs from other processors and numbers of threads.
 
@@ -330,7 +347,7 @@ def move_baseline(store: Store, old: Baseline | None, scope: Scope, like: Sequen
         If a gated row is red in accuracy: a baseline remembers good answers only.
     """
     check_filled(store)
-    # All or nothing: a baseline of the green part of a red store would pass for one of the whole.
+    # All or nothing: a baseline of the green rows only would look like one of all rows.
     runs = list(expected_runs(scope, current_runs(store.read())))
     rows = [row for expected in runs for row in expected.rows()]
     red = [finding for row in rows if (finding := row.finding()).colour == "red"]

@@ -1,10 +1,11 @@
-"""The lock: what the exam was when it was last moved, deliberately and by a commit.
+"""The lock: the state of the exam when the lock was last moved, deliberately and by a commit.
 
 references/lock.json holds, of every case that is gated or has a known value, the digest of its physics, the runs that
-its suites declare, all values that judge, and how closely each solver must answer. Values judge strangers' figures too,
-so that they are locked where no solver of ours has a tolerance. It also holds the constants by which all are judged,
-such as the classes. The gate compares it with today's files and constants in every run.
-What makes the exam easier, or another one, is red. What makes it harder is said, and not red. A maintainer moves it:
+its suites declare, all values that judge, and how closely each solver must answer. Known values also judge third-party
+solvers, so that they are locked even if no built-in solver has a tolerance. The lock also holds the constants of the
+judgement, such as the classes. The gate compares it with today's files and constants in every run.
+Changes that make the exam easier or different are red. Changes that make it harder are only reported. A maintainer
+moves the lock:
 
     python -m shellbench.bench.judge.lock            what has changed
     python -m shellbench.bench.judge.lock --write    make that the lock
@@ -49,7 +50,7 @@ Found = tuple[Literal["broken", "unlocked"], str]
 
 
 class Judge(Model):
-    """The value that judges a figure, in the quantity's unit."""
+    """The known value that judges a quantity, in its unit."""
 
     value: Finite
     uncertainty: Finite | None = None
@@ -57,7 +58,7 @@ class Judge(Model):
 
 
 class Figure(Model):
-    """A quantity that is gated or has a known value: what judges it, and what each solver is allowed."""
+    """A quantity that is gated or has a known value: this value, and the tolerance of each solver."""
 
     judge: Judge | None = None
     tolerances: dict[str, Tolerance] = Field(default_factory=dict)
@@ -82,7 +83,7 @@ class LockedCase(Model):
 
 
 class Lock(Model):
-    """All that is judged, by name of the case; and by suite the digests of the variants that it asks.
+    """All judged cases by name, and the digests of the variants by suite.
 
     Attributes
     ----------
@@ -101,20 +102,20 @@ class Lock(Model):
 
 @dataclass(frozen=True)
 class LockCheck:
-    """How today's exam differs from the locked one.
+    """Differences of today's exam from the locked one.
 
     Attributes
     ----------
     cases, figures
-        How many are judged today.
+        Numbers of cases and values that are judged today.
     version
-        Of the exam that is locked; None if there is no lock.
+        Version of the locked exam; None if there is no lock.
     broken
-        What makes the exam easier or another one, one sentence each; the gate is then red.
+        Changes that make the exam easier or different, one sentence each; they make the gate red.
     unlocked
-        What makes it harder and is not locked yet, one clause each.
+        Changes that make the exam harder and are not locked yet, one clause each.
     part
-        Whether only what some suites ask was compared.
+        True if only the cases of some suites were compared.
     """
 
     cases: int
@@ -126,7 +127,7 @@ class LockCheck:
 
 
 def lock_path() -> Path:
-    """Return where the lock is."""
+    """Return the path of the lock."""
     return catalog.data_folder("references") / catalog.LOCK
 
 
@@ -139,7 +140,7 @@ def todays_lock(cases: Collection[str] | None = None, suites: Collection[str] | 
         Names of the only cases that count, and of the only suites whose variants do.
     """
     gated = {name for held in catalog.tolerances().values() for name in held}
-    own = set(catalog.own_case_names())  # what other packages bring is theirs to lock
+    own = set(catalog.own_case_names())  # other packages lock their own data
     counted = own if cases is None else own & {*cases}
     judged = {name for name in counted if any(v.role == "judge" for v in catalog.known_values(name).values)}
     asked = {
@@ -259,7 +260,7 @@ def check_lock(suites: Collection[str] | None = None, cases: Iterable[str] = ())
 
 
 def _dangling(cases: Collection[str] | None) -> Iterator[Found]:
-    """Yield tolerances of what is not there, which hold nobody to anything; of these cases only, if some are given."""
+    """Yield tolerances of missing quantities, which have no effect; only of these cases, if some are given."""
     names = set(catalog.own_case_names())
     for solver, held in catalog.tolerances().items():
         file = f"references/{FOLDER}/{solver}.toml"
@@ -360,7 +361,7 @@ def _listed(seeds: set[int]) -> str:
 
 
 def main(arguments: list[str]) -> int:
-    """Say what has changed since the lock was moved, and move it with ``--write``; return the exit code."""
+    """Print the changes since the lock was moved, and move it with ``--write``; return the exit code."""
     if arguments not in ([], ["--write"]):
         print(f"usage: {COMMAND.removesuffix(' --write')} [--write]", file=sys.stderr)
         return 2

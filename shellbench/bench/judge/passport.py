@@ -1,4 +1,4 @@
-"""What a passport tells of a solver: properties of the material, and the case and quantities that answer to each."""
+"""The properties of a solver's passport, each with the case and the quantities that measure it."""
 
 from __future__ import annotations
 
@@ -30,13 +30,14 @@ class Property:
     Attributes
     ----------
     name, words, unit
-        What it is.
+        Name, description and unit of the property.
     case, quantities
-        What it is measured by.
+        The case and the quantities that measure it.
     rule
-        How: it is inversely proportional or proportional to the quantity, or to the quotient of two; or it is the
-        stiffness of a strip that hangs under its own weight, of which the drop and the shortening are given, as
-        parts of its length; or that of a strip which vibrates as `VIBRATION` says, of which the deflection is given.
+        Rule that gives the property. It is proportional or inversely proportional to the quantity, or to the quotient
+        of two. Or it is the stiffness of a strip that hangs under its own weight; the quantities are the drop and the
+        shortening, as parts of its length. Or it is that of a strip which vibrates as in `VIBRATION`; the quantity is
+        the deflection.
     nominal
         The material's own, from the material of the case.
     """

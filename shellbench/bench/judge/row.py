@@ -1,4 +1,4 @@
-"""Rows: one comparable figure each, the common currency of tables, gates and reports; and the verdict on one."""
+"""Rows: one comparable value each, the common data of tables, gates and reports; and the verdict on a row."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from shellbench.bench.store.record import NOT_SETTLED
 from shellbench.problem import VARIANT
 from shellbench.protocol.schema import Model
 
-UNEXPLAINED = 1.0  # relative: worse than answering nothing, and so another mistake than the one that is known
+UNEXPLAINED = 1.0  # relative: worse than the answer zero, and therefore not the known mistake
 Colour = Literal["green", "red", "expected failure", "not compared", "not judged"]
 RowStatus = Literal["ok", "not settled", "failed", "timeout", "missing", "declined"]
 
 
 class Row(Model):
-    """One quantity of one run, held against what is known of it.
+    """One quantity of one run, compared with its known value.
 
     The fields up to `run_id` are the contract of ``shellbench table --format json``; the rest is for tables
     and gates. A row is made for each (case, solver, settings, seed, quantity, at).
@@ -36,7 +36,7 @@ class Row(Model):
     seed
         None for a deterministic solver.
     quantity, primary, at
-        What was measured; whether it is the case's headline; time, s, load factor, or displacement that marks the
+        The quantity; True if it is the case's headline; time, s, load factor, or displacement that marks the
         state (see `path.Path`); None for a turning point of a path. `mark` says it in words, where the
         case's figures belong to several states.
     value
@@ -44,9 +44,9 @@ class Row(Model):
     reference, reference_uncertainty, reference_theory, reference_source
         The known value of the case's own theory that judges; None if there is none.
     literature
-        The figure usually quoted, of whatever theory; `literature_theory` and `literature_source` say which.
+        The value usually quoted, of any theory; see `literature_theory` and `literature_source`.
     published
-        What the paper reports for its own solver, or for this ablation if `label` is one of its own.
+        The paper's value for its own solver, or for this ablation if `label` is one of the paper's.
     relative_error
         Signed, value/reference - 1; None without a reference or where the reference is near zero.
     absolute_error
@@ -54,37 +54,37 @@ class Row(Model):
     tolerance
         Largest admissible error for this solver, relative unless `tolerance_is_absolute`; None if not gated.
     passed
-        None where nothing is gated, and for an expected failure (`open_finding` says which).
+        None if nothing is gated, and for an expected failure (see `open_finding`).
     status
-        Of the run; ``missing`` only where rows were asked for that have no record, ``declined`` there and where the
+        Status of the run; ``missing`` only for requested rows without a record, ``declined`` for these and if the
         solver declines the quantity. An answer that is ``not settled`` has its value and uncertainty, and has not
         passed.
     seconds, peak_memory_bytes, parameters, storage_bytes
         Cost of the run: wall time of the solve, largest resident memory, free parameters or degrees of
         freedom, bytes that keep the solution.
     default_settings
-        Whether the run has the solver's default settings; only such runs are gated.
+        True if the run has the solver's default settings; only such runs are gated.
     declared
-        Whether a suite declares this very run.
+        True if a suite declares this run.
     suites
         All suites that declare the run, or that the case belongs to if none does.
     label
-        What a suite calls the run beside the solver's name, such as "GELU".
+        Name of the run in its suite, after the solver's name, such as "GELU".
     uncertainty, extrapolated
         The solver's own estimate of its error, and the value extrapolated from its history, in the unit.
     data_error
-        How much of the uncertainty the question's data leave, such as a mesh; None of exact data.
+        Part of the uncertainty that comes from the question's data, such as a mesh; None for exact data.
     converged
-        Whether the solver says that its answer settled within what it was asked for, or where it names quantities that
-        did not, that this one is none of them; None if it does not say.
+        True if the solver states that the answer converged to the requested accuracy, or names other quantities that
+        did not; None if it states nothing.
     disagreement, disagreement_with
-        With no known value: signed relative difference to another solver's value, and which.
+        Without a known value: signed relative difference from another solver's value, and the name of that solver.
     energy_gap
         Difference of the energy between the solve's quadrature and a finer one, relative, if it was measured.
     reason
-        Why the run failed, or the row did not pass, in one sentence.
+        Reason why the run failed or the row did not pass, in one sentence.
     remark
-        What is to be known of the run's answer, judged or not, as a clause; empty if nothing is.
+        Remark on the run's answer, judged or not, as a clause; may be empty.
     """
 
     case: str
@@ -150,17 +150,17 @@ class Row(Model):
 
     @property
     def variant(self) -> str | None:
-        """Name of the variant; None of the question as declared."""
+        """Name of the variant; None for the case as declared."""
         return self.case.partition(VARIANT)[2] or None
 
     @property
     def gated(self) -> bool:
-        """Whether a gate judges it."""
+        """True if a gate judges the row."""
         return self.passed is not None or self.open_finding is not None
 
     @property
     def judged_error(self) -> float | None:
-        """Signed error that a tolerance is held against: relative, or absolute where the tolerance is."""
+        """Signed error that is compared with the tolerance: relative, or absolute if the tolerance is absolute."""
         return self.absolute_error if self.tolerance_is_absolute else self.relative_error
 
     def held_to(self, allowed: Tolerance) -> Row:
@@ -168,16 +168,15 @@ class Row(Model):
         return self.model_copy(update={"tolerance": allowed.largest, "tolerance_is_absolute": allowed.is_absolute})
 
     def judged(self, allowed: Tolerance, ours: bool = False) -> Row:
-        """Return the row held to the tolerance that is frozen for it, with its verdict.
+        """Return the row with its verdict for its frozen tolerance.
 
-        A solver of `ours` has to be as sure as it has to be right: an answer whose stated uncertainty exceeds its
-        tolerance has not passed, whatever its value.
+        A built-in solver (`ours`) also fails if its stated uncertainty exceeds the tolerance.
         """
         row = self.held_to(allowed)
         why_not = row.why_short(row.tolerance) or (row.why_unsure() if ours else None)
         passed: bool | None = why_not is None
         if allowed.open_finding is not None:
-            # What is open of a case may well be right when it is asked otherwise.
+            # An open finding of a case need not apply to its variants.
             easy = self.variant is not None
             passed, why_not = (
                 (None, why_not) if why_not else (easy, None if easy else "it passes, but is an open finding")
@@ -188,7 +187,7 @@ class Row(Model):
         return row.model_copy(update=found)
 
     def why_short(self, tolerance: float | None) -> str | None:
-        """Return why the row falls short of a tolerance, as a clause; None if it holds it."""
+        """Return the reason why the row fails a tolerance, as a clause; None if it passes."""
         error = self.judged_error
         if self.status == NOT_SETTLED:
             return f"it has not settled: {self.reason}"
@@ -207,7 +206,7 @@ class Row(Model):
         return None
 
     def why_unsure(self) -> str | None:
-        """Return why the uncertainty that is stated exceeds the tolerance, as a clause; None if it doesn't."""
+        """Return the reason why the stated uncertainty exceeds the tolerance, as a clause; None if it does not."""
         if self.uncertainty is None or self.tolerance is None or self.reference is None:
             return None
         stated = self.uncertainty if self.tolerance_is_absolute else self.uncertainty / abs(self.reference)
@@ -216,7 +215,7 @@ class Row(Model):
         )
 
     def finding(self) -> Finding:
-        """Say what the accuracy gate makes of a gated row."""
+        """Return the accuracy gate's finding on a gated row."""
         if self.passed is None:
             return Finding(self, "expected failure", f"open finding: {self.open_finding}")
         if not self.passed or self.judged_error is None:
@@ -228,7 +227,7 @@ class Row(Model):
 
 @dataclass(frozen=True)
 class Finding:
-    """What a gate says of one row, in one clause."""
+    """A gate's verdict on one row, in one clause."""
 
     row: Row
     colour: Colour

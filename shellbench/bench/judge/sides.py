@@ -1,7 +1,7 @@
 """The sides of a comparison: the runs of a store or a pack, or of a solver or a commit in a store.
 
-Runs count whatever the code of their solver was: a comparison asks what changed code has changed. Both sides are held
-against today's known values, so a run whose case has changed since is left out.
+Runs of every state of their solver's code count, because a comparison shows the effect of changed code. Both sides are
+compared with today's known values. A run whose case has changed since is therefore left out.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ SHOWN = 8  # letters of a commit
 
 @dataclass(frozen=True)
 class Scope:
-    """What of both sides is compared: names of cases (or paths), suites and solvers; all where none is named."""
+    """Scope of a comparison: names of cases (or paths), suites and solvers; an empty field includes all."""
 
     cases: tuple[str, ...] = ()
     suites: tuple[str, ...] = ()
@@ -47,13 +47,13 @@ class Side:
     Attributes
     ----------
     name
-        What a reader calls it: a folder, a pack, a solver, or the beginning of a commit.
+        Name for readers: a folder, a pack, a solver, or the beginning of a commit.
     rows
         A row for each figure of each run.
     records
         The runs by their name.
     notes
-        One sentence for whatever is left out.
+        One sentence for each omission.
     """
 
     name: str
@@ -72,7 +72,7 @@ def read_sides(one: str, other: str, store: Store, scope: Scope) -> tuple[Side, 
     Raises
     ------
     InputError
-        If a name is none of these or has no runs in the scope, or a solver is held against something else.
+        If a name is unknown or has no runs in the scope, or if a solver is compared with a store, pack or commit.
     """
     kinds = [_kind(name, store) for name in (one, other)]
     if ("solver" in kinds) and kinds != ["solver", "solver"]:
@@ -93,7 +93,7 @@ def read_side(name: str, store: Store, scope: Scope) -> Side:
 
 
 def _kind(name: str, store: Store) -> What:
-    """Return what a name names; InputError if it is nothing that has runs."""
+    """Return the kind of thing that a name refers to; InputError if the name has no runs."""
     bare = os.sep not in name and not name.startswith(".")
     contents = store.read() if bare else Contents(())
     solvers = sorted({record.identity.solver for record in contents.records})
@@ -115,7 +115,7 @@ def _kind(name: str, store: Store) -> What:
 
 
 def _commit(name: str, contents: Contents) -> str | None:
-    """Return the commit that a name means, if a run of the store was made by it."""
+    """Return the commit of a name, if a run of the store was made by it."""
     made = {record.environment.git_sha for record in contents.records if record.environment.git_sha}
     found = {sha for sha in made if COMMIT.fullmatch(name) and sha.startswith(name)}
     if not found and made and (sha := _ask_git(name)) in made:

@@ -1,4 +1,4 @@
-"""Saying what the gates found, and what moving the baseline changes."""
+"""Texts about the results of the gates, and about changes of a moved baseline."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MARKS = {
 def as_text(
     verdict: Verdict, baseline: str, cost: bool = False, verbose: bool = False, regression: bool = False
 ) -> str:
-    """Return what the gates found as text: a line for each gate, and for each row that is not green."""
+    """Return the result of the gates as text: one line for each gate and for each row that is not green."""
     lines = [f"narrowed to {verdict.scope.narrowed}"] if verdict.scope.narrowed else []
     lines += _gate("accuracy", verdict.accuracy, verbose)
     if verdict.baseline:
@@ -40,7 +40,7 @@ def as_text(
 
 
 def in_short(verdict: Verdict) -> str:
-    """Return what the accuracy gate and the lock say, and the verdict."""
+    """Return the results of the accuracy gate and the lock, and the verdict."""
     lines = [*_gate("accuracy", verdict.accuracy, verbose=False), *_lock(verdict.lock)]
     return "\n".join([*lines, "every gate holds" if verdict.good() else "a gate fell short"])
 
@@ -48,7 +48,7 @@ def in_short(verdict: Verdict) -> str:
 def _gate(
     name: str, findings: Sequence[Finding], verbose: bool, judged: bool = True, otherwise: str = "changed"
 ) -> Iterator[str]:
-    marks = MARKS if judged else MARKS | {"red": otherwise}  # what is reported only is no verdict
+    marks = MARKS if judged else MARKS | {"red": otherwise}  # reported rows without a verdict
     counts = {mark: sum(finding.colour == colour for finding in findings) for colour, mark in marks.items()}
     said = ", ".join(f"{count} {mark}" for mark, count in counts.items() if count) or "nothing to compare"
     yield f"{name}{'' if judged else ' (reported only)'}: {said}"
@@ -86,7 +86,7 @@ def _listed(names: Iterable[str]) -> str:
 
 
 def changes(old: Baseline | None, new: Baseline) -> str:
-    """Return how a new baseline differs from the old one, as text."""
+    """Return the differences of a new baseline from the old one as text."""
     known = {(v.case, v.solver, v.quantity, v.at): v for v in (old.values if old else ())}
     lines: list[str] = []
     for value in new.values:

@@ -1,4 +1,4 @@
-"""Solvers and kinds of problem as entry points name them; those of other packages are asked in a child process.
+"""Solvers and kinds of problem from entry points; those of other packages run in a child process.
 
-It may import the protocol, and nothing else of the bench.
+This package may import the protocol, and nothing else of the bench.
 """

@@ -1,4 +1,4 @@
-"""What a solver that is loaded says of itself, as JSON data."""
+"""Facts about a loaded solver, as JSON data."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def facts_of(solver: Solver) -> dict[str, Any]:
 
 
 def _engine(settings: type[Settings]) -> str | None:
-    """Return name and version of the engine that a solver stands on, the default of its setting; None if on none."""
+    """Return name and version of a solver's engine, the default of its setting; None if it has no engine."""
     field = settings.model_fields.get(ENGINE)
     found = field.get_default(call_default_factory=True, validated_data={}) if field else None
     return found if isinstance(found, str) else None
@@ -47,7 +47,7 @@ def _settings(settings: type[Settings]) -> list[dict[str, Any]]:
 
 
 def attributes(cls: type) -> dict[str, str]:
-    """Return by field what the section "Attributes" of a class and of those above it says; its own words win."""
+    """Return the texts of the section "Attributes" by field, of a class and its bases; the class's own texts win."""
     found: dict[str, str] = {}
     for one in reversed(cls.__mro__):
         text = inspect.cleandoc(one.__dict__.get("__doc__") or "")

@@ -1,7 +1,7 @@
-"""Kinds of problem of other packages, for the process that judges: what it has to know of them, as data.
+"""Kinds of problem of other packages, as data for the judging process.
 
-What is asked of solutions is measured where they are made. Here are names, units and digests; figures of such problems
-are drawn as far as they can be drawn of any kind.
+Quantities of their solutions are measured in the process of the solver. This module has names, units and digests.
+Reports show the figures that exist for every kind of problem.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Described(BaseModel):
 
 
 class Told(BaseModel):
-    """Data that describe a problem; see `shellbench.bench.plugins.inside.told`."""
+    """Data that describe a problem; see `shellbench.bench.plugins.inside.problem_facts`."""
 
     model_config = ConfigDict(strict=True)
 
@@ -55,7 +55,7 @@ class Data(BaseModel):
 
 
 class ForeignQuantity(Quantity):
-    """A quantity that is measured elsewhere."""
+    """A quantity that another process measures."""
 
     kind: str = ""
     stated_mark: float | None = None
@@ -63,7 +63,7 @@ class ForeignQuantity(Quantity):
 
     @property
     def is_an_error(self) -> bool:  # type: ignore[override] # of each quantity, for there is one class for all
-        """True if its value is an error already."""
+        """True if its value is itself an error."""
         return self.stated_error
 
     @property
@@ -73,7 +73,7 @@ class ForeignQuantity(Quantity):
 
 
 class ForeignProblem(Problem):
-    """A problem of a kind that is loaded elsewhere; a kind has a class of its own, with its theories."""
+    """A problem of a kind that is loaded in another process; each kind has its own class, with its theories."""
 
     entry: ClassVar[SolverEntry]
 
@@ -90,12 +90,12 @@ class ForeignProblem(Problem):
     def model_validate(cls, obj: Any, **_: Any) -> Self:
         """Make a problem again of its data."""
         data = dict(obj)
-        told = outsider("kind", cls.entry).ask(Told, "again", data)
+        told = outsider("kind", cls.entry).ask(Told, "rebuild", data)
         return cls._of(told, str(data.get("name", "")), data, f"problem of kind '{cls.entry.name}'")
 
     @classmethod
     def _of(cls, told: Told, name: str, data: Mapping[str, Any], where: str) -> Self:
-        # What judges is taken from the file itself: names of the case and known values.
+        # Name and known values are taken from the file itself, because they judge.
         quantities = [
             one | {"stated_mark": one.pop("mark", None), "stated_error": one.pop("is_an_error", False)}
             for one in map(dict, told.quantities)
@@ -114,7 +114,7 @@ class ForeignProblem(Problem):
         return tuple(self._told.states)
 
     def mark_words(self, mark: float) -> str:
-        """Return what a mark means."""
+        """Return the words for a mark."""
         return self._told.marks.get(repr(float(mark)), super().mark_words(mark))
 
     def digest(self) -> str:
@@ -122,11 +122,11 @@ class ForeignProblem(Problem):
         return self._told.digest
 
     def data(self) -> dict[str, Any]:
-        """Return the problem as JSON data from which it can be made again."""
+        """Return the problem as JSON data from which it can be rebuilt."""
         return self._told.data
 
     def shown(self) -> dict[str, Any]:
-        """Return the problem's data as far as a reader looks at them."""
+        """Return the data of the problem that readers see."""
         return self._told.shown
 
 
@@ -151,13 +151,13 @@ def kind(entry: SolverEntry) -> Kind:
 def sample(solution: Any, resolution: int, at: float | None, title: str) -> Sample:
     """Refuse to sample a solution.
 
-    Where it can be loaded, `shellbench.bench.plugins.outside.AskedSolver.sample` samples it.
+    Its own process samples it, see `shellbench.bench.plugins.outside.AskedSolver.sample`.
     """
     raise InputError(f"{title}: only a solver of another package answers this kind of problem")
 
 
 def variant(entry: SolverEntry, name: str) -> Callable[[Problem], dict[str, Any]]:
-    """Return what makes the data of a variant."""
+    """Return the function that makes the data of a variant."""
     return partial(_variant, entry, name)
 
 

@@ -1,14 +1,17 @@
-"""A process in which code of others is loaded and asked, so that the process that judges never has to.
+"""A process that loads code of other packages, so that the judging process never loads it.
 
-It answers on a line (`shellbench.bench.plugins.line`) until the other end hangs up. What it is asked of a solver:
+It answers on a line (`shellbench.bench.plugins.line`) until the other end closes. The methods of a solver are:
 
-- ``describe``: what it says of itself; ``settings``: whether it takes some, and what they are; ``declines``: why it
-  can't take a problem; ``sample``: a stored solution on a grid.
+- ``describe``: its description of itself;
+- ``settings``: the checked settings;
+- ``declines``: the reason why it can't take a problem;
+- ``sample``: a stored solution on a grid.
 
-And of a kind of problem:
+The methods of a kind of problem are:
 
-- ``describe``: what it says of itself; ``build`` and ``again``: a problem of a file, or of a record; ``variant``: the
-  data of one.
+- ``describe``: its description of itself;
+- ``build`` and ``rebuild``: a problem from a file, or from a record;
+- ``variant``: the data of a variant.
 """
 
 from __future__ import annotations
@@ -37,9 +40,9 @@ LARGEST_OUTPUT = 1 << 30  # bytes that it may write into a file
 
 
 def serve(descriptor: str, load: Callable[[], Any]) -> None:
-    """Load what is to be asked, and answer on the line with this descriptor until the other end hangs up.
+    """Load the solver or kind, and answer on the line with this descriptor until the other end closes.
 
-    Questions are (number, method, arguments); answers (number, "ok", result), or how it was refused, in words.
+    Questions are (number, method, arguments). Answers are (number, "ok", result), or the reason of the refusal.
     """
     line = Line(socket.socket(fileno=int(descriptor)))
     kinds.load_here()
@@ -54,11 +57,11 @@ def serve(descriptor: str, load: Callable[[], Any]) -> None:
         try:
             line.send((number, *reply))
         except (TypeError, ValueError) as error:
-            line.send((number, "raised", said(error)))
+            line.send((number, "raised", error_line(error)))
 
 
 def answer(operation: Callable[..., Any], arguments: Any) -> tuple[str, Any]:
-    """Do one thing and return how it ended."""
+    """Execute one method and return its status and result."""
     try:
         return "ok", operation(*arguments)
     except InputError as error:
@@ -66,32 +69,32 @@ def answer(operation: Callable[..., Any], arguments: Any) -> tuple[str, Any]:
     except SolveFailure as error:
         return "failed", " ".join(str(error).split())
     except KeyError as error:
-        return "unknown", said(error)
+        return "unknown", error_line(error)
     except BaseException as error:
-        return "raised", said(error)
+        return "raised", error_line(error)
 
 
-def said(error: BaseException) -> str:
-    """Say what was raised on one line."""
+def error_line(error: BaseException) -> str:
+    """Return the error as one line."""
     words = " ".join(str(error).split())
     return f"{type(error).__name__}: {words}"[:300] if words else type(error).__name__
 
 
 def modules() -> list[str]:
-    """Return the files of the modules that have been imported so far, without those of Python itself."""
+    """Return the files of the modules imported so far, without those of Python itself."""
     found = {str(getattr(module, "__file__", None)) for module in list(sys.modules.values())}
     python = sysconfig.get_path("stdlib")
     return sorted(f for f in found if f.endswith(".py") and (not f.startswith(python) or "site-packages" in f))
 
 
 class AskedSolver:
-    """Answers to what is asked of a solver."""
+    """Methods of a solver."""
 
     def __init__(self, solver: Solver) -> None:
         self.solver = solver
 
     def describe(self) -> dict[str, Any]:
-        """Return what it says of itself."""
+        """Return the solver's description of itself."""
         return facts_of(self.solver)
 
     def settings(self, overrides: Mapping[str, Any], seed: int, device: str) -> dict[str, Any]:
@@ -116,13 +119,13 @@ class AskedSolver:
 
 
 class AskedKind:
-    """Answers to what is asked of a kind of problem."""
+    """Methods of a kind of problem."""
 
     def __init__(self, name: str) -> None:
         self.kind: Kind = kinds.find_kind(name)
 
     def describe(self) -> dict[str, Any]:
-        """Return what it says of itself."""
+        """Return the kind's description of itself."""
         kind = self.kind
         return {
             "theories": list(kind.theories),
@@ -135,13 +138,13 @@ class AskedKind:
         }
 
     def build(self, data: Mapping[str, Any], name: str, where: str) -> dict[str, Any]:
-        """Return what is known of a problem of a file; InputError if it is malformed."""
-        return told(self.kind.problem.build(data, name, where))
+        """Return the facts about a problem from a file; InputError if it is malformed."""
+        return problem_facts(self.kind.problem.build(data, name, where))
 
-    def again(self, data: Mapping[str, Any]) -> dict[str, Any]:
-        """Return what is known of a problem of a record; InputError if it is malformed."""
+    def rebuild(self, data: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the facts about a problem from a record; InputError if it is malformed."""
         try:
-            return told(self.kind.problem.model_validate(data))
+            return problem_facts(self.kind.problem.model_validate(data))
         except ValidationError as error:
             raise InputError(one_sentence(error, data)) from None
 
@@ -150,8 +153,8 @@ class AskedKind:
         return self.kind.variants[name].make(self.kind.problem.model_validate(data))
 
 
-def told(problem: Problem) -> dict[str, Any]:
-    """Return what the process that judges has to know of a problem."""
+def problem_facts(problem: Problem) -> dict[str, Any]:
+    """Return the facts about a problem that the judging process needs."""
     names = ("name", "unit", "description", "primary", "at", "factor", "absolute", "tolerance", "open_finding")
     return {
         "fields": {name: getattr(problem, name) for name in ("name", "kind", "title", "description", "units", "theory")}

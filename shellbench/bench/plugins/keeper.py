@@ -1,9 +1,9 @@
-"""The parent of a program that runs code of others: it ends with the program, and no process of it outlives either.
+"""The parent of a program that runs code of others: it ends with the program and leaves no process behind.
 
-It forks. The child becomes the program, in a session of its own, so that what the program does to its process group
-or to its parent does not reach shellbench. The parent keeps it: processes that the program's own processes leave
-behind become the keeper's (on Linux, as a subreaper), whatever sessions they have opened. The keeper kills them all
-as soon as the program has ended, or nobody holds the other end of its lifeline any more, and ends as the program did.
+It forks. The child becomes the program, in its own session. Actions of the program on its process group or its parent
+therefore do not reach shellbench. The parent is the keeper. Orphans of the program's processes become its children (on
+Linux, as a subreaper), in whatever session they are. The keeper kills them all as soon as the program has ended, or the
+other end of its lifeline is closed. It exits with the program's status.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import time
 
 SUBREAPER, DEATH_SIGNAL = 36, 1  # of prctl
 PATIENCE = 10.0  # seconds in which all processes of a tree can be killed, however fast they fork
-PAUSE = 0.005  # seconds between two looks at what is left
-LOOK = 1.0  # seconds between two looks at a program that may have ended without a word
+PAUSE = 0.005  # seconds between two checks of the remaining processes
+LOOK = 1.0  # seconds between two checks of a program that may have ended silently
 DEAF_TO = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGUSR1, signal.SIGUSR2, signal.SIGALRM, signal.SIGPIPE)
 
 
@@ -49,21 +49,21 @@ def descendants() -> set[int]:
 
 
 def end_descendants(spared: frozenset[int] | set[int] = frozenset()) -> None:
-    """Kill all processes below this one but for `spared`, until there are none."""
+    """Kill all processes below this one, except `spared`, until there are none."""
     began = time.monotonic()
     while (left := descendants() - spared) and time.monotonic() - began < PATIENCE:
-        for number in (signal.SIGSTOP, signal.SIGKILL):  # what is stopped forks no more
+        for number in (signal.SIGSTOP, signal.SIGKILL):  # stopped processes can't fork
             for pid in left:
                 with contextlib.suppress(OSError):
                     os.kill(pid, number)
         for pid in left:
-            with contextlib.suppress(OSError):  # not our own child, yet
+            with contextlib.suppress(OSError):  # not yet a child of this process
                 os.waitpid(pid, os.WNOHANG)
         time.sleep(PAUSE)
 
 
 def main() -> None:
-    """Run a module, the third argument and on, as a program that is kept; the second is the lifeline's descriptor."""
+    """Run a module, from the third argument on, as a kept program; the second argument is the lifeline's descriptor."""
     lifeline = int(sys.argv[1])
     adopt()
     program = os.fork()
@@ -77,7 +77,7 @@ def main() -> None:
 
 
 def keep(program: int, lifeline: int) -> None:
-    """Wait until a program has ended or the lifeline is cut, kill what is left, and end as the program did."""
+    """Wait until a program has ended or the lifeline is cut, kill its remaining processes, and exit with its status."""
     woken, wake = os.pipe()
     os.set_blocking(wake, False)
     signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
@@ -86,7 +86,7 @@ def keep(program: int, lifeline: int) -> None:
         signal.signal(number, signal.SIG_IGN)
     kept = sorted({lifeline, woken, wake})
     for first, last in zip([-1, *kept], [*kept, os.sysconf("SC_OPEN_MAX")], strict=True):
-        os.closerange(first + 1, last)  # the streams are the program's: who reads them hears when it has closed them
+        os.closerange(first + 1, last)  # the streams belong to the program: their readers detect when it closes them
     status = None
     while True:
         with contextlib.suppress(ChildProcessError):

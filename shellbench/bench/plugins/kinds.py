@@ -18,14 +18,14 @@ GROUP = "shellbench.problems"
 DEFAULT = "shell"
 
 
-@cache  # as `find_kind`: what is installed is looked for once
+@cache  # cached, as `find_kind`: the installed packages do not change
 def kind_entries() -> dict[str, SolverEntry]:
-    """Return where the kinds are, by name."""
+    """Return the entry points of the kinds, by name."""
     return registered(GROUP, "kind of problem")
 
 
 def load_here() -> None:
-    """Have this process load kinds of other packages: one that runs their solvers, and judges nothing."""
+    """Let this process load kinds of other packages; it must run their solvers and judge nothing."""
     _LOADED_HERE.append(True)
 
 
@@ -45,7 +45,7 @@ def find_kind(name: str) -> Kind:
     if name not in entries:
         raise InputError(f"field 'kind': found {name!r}, but it must be {' or '.join(map(repr, entries))}")
     if not entries[name].own and not _LOADED_HERE:
-        # By a name that is put together: what stands in for a kind measures nothing, and is no part of its digest.
+        # The name is computed, because the stand-in of a kind measures nothing and must not be part of its digest.
         stand_in: Kind = import_module(f"{__package__}.foreign").kind(entries[name])
         return stand_in
     module, _, attribute = entries[name].target.partition(":")
@@ -62,13 +62,13 @@ def kinds_of_theories(theories: Iterable[str]) -> tuple[str, ...]:
     """Return the names of the kinds whose problems can ask for one of these theories; the default's if none can."""
     asked, entries = set(theories), kind_entries()
     ours = {theory for name, entry in entries.items() if entry.own for theory in find_kind(name).theories}
-    # a kind of another package is looked into only for theories that none of ours has
+    # a kind of another package is loaded only for theories that no built-in kind has
     looked_into = [name for name, entry in entries.items() if entry.own or asked - ours]
     return tuple(name for name in looked_into if asked & set(find_kind(name).theories)) or (DEFAULT,)
 
 
 def headline_of(name: str, unit: str) -> str:
-    """Return what the headline quantities of a kind in this unit are; in general words if it is not known here."""
+    """Return the name of a kind's headline quantities in this unit; a general one if the kind is not installed."""
     try:
         kind = find_kind(name or DEFAULT)
         return kind.headlines.get(unit, kind.headline)
@@ -87,13 +87,13 @@ def kind_of(data: Mapping[str, Any]) -> Kind:
 
 
 def module_of(kind: str) -> str:
-    """Return the module of a kind: what it imports decides what a record keeps of a solution."""
+    """Return the module of a kind: its code determines the content of records."""
     entry = kind_entries().get(kind)
     return entry.module if entry else ""
 
 
 def read_problem(path: Path) -> Problem:
-    """Read and check a case file of whatever kind; InputError in one sentence."""
+    """Read and check a case file of any kind; InputError in one sentence."""
     data = read_toml(path)
     try:
         kind = kind_of(data)
@@ -103,7 +103,7 @@ def read_problem(path: Path) -> Problem:
 
 
 def problem_of(data: Mapping[str, Any]) -> Problem:
-    """Make a problem again of `Problem.data`.
+    """Rebuild a problem from `Problem.data`.
 
     Raises
     ------

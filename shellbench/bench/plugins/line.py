@@ -1,6 +1,6 @@
 """A line between two processes, of which one runs code of others: JSON with arrays, and never anything executable.
 
-Each message has its length before it. Whoever waits looks now and then whether the other end has had its time.
+Each message follows its length. The waiting end checks regularly if the other end has used up its time.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ import numpy as np
 HEADER = struct.Struct("<Q")
 LONGEST = 1 << 30  # bytes of a message
 CHUNK = 1 << 20
-LOOK = 0.2  # seconds between two looks
+LOOK = 0.2  # seconds between two checks
 ARRAY = "$array"
 PLAIN = re.compile(r"[<>|=]?(b1|[iu][1248]|f(2|4|8|16)|c(8|16|32)|[SU]\d{1,9})")  # types of numbers and of text
 
 Look = Callable[[], None]  # raises to stop the wait
 
 
-def endless() -> None:
+def wait_without_limit() -> None:
     """Wait on."""
 
 
@@ -39,22 +39,22 @@ class Line:
 
     @property
     def closed(self) -> bool:
-        """Whether this end has been closed."""
+        """True if this end has been closed."""
         return self.end.fileno() < 0
 
     def close(self) -> None:
         """Close this end."""
         self.end.close()
 
-    def send(self, message: Any, look: Look = endless) -> None:
+    def send(self, message: Any, look: Look = wait_without_limit) -> None:
         """Send JSON data and arrays.
 
         Raises
         ------
         TypeError, ValueError
-            If the message has anything else in it.
+            If the message contains other data.
         OSError
-            If nobody is at the other end.
+            If the other end is closed.
         """
         data = json.dumps(message, default=_coded).encode()
         left = memoryview(HEADER.pack(len(data)) + data)
@@ -62,15 +62,15 @@ class Line:
             self._wait(select.POLLOUT, look)
             left = left[self.end.send(left[:CHUNK]) :]
 
-    def receive(self, look: Look = endless) -> Any:
+    def receive(self, look: Look = wait_without_limit) -> Any:
         """Return the next message.
 
         Raises
         ------
         EOFError, OSError
-            If nobody is at the other end.
+            If the other end is closed.
         ValueError
-            If what came is no message.
+            If the received data are no message.
         """
         (size,) = HEADER.unpack(self._exactly(HEADER.size, look))
         if size > LONGEST:

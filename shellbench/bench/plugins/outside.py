@@ -1,9 +1,8 @@
-"""Solvers and kinds of problem of other packages, asked in a process of their own; ours are asked in this one.
+"""Solvers and kinds of problem of other packages run in their own processes; built-in ones run in this process.
 
-What loads them here could end this process, hang it, or change how it judges. So a child loads them
-(`shellbench.bench.plugins.inside`), with a limit, and answers in JSON. Its answers are kept, as long as the files of
-the package, those that the child has imported, and the folders that Python looks into stay what they are. Failures are
-not kept.
+Their code could end this process, hang it, or change its judgement. A child process with a limit therefore loads them
+(`shellbench.bench.plugins.inside`), and answers in JSON. Its answers are cached until one of these changes: the files
+of the package, the files that the child has imported, or the folders in Python's search path. Failures are not cached.
 """
 
 from __future__ import annotations
@@ -34,10 +33,10 @@ from shellbench.problem import Capabilities, Device, Problem, SeededSettings, Se
 from shellbench.protocol.sample import Sample
 from shellbench.protocol.schema import one_sentence
 
-SECONDS = 60.0  # in which it has to be imported, and to answer each question
-MEMORY = 8e9  # bytes that it may take for that
-MOST_FILES = 20000  # of a package, of which it is looked at whether they have changed
-REFUSE = ("settings", "build", "again", "variant", "sample")  # questions that may be refused, for what they ask about
+SECONDS = 60.0  # limit in seconds for the import, and for each answer
+MEMORY = 8e9  # limit of memory in bytes
+MOST_FILES = 20000  # largest number of a package's files that are checked for changes
+REFUSE = ("settings", "build", "rebuild", "variant", "sample")  # questions whose arguments may be refused
 MOST_WORDS = 300  # letters of a reason
 
 T = TypeVar("T", bound=BaseModel)
@@ -66,7 +65,7 @@ class Refusal(BaseModel):
 
 
 class KnownSettings(Settings):
-    """Settings whose class only their solver knows, as data."""
+    """Settings as data; only their solver knows their class."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -79,14 +78,14 @@ class KnownSeededSettings(SeededSettings):
 
 @dataclass
 class Outsider:
-    """A solver or kind of another package, asked from outside.
+    """A solver or kind of another package in its own process.
 
     Attributes
     ----------
     what
         "solver" or "kind".
     answers, places
-        Answers that are kept, and the files and folders on which they depend, as they look.
+        Cached answers, and the marks of files and folders on which they depend.
     """
 
     what: str
@@ -103,14 +102,14 @@ class Outsider:
         return f"{noun} can't be used"
 
     def ask(self, answer: type[T], operation: str, *arguments: Any) -> T:
-        """Return the answer to a question, of such a form.
+        """Return the answer to a question, in the given form.
 
         Raises
         ------
         InputError
-            If it refuses what it is asked about.
+            If it refuses the arguments.
         PluginError
-            In one sentence that names it and says what it did, if it does not answer.
+            In one sentence with its name and its failure, if it does not answer.
         """
         plain = json.loads(json.dumps(arguments, default=str))  # a date of TOML is a text here
         key = hashlib.sha256(json.dumps([operation, plain], sort_keys=True).encode()).hexdigest()
@@ -128,8 +127,8 @@ class Outsider:
         return found
 
     def call(self, operation: str, *arguments: Any) -> Any:
-        """Return whatever it answers; see `ask`."""
-        if self.trouble:  # it is not waited for again
+        """Return the answer in any form; see `ask`."""
+        if self.trouble:  # do not wait for it again
             raise PluginError(self.trouble)
         try:
             if self.subject is None or not self.subject.alive:
@@ -146,15 +145,15 @@ class Outsider:
             subject = Subject.start(
                 "shellbench.bench.plugins.inside", self.what, entry.name, entry.target, seconds=SECONDS, memory=memory
             )
-        except Refused as refusal:  # it says itself what can't be used
+        except Refused as refusal:  # the solver itself reports unusable settings
             words = str(refusal).removeprefix("the import refused: ").removeprefix(f"{self.name}: ")
             raise self.failed(words) from None
         imported = subject.greeting if isinstance(subject.greeting, list) else []
-        self.places |= looks(map(str, imported[:MOST_FILES]))
+        self.places |= marks_of_places(map(str, imported[:MOST_FILES]))
         return subject
 
     def failed(self, words: str) -> PluginError:
-        """Return the error that says what it did, here and whenever it is asked again."""
+        """Return the error of its failure, and repeat it for later questions."""
         self.trouble = f"{self.name}: {one_line(words)}"
         return PluginError(self.trouble)
 
@@ -164,20 +163,20 @@ class Outsider:
         key = (self.what, entry.name, entry.target, entry.distribution, entry.version, sys.prefix, sys.version)
         return f"plugins/{hashlib.sha256(repr(key).encode()).hexdigest()}.json"
 
-    def recall(self) -> None:
-        """Take over what is kept, if it is of these very files."""
-        self.places = looks((*package_files(self.entry), *sys.path))
+    def load_cached(self) -> None:
+        """Load the cached answers if they belong to the present files."""
+        self.places = marks_of_places((*package_files(self.entry), *sys.path))
         match read_cache(self._cached_as):
             case {"places": dict(places), "answers": dict(answers)}:
-                if places == looks(places) and self.places.items() <= places.items():
+                if places == marks_of_places(places) and self.places.items() <= places.items():
                     self.places, self.answers = dict(places), dict(answers)
 
     def _keep(self) -> None:
-        if len(self.places) <= 2 * MOST_FILES and looks(self.places) == self.places:
+        if len(self.places) <= 2 * MOST_FILES and marks_of_places(self.places) == self.places:
             write_cache(self._cached_as, {"places": self.places, "answers": self.answers})
 
 
-def looks(places: Iterable[str]) -> dict[str, Any]:
+def marks_of_places(places: Iterable[str]) -> dict[str, Any]:
     """Return a mark of each place, by its path; it changes when the file, or the names in the folder, change.
 
     A folder's time and hidden names do not count: tools and Python keep caches there.
@@ -209,22 +208,22 @@ def package_files(entry: SolverEntry) -> list[str]:
 
 
 def one_line(words: str) -> str:
-    """Return words of others on one line that a terminal can be shown."""
+    """Return text of others as one line that is safe for a terminal."""
     line = " ".join(words.split())
     return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in line)[:MOST_WORDS]
 
 
 @cache
 def outsider(what: str, entry: SolverEntry) -> Outsider:
-    """Return what another package registers, with what is kept of its answers."""
+    """Return the handle of another package's entry, with its stored answers."""
     found = Outsider(what, entry)
-    found.recall()
+    found.load_cached()
     return found
 
 
 @dataclass(frozen=True)
 class AskedSolver:
-    """A solver of another package, for all that is asked of it but solutions."""
+    """A solver of another package, for all of its methods except solutions."""
 
     entry: SolverEntry
     facts: Facts
@@ -242,7 +241,7 @@ class AskedSolver:
 
     @property
     def uses_start(self) -> bool:
-        """True if it goes on from an earlier solution."""
+        """True if it can continue an earlier solution."""
         return self.facts.uses_start
 
     def settings(self, overrides: Mapping[str, Any], seed: int, device: str) -> Settings:
@@ -251,13 +250,13 @@ class AskedSolver:
         return outsider("solver", self.entry).ask(kind, "settings", dict(overrides), seed, device)
 
     def declines(self, case: Problem) -> str | None:
-        """Return why it can't take a problem, or None."""
+        """Return the reason why the solver can't take a problem, or None if it can."""
         data = {**case.data(), "name": case.name}
         reason = outsider("solver", self.entry).ask(Refusal, "declines", data).reason
         return None if reason is None else one_line(reason)
 
     def sample(self, kind: str, file: Path, resolution: int, at: float | None, title: str) -> Sample:
-        """Return a stored solution of a kind of problem on a grid of so many points a side."""
+        """Return a stored solution of a kind of problem on a grid with `points` points a side."""
         plugin = outsider("solver", self.entry)
         told = plugin.call("sample", kind, str(file.resolve()), resolution, at, title)
         try:
@@ -267,15 +266,15 @@ class AskedSolver:
             raise plugin.failed(f"sample answers what is no sample: {error}") from None
 
 
-def asked(entry: SolverEntry) -> Solver | AskedSolver:
-    """Return a solver that can be asked: one of ours itself.
+def resolve_solver(entry: SolverEntry) -> Solver | AskedSolver:
+    """Return a built-in solver, or the stand-in of one of another package.
 
     Raises
     ------
     InputError
-        If it is one of ours, and can't be imported.
+        If it is built in and can't be imported.
     PluginError
-        If it is another's, and does not answer.
+        If it is another package's and does not answer.
     """
     if registry.loads_here(entry):
         return load_solver(entry)
@@ -289,14 +288,14 @@ def settings_of(solver: Solver | AskedSolver, overrides: Mapping[str, Any], seed
     return make_settings(solver, overrides, seed, device)
 
 
-def described(entry: SolverEntry) -> dict[str, Any]:
-    """Return what a solver says of itself; raises as `asked`."""
-    found = asked(entry)
+def describe_solver(entry: SolverEntry) -> dict[str, Any]:
+    """Return a solver's description of itself; raises as `asked`."""
+    found = resolve_solver(entry)
     return found.facts.model_dump() if isinstance(found, AskedSolver) else facts_of(found)
 
 
 def declines(solver: Solver | AskedSolver, case: Problem) -> str | None:
-    """Return why a solver can't take a case, or None if it can."""
+    """Return the reason why a solver can't take a case, or None if it can."""
     if case.theory not in solver.capabilities.theories:
         return f"it does not solve {case.theory}"
     return solver.declines(case) if isinstance(solver, AskedSolver) else why_declined(solver, case)

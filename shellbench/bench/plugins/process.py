@@ -1,4 +1,4 @@
-"""Processes in which solvers live, and the other end of a fork server: start it, give it tasks, hear what it says."""
+"""Processes of solvers, and the client of a fork server: start it, send tasks, receive events."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ import psutil
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 READ = 65536  # bytes at once
 COMPUTES = 0.05  # share of one processor from which a process counts as computing, and not as waiting for something
-# What the C library (glibc; others ignore it) keeps of memory that is freed, bytes: arrays come and go, and a tenth of
-# a large solve would pass in having the same pages cleared again. The most memory that is in use stays what it is.
+# Freed memory that the C library (glibc; others ignore it) keeps, bytes. Arrays are allocated often, and a tenth of
+# a large solve would be spent on clearing the same pages again. The peak memory is unchanged.
 KEPT_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(32 << 20), "MALLOC_TRIM_THRESHOLD_": str(256 << 20)}
 PATIENCE = 15.0  # seconds in which a keeper ends its program, before it is killed itself
 STARTING = 120.0  # seconds in which a server has imported its solver
-MOST_KEPT = 65536  # bytes of what a process wrote, in which its last line is looked for
+MOST_KEPT = 65536  # bytes at the end of the output, in which the last line is searched
 LONGEST_EVENT = 65536  # bytes
-MOST_WAITED = 20.0  # times the limit by the clock, that a process may compute for on the busiest machine
+MOST_WAITED = 20.0  # largest wall time of a computing process on a busy machine, as a multiple of the limit
 
 
-def worked(pid: int | None) -> float:
-    """Return the seconds of processor time that a process and its children have had; 0 of one that is no more."""
+def cpu_time(pid: int | None) -> float:
+    """Return the processor time, s, of a process and its children; 0 if it has ended."""
     total = 0.0
     with contextlib.suppress(psutil.Error):
         if pid is not None:
             process = psutil.Process(pid)
-            total = sum(process.cpu_times()[:4])  # user and system, its own and that of children that have ended
+            total = sum(process.cpu_times()[:4])  # user and system time, of the process and of its ended children
             for child in process.children(recursive=True):
                 with contextlib.suppress(psutil.Error):
                     total += sum(child.cpu_times()[:4])
@@ -42,10 +42,10 @@ def worked(pid: int | None) -> float:
 
 
 def is_overdue(limit: float, waited: float, had: float) -> bool:
-    """Whether a process has had its time, in seconds: a limit, what the clock says, and its processor time.
+    """Return True if a process has used up its time, in seconds: limit, wall time and processor time.
 
-    What others do on a machine must not decide who is stopped. So a process that computes has its limit of processor
-    time, however long that takes. One that hangs computes nothing: for it the clock counts.
+    The load of a machine must not decide which process is stopped. A computing process therefore has its limit in
+    processor time. A hanging process uses no processor time, so its limit is in wall time.
     """
     if waited < limit:
         return False
@@ -54,10 +54,9 @@ def is_overdue(limit: float, waited: float, had: float) -> bool:
 
 @dataclass
 class SolverProcess:
-    """A program of ours in a Python of its own, which an interrupt from the terminal does not reach.
+    """A program of shellbench in its own Python process, which an interrupt from the terminal does not reach.
 
-    Its process is that of the program's keeper (`shellbench.bench.plugins.keeper`), which lives no longer than
-    `lifeline`.
+    Its process is that of the program's keeper (`shellbench.bench.plugins.keeper`), which ends with `lifeline`.
     """
 
     process: subprocess.Popen[bytes]
@@ -66,9 +65,9 @@ class SolverProcess:
 
     @classmethod
     def start(cls, module: str, *arguments: str, threads: int, **streams: Any) -> SolverProcess:
-        """Start a module with arguments; what it writes is kept, but for `streams`, those of `subprocess.Popen`."""
+        """Start a module with arguments; its output is kept, except for `streams`, as in `subprocess.Popen`."""
         limits = dict.fromkeys(THREAD_LIMITS, str(threads))
-        waiting = {"OMP_WAIT_POLICY": "passive"}  # threads that spin would slow the runs beside them
+        waiting = {"OMP_WAIT_POLICY": "passive"}  # spinning threads would slow other runs
         path = os.pathsep.join(p or os.curdir for p in sys.path)
         errors = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
         held, lifeline = os.pipe()
@@ -78,7 +77,7 @@ class SolverProcess:
                 stdout=streams.pop("stdout", errors),
                 stderr=errors,
                 env={**KEPT_MEMORY, **os.environ, **limits, **waiting, "PYTHONPATH": path},
-                start_new_session=True,  # an interrupt from the terminal is for us; we end it ourselves
+                start_new_session=True,  # only this process gets interrupts from the terminal, and it ends the program
                 pass_fds=(held, *streams.pop("pass_fds", ())),
                 **streams,
             )
@@ -87,13 +86,13 @@ class SolverProcess:
         return cls(process, errors, lifeline)
 
     def end(self) -> None:
-        """Kill it and all that it has started."""
+        """Kill it and all processes that it has started."""
         if self.lifeline >= 0:
             os.close(self.lifeline)
             self.lifeline = -1
         try:
             self.process.wait(PATIENCE)
-        except subprocess.TimeoutExpired:  # somebody has stopped the keeper
+        except subprocess.TimeoutExpired:  # the keeper was stopped
             self.process.kill()
             self.process.wait()
         for stream in (self.process.stdin, self.process.stdout, self.errors):
@@ -140,11 +139,11 @@ class ServerProcess:
     solver
         Name of the solver.
     run_pid
-        Process of the run that goes on; None between runs.
+        Process of the current run; None between runs.
     ready
-        Whether it has imported its solver.
+        True once it has imported its solver.
     hung
-        Whether it was ended, as it did not do so in time, or talked nonsense meanwhile.
+        True if it was killed, because it did not import in time or wrote invalid output.
     """
 
     solver: str
@@ -156,7 +155,7 @@ class ServerProcess:
 
     @classmethod
     def start(cls, solver: str, target: str, threads: int) -> ServerProcess:
-        """Start a server whose runs have so many threads; it needs a moment until it says ``ready``."""
+        """Start a server whose runs have `threads_each` threads; it sends ``ready`` after its imports."""
         streams = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
         server = SolverProcess.start("shellbench.bench.run.server", target, threads=threads, **streams)
         assert server.process.stdout is not None
@@ -169,12 +168,12 @@ class ServerProcess:
         return self.server.process
 
     def fileno(self) -> int:
-        """Return what to select on."""
+        """Return the file descriptor to select on."""
         assert self.process.stdout is not None
         return self.process.stdout.fileno()
 
-    def give(self, folder: Path) -> bool:
-        """Have the task of a folder done; False if the server has died."""
+    def send_task(self, folder: Path) -> bool:
+        """Send the task of a folder; return False if the server has died."""
         assert self.process.stdin is not None
         try:
             self.process.stdin.write(json.dumps(str(folder.resolve())).encode() + b"\n")
@@ -183,11 +182,11 @@ class ServerProcess:
             return False
         return True
 
-    def hear(self) -> list[dict[str, Any]]:
-        """Return the events that have come in; one ``{"event": "died"}`` if the server is no more.
+    def read_events(self) -> list[dict[str, Any]]:
+        """Return the new events; one ``{"event": "died"}`` if the server has ended.
 
-        The run that goes on has the stream, too. Where it wrote anything else to it, the last event is "garbled": after
-        that nothing that the server says can be told from what the run does.
+        The current run shares the stream. If the run wrote to it, the last event is "garbled": after that, events of
+        the server can't be distinguished from output of the run.
         """
         try:
             chunk = os.read(self.fileno(), READ)
@@ -207,12 +206,12 @@ class ServerProcess:
             self.ready = self.ready or event["event"] == "ready"
         return events if chunk else [*events, {"event": "died"}]
 
-    def worked(self) -> float:
-        """Return the seconds of processor time of the run that goes on."""
-        return worked(self.run_pid)
+    def cpu_time(self) -> float:
+        """Return the processor time of the current run, s."""
+        return cpu_time(self.run_pid)
 
     def kill_run(self) -> None:
-        """Kill the run that goes on, and all that it started; the server says ``ended``."""
+        """Kill the current run and all processes that it started; the server sends ``ended``."""
         if self.run_pid is not None:
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.killpg(self.run_pid, signal.SIGKILL)

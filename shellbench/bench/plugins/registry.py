@@ -1,7 +1,7 @@
 """Solvers by name, found through the entry-point group ``shellbench.solvers``.
 
 Nothing is imported until a solver is asked for: entry points are text in the metadata of installed packages.
-A plug-in registers like our own solvers do::
+A plug-in registers in the same way as built-in solvers::
 
     [project.entry-points."shellbench.solvers"]
     mine = "my_package.solver:MySolver"
@@ -22,7 +22,7 @@ from shellbench.problem import Solver
 from shellbench.protocol.spelling import did_you_mean
 
 GROUP = "shellbench.solvers"
-OWN = "shellbench"  # our package and our distribution
+OWN = "shellbench"  # shellbench's package and distribution
 PARTS = ("name", "capabilities", "settings_type", "declines", "solve", "load")
 
 
@@ -35,7 +35,7 @@ class SolverEntry:
     name
         Name on the command line and in records.
     target
-        Where it is, ``module:attribute``.
+        Its place, ``module:attribute``.
     distribution, version
         The installed package that registers it.
     """
@@ -52,7 +52,7 @@ class SolverEntry:
 
     @property
     def own(self) -> bool:
-        """Whether it is one of ours, and no plug-in."""
+        """True for a solver of shellbench itself, False for a plug-in."""
         return self.module.partition(".")[0] == OWN and self.distribution in ("", OWN)
 
 
@@ -68,9 +68,9 @@ def solver_entries() -> dict[str, SolverEntry]:
 
 
 def registered(group: str, what: str) -> dict[str, SolverEntry]:
-    """Return all that is registered in a group of entry points, by name; InputError as `solver_entries`."""
+    """Return all entries of a group of entry points, by name; InputError as `solver_entries`."""
     entries: dict[str, SolverEntry] = {}
-    named: dict[Distribution | None, tuple[str, str]] = {}  # each question reads the package's metadata anew
+    named: dict[Distribution | None, tuple[str, str]] = {}  # each access reads the package's metadata again
     for point in entry_points(group=group):
         if point.dist not in named:
             named[point.dist] = (str(point.dist.name), str(point.dist.version)) if point.dist else ("", "")
@@ -94,7 +94,7 @@ def find_solver(name: str) -> SolverEntry:
 
 
 def refuse_without_package(what: Literal["solver", "suite"], name: str) -> None:
-    """Raise InputError with the command that installs it if a package of this repository brings what is asked for."""
+    """Raise InputError with the command to install it, if a package of this repository has the requested entry."""
     packages = tomllib.loads(Path(__file__).with_name("packages.toml").read_text(encoding="utf-8"))
     for package, brings in packages.items():
         if name in brings[f"{what}s"]:
@@ -103,17 +103,17 @@ def refuse_without_package(what: Literal["solver", "suite"], name: str) -> None:
 
 
 def loads_here(entry: SolverEntry) -> bool:
-    """Whether a solver is loaded by the process that judges: only what comes with shellbench is."""
+    """Return True if the judging process loads the solver: it loads only solvers of shellbench itself."""
     return entry.own
 
 
 def load(entry: SolverEntry, what: str, make: Callable[[Any], Any] = lambda found: found) -> Any:
-    """Import what is registered, and make of it what is wanted.
+    """Import an entry and construct the result from it.
 
     Raises
     ------
     InputError
-        If that raises anything, one sentence that names it.
+        In one sentence with its name, if this raises an exception.
     """
     module, _, attribute = entry.target.partition(":")
     try:
@@ -132,7 +132,7 @@ def load_solver(entry: SolverEntry) -> Solver:
     Raises
     ------
     InputError
-        If its module can't be imported, whatever the reason, or what it names is not a solver.
+        If its module can't be imported for any reason, or its attribute is not a solver.
     """
     solver: Solver = load(entry, "solver", lambda found: found() if isinstance(found, type) else found)
     missing = [part for part in PARTS if not hasattr(solver, part)]

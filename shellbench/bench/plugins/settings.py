@@ -17,12 +17,12 @@ APART = {"seed", "device"}  # settings that an identity keeps in fields of their
 
 
 def dump_settings(settings: Settings) -> dict[str, Any]:
-    """Return all settings but for seed and device, as JSON data."""
+    """Return all settings except seed and device, as JSON data."""
     return plain(settings.model_dump(mode="json", exclude=APART))
 
 
 def plain(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the data as JSON would bring it back."""
+    """Return the data as after a round trip through JSON."""
     result: dict[str, Any] = json.loads(json.dumps(dict(data)))
     return result
 
@@ -33,7 +33,7 @@ def make_settings(solver: Solver, overrides: Mapping[str, Any], seed: int, devic
     Raises
     ------
     InputError
-        In one sentence with the setting, what was found and what is allowed.
+        In one sentence with the setting, the found value and the allowed values.
     """
     for key, option in (("seed", "--seed"), ("device", "--device")):
         if key in overrides:

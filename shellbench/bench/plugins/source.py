@@ -1,10 +1,9 @@
-"""The digest of a solver's source: what must change for an old record not to answer any more.
+"""The digest of a solver's source: old records stay valid as long as it is unchanged.
 
-It is taken over the module, over all that it imports from its own top-level package and from ours, and so on
-(the import closure), found by reading the source and not by running it. What counts are the statements, wherever
-they are. Comments, docstrings, imports and blank lines do not count: hours of training survive a better sentence, and
-a better place. Data files that a package reads do not count either; a plug-in
-that changes them changes its version.
+It includes the module and, recursively, all its imports from its own top-level package and from shellbench (the import
+closure). The closure is found by reading the source, not by running it. Only the statements count, in any order and
+place. Comments, docstrings, imports and blank lines do not count, so that edits of them keep the records of long
+trainings. Data files that a package reads do not count either; a plug-in that changes them changes its version.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from shellbench.disk import Look, is_settled, look_up, read_cache, write_cache
 from shellbench.errors import InputError
 
 IMPORTERS = ("import_module", "__import__")  # functions that import a module by its name
-TO_BE_LOOKED_INTO = ("#", '"""', "'''", "\\")  # of a line: there may be a comment, or a string over several lines
+TO_BE_LOOKED_INTO = ("#", '"""', "'''", "\\")  # signs in a line of a comment, or of a string over several lines
 OWN = __name__.partition(".")[0]
 SUITES = ("body", "handlers", "orelse", "finalbody", "cases")  # fields of a statement that hold statements
 IMPORTS = (ast.Import, ast.ImportFrom)
@@ -33,9 +32,9 @@ DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 def source_digest(modules: Iterable[str], *more: str) -> str:
     """Return the hexadecimal SHA-256 of the statements in the import closures of modules, and of any more text.
 
-    The statements are those of the top level, sorted, each counted once, and without the modules that they are in: to
-    move code or to rename a module keeps the digest. So does swapping two definitions of one name between two modules,
-    which no digest without names of modules can see.
+    The statements are those of the top level, sorted, each counted once, without the names of their modules. Moving
+    code or renaming a module therefore keeps the digest. Exchanging two definitions of one name between two modules
+    also keeps it; a digest without names of modules can't detect this.
 
     Raises
     ------
@@ -50,7 +49,7 @@ def source_digest(modules: Iterable[str], *more: str) -> str:
         return known.digest
     closure = import_closure(*modules)
     places = {str(place): look_up(place) for path in closure.values() for place in (path, path.parent)}
-    places[__file__] = look_up(Path(__file__))  # how a digest is taken
+    places[__file__] = look_up(Path(__file__))  # version of the digest's definition
     statements = {text for name, path in closure.items() for text in _looked_at(path, _package(name, path)).statements}
     lengths_and_texts = (f"{len(text)}\n{text}" for text in sorted(statements))
     digest = hashlib.sha256("\n".join([*lengths_and_texts, *more]).encode("utf-8", "surrogatepass")).hexdigest()
@@ -61,9 +60,9 @@ def source_digest(modules: Iterable[str], *more: str) -> str:
 
 @dataclass(frozen=True)
 class _Digest:
-    """A digest, and what its files and their folders looked like before they were read.
+    """A digest, with marks of its files and their folders from before they were read.
 
-    It is kept for later processes, in the user's cache.
+    It is stored for later processes in the user's cache.
     """
 
     digest: str
@@ -71,25 +70,25 @@ class _Digest:
 
     @property
     def holds(self) -> bool:
-        """Whether no file has changed, come or gone since."""
+        """Return True if no file has been changed, added or removed since."""
         return bool(self.places) and all(look_up(Path(path)) == seen for path, seen in self.places.items())
 
     @classmethod
     def kept(cls, what: tuple[object, ...]) -> _Digest | None:
-        """Return the digest that an earlier process has kept; None if there is none that can be read."""
+        """Return the digest that an earlier process has stored; None if none can be read."""
         match read_cache(_cached_as(what)):
             case {"digest": str(digest), "places": dict(places)}:
                 return cls(digest, {path: tuple(s) if isinstance(s, list) else None for path, s in places.items()})
         return None
 
     def keep(self, what: tuple[object, ...]) -> None:
-        """Keep the digest, unless a file is so new that its next change may carry the same time."""
+        """Store the digest, unless a file is so new that its next change may have the same time."""
         if all(map(is_settled, self.places.values())):
             write_cache(_cached_as(what), {"digest": self.digest, "places": self.places})
 
 
 def _cached_as(what: tuple[object, ...]) -> str:
-    # ours may lie elsewhere for the same plug-in, and each Python parses in its own way
+    # shellbench may have another path for the same plug-in, and each version of Python has its own parser
     key = repr((what, locate(OWN), sys.version))
     return f"sources/{hashlib.sha256(key.encode('utf-8', 'surrogatepass')).hexdigest()}.json"
 
@@ -136,7 +135,7 @@ def locate(module: str) -> Path | None:
         return Path(spec.origin) if spec.origin and Path(spec.origin).is_file() else None
     for folder in folders:
         stem = folder.joinpath(*rest)
-        if not stem.parent.is_dir():  # what is imported from a module: no module
+        if not stem.parent.is_dir():  # a name that is imported from a module: no module
             continue
         for path in (stem / "__init__.py", stem.with_name(stem.name + ".py")):
             if path.is_file():
@@ -149,7 +148,7 @@ def locate(module: str) -> Path | None:
 
 @dataclass(frozen=True)
 class _File:
-    """What is taken from a file: its statements, and names that may be modules."""
+    """The parts of a file that count: its statements, and names that may be modules."""
 
     statements: tuple[str, ...]
     imports: tuple[str, ...] = ()
@@ -177,9 +176,9 @@ def _look_at(path: Path, package: str) -> _File:
 
 
 def _foreign(tree: ast.Module, top: str) -> Iterator[str]:
-    """Yield what is imported from other distributions, for `solve` of SciPy is not that of NumPy.
+    """Yield the imports from other distributions, because `solve` of SciPy is not that of NumPy.
 
-    Where it is imported does not matter.
+    The place of the import does not matter.
     """
     for node in _statements(tree):
         if isinstance(node, ast.Import):
@@ -196,7 +195,7 @@ def _foreign(tree: ast.Module, top: str) -> Iterator[str]:
 def statements_of(source: str) -> list[str]:
     """Return the statements of a module: without imports, comments, docstrings, blank lines and trailing blanks.
 
-    `__all__` and what is there for types only is no code either.
+    `__all__` and statements for types only do not count as code either.
     """
     return list(_statements_of(source, ast.parse(source)))
 
@@ -204,8 +203,8 @@ def statements_of(source: str) -> list[str]:
 def _statements_of(source: str, tree: ast.Module) -> Iterator[str]:
     """Yield what `statements_of` returns.
 
-    Tokens are looked at in those statements only that may have comments or strings over several lines: Python's
-    tokenizer takes longer than all else.
+    Only statements that may have comments or strings over several lines are tokenized, because Python's tokenizer takes
+    most of the time.
     """
     lines = source.splitlines()
     for row in list(_rows_that_do_not_compute(lines, tree)):
@@ -236,7 +235,7 @@ def _rows_of_statements(tree: ast.Module) -> Iterator[tuple[int, int]]:
 
 
 def _strip_comments(lines: list[str]) -> set[int]:
-    """Take the comments out of rows of whole statements; return the rows, from one, of strings over several lines."""
+    """Remove the comments from rows of whole statements; return the rows, from one, of strings over several lines."""
     verbatim: set[int] = set()
     text = "".join(f"{line}\n" for line in lines)
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
@@ -265,7 +264,7 @@ def _rows_that_do_not_compute(lines: list[str], tree: ast.Module) -> Iterator[in
 
 
 def _says_nothing(node: ast.AST) -> bool:
-    """Whether a statement is there for types only, or names what a module offers."""
+    """Return True if a statement is for types only, or assigns `__all__`."""
     if isinstance(node, ast.If):
         return _for_types(node) and not node.orelse
     return isinstance(node, ast.Assign) and any(isinstance(t, ast.Name) and t.id == "__all__" for t in node.targets)
@@ -279,7 +278,7 @@ def _for_types(node: ast.If) -> bool:
 
 
 def _blocks(node: ast.AST) -> Iterator[ast.AST]:
-    """Yield the statements, handlers and cases of a statement, and no expressions: those are most of a tree."""
+    """Yield the statements, handlers and cases of a statement, without expressions, which are most of a tree."""
     for name in SUITES:
         yield from getattr(node, name, ())
 

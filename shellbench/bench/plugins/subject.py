@@ -1,4 +1,4 @@
-"""Code of others, seen from outside: in a process that may crash, hang or talk nonsense at the cost of one answer."""
+"""Code of others in a process of its own, which may crash, hang or return invalid data at the cost of one answer."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from typing import Any, Protocol, Self
 import psutil
 
 from shellbench.bench.plugins.line import LOOK, Line, Look
-from shellbench.bench.plugins.process import SolverProcess, is_overdue, worked
+from shellbench.bench.plugins.process import SolverProcess, cpu_time, is_overdue
 
 GIGABYTE = 1e9
 
 
 class NoAnswer(Exception):
-    """What a solver did instead of answering, in one clause; a check that meets it unprepared has failed."""
+    """Raised with one clause if a solver gives no answer; an uncaught one fails the check."""
 
 
 class Refused(NoAnswer):
@@ -50,7 +50,7 @@ KINDS: dict[str, tuple[type[NoAnswer], str]] = {
 
 
 def outcome(operation: str, kind: str, result: Any) -> Any:
-    """Return the result of what a solver was asked for, or raise the `NoAnswer` that it was."""
+    """Return the result of a request to a solver, or raise its `NoAnswer`."""
     if kind == "ok":
         return result
     trouble, prefix = KINDS[kind]
@@ -58,11 +58,11 @@ def outcome(operation: str, kind: str, result: Any) -> Any:
 
 
 class Respondent(Protocol):
-    """Who answers for a solver; see `Subject`."""
+    """Interface of a solver's process; see `Subject`."""
 
     @property
     def alive(self) -> bool:
-        """Whether it can be asked."""
+        """True if the solver still accepts questions."""
         ...
 
     def call(self, operation: str, *arguments: Any) -> Any:
@@ -81,11 +81,11 @@ class Subject:
     Attributes
     ----------
     seconds
-        Longest time that it may take for one answer (`shellbench.bench.plugins.process.is_overdue`).
+        Longest time for one answer (`shellbench.bench.plugins.process.is_overdue`).
     memory
-        Most memory that it may have meanwhile, bytes; None for any.
+        Largest memory during an answer, bytes; None for no limit.
     greeting
-        What it said when it was ready.
+        Its message when it was ready.
     """
 
     process: SolverProcess
@@ -97,12 +97,12 @@ class Subject:
 
     @classmethod
     def start(cls, module: str, *arguments: str, seconds: float, memory: float | None = None, threads: int = 1) -> Self:
-        """Start a module whose first argument is the descriptor of its end of a line, and have it import what it needs.
+        """Start a module whose first argument is the descriptor of its end of a line, and wait for its imports.
 
         Raises
         ------
         NoAnswer
-            If that can't be imported: `Refused` with the reason, as a rule.
+            If an import fails: usually `Refused` with the reason.
         """
         ours, theirs = socket.socketpair()
         number = theirs.fileno()
@@ -120,7 +120,7 @@ class Subject:
 
     @property
     def alive(self) -> bool:
-        """Whether it can be asked."""
+        """True if the solver still accepts questions."""
         return self.process.process.poll() is None and not self.line.closed
 
     def call(self, operation: str, *arguments: Any) -> Any:
@@ -129,7 +129,7 @@ class Subject:
         Raises
         ------
         NoAnswer
-            The kind says whether it refused, failed, raised or was lost.
+            The class tells if it refused, failed, raised another error or was lost.
         """
         what = str(arguments[1]) if operation == "ask" else operation
         look = self._look(what)
@@ -153,9 +153,9 @@ class Subject:
         raise Lost(f"{operation}: it wrote something else than its answer to where answers go")
 
     def _look(self, operation: str) -> Look:
-        """Return a look at the process, which raises `Lost`, and ends it, once it has had its time or memory."""
+        """Return a check of the process that ends it and raises `Lost` once it exceeds its time or memory."""
         pid, began = self.process.process.pid, time.monotonic()
-        before, looked = worked(pid), began
+        before, looked = cpu_time(pid), began
 
         def look() -> None:
             nonlocal looked
@@ -166,14 +166,14 @@ class Subject:
                 self.stop()
                 raise Lost(f"{operation} took more than {self.memory / GIGABYTE:.3g} GB of memory")
             waited = time.monotonic() - began
-            if waited >= self.seconds and is_overdue(self.seconds, waited, worked(pid) - before):
+            if waited >= self.seconds and is_overdue(self.seconds, waited, cpu_time(pid) - before):
                 self.stop()
                 raise Lost(f"{operation} did not end within {self.seconds:g} s")
 
         return look
 
     def _end(self) -> str:
-        """Say how the process died."""
+        """Describe the end of the process."""
         try:
             code = self.process.process.wait(5)
         except subprocess.TimeoutExpired:
@@ -185,7 +185,7 @@ class Subject:
         return f"its process died ({how}{': ' + words if words else ''})"
 
     def stop(self) -> None:
-        """End the process and all that it has started."""
+        """End the process and all processes that it has started."""
         if not self.line.closed:
             self.process.end()
             self.line.close()

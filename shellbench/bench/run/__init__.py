@@ -1,4 +1,4 @@
-"""Making runs: the plan, the processes, this machine or a cluster, and what is shown meanwhile.
+"""Runs: the plan, the processes, this machine or a cluster, and the progress display.
 
-It may import the store and what is below it. It judges nothing.
+This package may import the store and the packages below it. It judges nothing.
 """

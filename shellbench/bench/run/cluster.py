@@ -1,14 +1,14 @@
-"""Runs on an existing Dask cluster, each as if it were made on this machine.
+"""Runs on an existing Dask cluster, with the same results as on this machine.
 
-Runs are few, long and heavy, and each is charged for what it does itself. So Dask carries tasks and records, watches
-its workers and cancels; the choice of the worker is made here. Dask would queue runs on a worker, and count its loss
-against all of them. Here a worker gets as many runs at a time as its threads allow, and none that waits.
+Runs are few, long and heavy, and the cost of each is measured separately. Dask therefore carries tasks and records,
+watches its workers and cancels; this module chooses the worker. Dask would queue runs on a worker, and count its loss
+for all of them. Here a worker gets as many runs at a time as its threads allow, and no queue.
 
-A lost worker costs the runs that it had, and no others. Each is tried again, alone on a worker: of runs that were lost
-together, only the one to blame is lost again. `Client.submit(retries=...)` does not count lost workers, and Dask's
-``allowed-failures`` belongs to the scheduler and blames all runs alike.
+A lost worker loses only its current runs. Each is tried again, alone on a worker, so that only the run that caused the
+loss is lost again. `Client.submit(retries=...)` does not count lost workers, and Dask's ``allowed-failures`` belongs to
+the scheduler and counts for all runs alike.
 
-Solvers are referred to by name and cases are data: nothing of the user's is pickled.
+Solvers are sent by name and cases as data: no object of the user is pickled.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ LOSS_ERRORS = {"KilledWorker", "CancelledError", "FutureCancelledError", "Future
 
 
 class SchedulerLostError(ShellbenchError):
-    """The scheduler is gone in mid-run."""
+    """The scheduler was lost during runs."""
 
 
 @dataclass(frozen=True)
@@ -59,15 +59,16 @@ class DaskCluster:
     Attributes
     ----------
     address
-        Of the scheduler, or its scheduler file.
+        Address of the scheduler, or path of its scheduler file.
     jobs
-        Runs at a time at most; None for as many as the workers take.
+        Largest number of runs at a time; None for as many as the workers take.
     threads
-        Of each run; None for as many as usual. A worker takes one run for so many threads of its own, and always one.
+        Threads of each run; None for the default. A worker takes one run for each such number of its threads, and at
+        least one.
     timeout
         Seconds after which a run is stopped by its worker; None for none.
     say
-        Takes sentences on workers that are waited for, lost or unfit.
+        Receives sentences on workers that are awaited, lost or unfit.
     """
 
     address: str
@@ -77,7 +78,7 @@ class DaskCluster:
     say: Callable[[str], None]
 
     def expect(self, task: Task) -> None:
-        """Do nothing: the workers get ready by themselves."""
+        """Do nothing: the workers prepare themselves."""
 
     def close(self) -> None:
         """Do nothing."""
@@ -90,9 +91,9 @@ class DaskCluster:
         InputError
             If `distributed` is not installed, or no scheduler answers.
         SchedulerLostError
-            If the scheduler is gone in mid-run.
+            If the scheduler is lost during runs.
         """
-        with connected(self.address) as client:
+        with connect_client(self.address) as client:
             sweep = _Sweep(self, client, store, deque(map(_Run, tasks)))
             try:
                 yield from sweep.make()
@@ -109,7 +110,7 @@ class DaskCluster:
 
 @dataclass(eq=False)
 class _Run:
-    """A run that waits or goes on; `announced` once, `executing` anew on each worker that has it."""
+    """A waiting or current run; `announced` is set once, `executing` again on each worker."""
 
     task: Task
     losses: int = 0
@@ -122,20 +123,20 @@ class _Run:
 
 @dataclass
 class _Sweep:
-    """Runs that wait and that go on.
+    """Waiting and current runs.
 
     Attributes
     ----------
     sent
-        Runs that workers have been sent, by Dask's key.
+        Runs that were sent to workers, by Dask's key.
     workers
         Threads of each worker, by its address.
     unfit
-        Why a worker can't make runs of a solver, by both; of any solver, by None.
+        Reasons why a worker can't make runs, by worker and solver; the solver None stands for all solvers.
     events
-        What workers and Dask's threads tell: a run's key, with its environment, its progress or its answer.
+        Messages of workers and Dask's threads: a run's key, with its environment, its progress or its answer.
     lonely
-        Whether there was no worker at the last look.
+        True if there was no worker at the last check.
     """
 
     how: DaskCluster
@@ -150,7 +151,7 @@ class _Sweep:
     lonely: bool = False
 
     def make(self) -> Iterator[Event]:
-        """Look at the workers now and then, send them what they have room for, and hear what comes, until all ended."""
+        """Check the workers regularly, send them runs, and receive messages, until all runs have ended."""
         self.client.subscribe_topic(self.topic, lambda event: self.events.put(event[1]))
         looked = float("-inf")
         while self.waiting or self.sent:
@@ -161,13 +162,13 @@ class _Sweep:
             yield from self._hear()
 
     def stop(self) -> None:
-        """Have the workers stop the runs that go on: they look every second whether somebody waits for them."""
+        """Stop the current runs: the workers check every second if a client waits for them."""
         with contextlib.suppress(OSError):  # of a scheduler that is gone; the workers find out by themselves
             if self.sent and self.client.status == "running":
                 self.client.cancel([run.future for run in self.sent.values()], force=True)
 
     def _look(self) -> Iterator[Event]:
-        """See which workers have come and which are lost."""
+        """Update the list of workers with new and lost ones."""
         now = dict(self.client.sync(self.client.scheduler.ncores, callback_timeout=PATIENCE))
         if set(now) - set(self.workers):
             versions = self.client.get_versions()
@@ -201,7 +202,7 @@ class _Sweep:
                     self._submit(run, chosen)
 
     def _roomiest(self, run: _Run, workers: Sequence[str]) -> str | None:
-        """Return the worker with most room for a run, if any; a run that has lost a worker needs one for itself."""
+        """Return the worker with most room for a run, if any; a run that has lost a worker gets one for itself."""
         busy = Counter(other.worker for other in self.sent.values())
         taken = {other.worker for other in self.sent.values() if other.losses or run.losses}
         each = self.how.threads or THREADS
@@ -218,7 +219,7 @@ class _Sweep:
         run.future.add_done_callback(lambda future: self.events.put({"key": key, "answer": _answer(future)}))
 
     def _hear(self) -> Iterator[Event]:
-        """Wait until something happens, for a while, and take in all that has."""
+        """Wait a limited time for events, and process all of them."""
         with contextlib.suppress(queue.Empty):
             event = self.events.get(timeout=LOOK)
             while True:
@@ -229,7 +230,7 @@ class _Sweep:
         self._check()
 
     def _check(self) -> None:
-        """Make sure that the scheduler is there: when it is lost, all runs look as if their workers were."""
+        """Check that the scheduler is there, because without it all workers seem to be lost."""
         if self.client.status != "running":
             raise ConnectionError
 
@@ -284,7 +285,7 @@ class _Sweep:
         return Ended(run.task, folder, record)
 
     def _lost(self, key: str) -> Iterator[Event]:
-        """Try a run that has lost its worker again, when the others have been; or give it up."""
+        """Schedule a run that has lost its worker after all others, or give it up."""
         run = self.sent.pop(key)
         self.client.cancel([run.future], force=True)
         self.workers.pop(run.worker, None)  # until the next look
@@ -305,7 +306,7 @@ class _Sweep:
 
 
 def _answer(future: Any) -> Any:
-    """Return what a worker has answered, or the error in its place; fetched in Dask's own thread."""
+    """Return a worker's answer, or its error instead; Dask's own thread calls this."""
     try:
         return future.result()
     except BaseException as error:
@@ -317,13 +318,13 @@ def _in_words(error: BaseException) -> str:
 
 
 @contextlib.contextmanager
-def connected(given: str) -> Iterator[Any]:
+def connect_client(given: str) -> Iterator[Any]:
     """Connect to a scheduler by its address or its scheduler file; gives a `distributed.Client`.
 
     Raises
     ------
     InputError
-        If `distributed` is not installed, no scheduler answers there, or its versions differ from ours.
+        If `distributed` is not installed, no scheduler answers there, or its versions differ from those here.
     """
     try:
         engine.need("dask", ["distributed"])
@@ -351,7 +352,7 @@ def connected(given: str) -> Iterator[Any]:
 
 
 async def _examine(address: str) -> None:
-    """Refuse what is no scheduler of our versions, before a client connects: it may not even understand it."""
+    """Refuse a server that is no scheduler of the same versions, before a client connects."""
     from distributed import Security, rpc
     from distributed.versions import get_versions
 
@@ -366,9 +367,10 @@ async def _examine(address: str) -> None:
 
 
 def difference(theirs: Mapping[str, Any], ours: Mapping[str, Any]) -> str | None:
-    """Return how versions differ that must agree for two ends to understand each other; None if they do not.
+    """Return the differences of versions that must agree at both ends; None if there are none.
 
-    Both as `distributed.versions.get_versions` reports them. Dask's own check compares many packages, in a table.
+    Both arguments have the form of `distributed.versions.get_versions`. Dask's own check compares many packages, in a
+    table.
     """
     there, here = ({name: str(end["packages"].get(name)) for name in MUST_AGREE} for end in (theirs, ours))
     for end in (there, here):
@@ -378,7 +380,7 @@ def difference(theirs: Mapping[str, Any], ours: Mapping[str, Any]) -> str | None
 
 
 def address_of(given: str) -> str:
-    """Return the address that was given, or that a scheduler file names.
+    """Return the given address, or the address in a scheduler file.
 
     Raises
     ------

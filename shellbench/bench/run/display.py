@@ -1,4 +1,4 @@
-"""Showing runs as they go by: bars on a terminal, one plain line a run elsewhere."""
+"""Progress of runs: bars on a terminal, one plain line a run elsewhere."""
 
 from __future__ import annotations
 
@@ -37,25 +37,25 @@ class Silent:
 
 
 class Lines:
-    """Prints a line for each run that has ended: for pipes and files. If `verbose`, for each step of a run too."""
+    """Prints a line for each ended run, for pipes and files. If `verbose`, also for each step of a run."""
 
     def __init__(self, file: IO[str], verbose: bool = False) -> None:
         self.file = file
         self.verbose = verbose
 
     def started(self, task: Task) -> None:
-        """Print that a run begins, if so much is wanted."""
+        """Print the start of a run, if verbose."""
         if self.verbose:
             self._print(f"begins {run_name(task)}")
 
     def progressed(self, task: Task, progress: problem.Progress) -> None:
-        """Print a step, if so much is wanted."""
+        """Print a step, if verbose."""
         if self.verbose:
             of = "" if progress.total is None else f"/{progress.total}"
             self._print(f"  step {progress.step}{of} {run_name(task)}  {progress.message}")
 
     def ended(self, outcome: Outcome) -> None:
-        """Print the line at once: who reads a pipe wants to know how far the runs are."""
+        """Print the line at once, so that readers of a pipe see the progress."""
         self._print(Text.from_markup(_line(outcome)).plain)
 
     def _print(self, words: str) -> None:
@@ -64,7 +64,7 @@ class Lines:
 
 
 class Bars:
-    """One bar for all runs and one for each that goes on; a line for each that has ended."""
+    """One bar for all runs and one for each current run; a line for each ended run."""
 
     def __init__(self, bars: Progress, total: int) -> None:
         self.bars = bars
@@ -82,7 +82,7 @@ class Bars:
         self.bars.update(line, completed=progress.step, total=progress.total, description=escape(said))
 
     def ended(self, outcome: Outcome) -> None:
-        """Turn the bar into a line."""
+        """Replace the bar by a line."""
         line = self.lines.pop(outcome.task.run_id, None)
         if line is not None:
             self.bars.remove_task(line)
@@ -92,11 +92,11 @@ class Bars:
 
 @contextlib.contextmanager
 def display(console: Console, total: int, verbose: bool = False) -> Iterator[Observer]:
-    """Show so many runs: bars on a terminal, plain lines where the console writes to none; steps too if `verbose`."""
+    """Show runs: bars on a terminal, plain lines elsewhere; also steps if `verbose`."""
     if not total:
         yield Silent()
         return
-    if not console.file.isatty():  # whatever variables like FORCE_COLOR say: a pipe is a pipe
+    if not console.file.isatty():  # a pipe gets plain text, even if FORCE_COLOR is set
         yield Lines(console.file, verbose)
         return
     columns = (
@@ -111,7 +111,7 @@ def display(console: Console, total: int, verbose: bool = False) -> Iterator[Obs
 
 
 def run_name(run: Task | Record) -> str:
-    """Return what to call a run: case, solver, seed."""
+    """Return the name of a run: case, solver, seed."""
     seed = run.identity.seed
     return f"{run.case_name} {run.identity.solver}" + ("" if seed is None else f" seed {seed}")
 

@@ -1,10 +1,8 @@
-"""Making runs by an executor, and keeping each in the store as soon as it has ended.
+"""Runs by an executor: each is stored as soon as it has ended.
 
-What makes runs: one interface for processes of this machine and for a cluster.
-
-An executor takes tasks and yields what happens to them. It keeps nothing and shows nothing: each run that has ended
-comes as a folder of files with its record, and `shellbench.bench.run.execute` does the rest, the same for all
-executors.
+Executors have one interface, for processes of this machine and for a cluster. An executor takes tasks and yields their
+events. It stores and shows nothing: each ended run is a folder of files with its record, and this module does the rest
+for all executors.
 """
 
 from __future__ import annotations
@@ -25,7 +23,7 @@ from shellbench.bench.store.task import Task
 from shellbench.errors import InputError
 from shellbench.problem import Progress
 
-LOOK = 0.2  # seconds between two looks at what other commands do
+LOOK = 0.2  # seconds between two checks of other commands' runs
 
 
 @dataclass(frozen=True)
@@ -37,7 +35,7 @@ class Started:
 
 @dataclass(frozen=True)
 class Progressed:
-    """A run has come so far."""
+    """A run has made progress."""
 
     task: Task
     progress: Progress
@@ -50,11 +48,11 @@ class Ended:
     Attributes
     ----------
     folder
-        Folder of the store in which it worked, with the files that its record names and its log.
+        Folder of the run in the store, with its log and the files that its record names.
     record
-        What is to be kept; None if its input was refused.
+        The record to store; None if its input was refused.
     refused
-        Why its input was refused, in one sentence.
+        Reason why its input was refused, in one sentence.
     """
 
     task: Task
@@ -70,17 +68,17 @@ class Executor(Protocol):
     """Makes runs."""
 
     def expect(self, task: Task) -> None:
-        """Get ready for runs of the solver of a task, without waiting."""
+        """Prepare for runs of the solver of a task, without waiting."""
         ...
 
     def close(self) -> None:
-        """End what was made ready and is not needed."""
+        """End unused preparations."""
         ...
 
     def run(self, tasks: Sequence[Task], store: Store) -> Generator[Event, None, None]:
-        """Make runs, in the order of `tasks` as far as it goes, each in a folder that the store begins.
+        """Make runs, if possible in the order of `tasks`, each in a new folder of the store.
 
-        Closing the generator stops the runs that go on, and leaves nothing of them.
+        Closing the generator stops the current runs and removes their folders.
 
         Raises
         ------
@@ -92,16 +90,16 @@ class Executor(Protocol):
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a task ended.
+    """The result of a task.
 
     Attributes
     ----------
     record
-        What was kept; None if the input was refused.
+        The record that was stored; None if the input was refused.
     refused
-        Why the solver refused its input, in one sentence.
+        Reason why the solver refused its input, in one sentence.
     taken
-        Whether another command has made the run meanwhile.
+        True if another command has made the run meanwhile.
     """
 
     task: Task
@@ -111,18 +109,18 @@ class Outcome:
 
 
 class Observer(Protocol):
-    """Who wants to see runs go by."""
+    """Interface of a progress display."""
 
     def started(self, task: Task) -> None:
         """Note that a task has started."""
         ...
 
     def progressed(self, task: Task, progress: Progress) -> None:
-        """Note how far a task is."""
+        """Note the progress of a task."""
         ...
 
     def ended(self, outcome: Outcome) -> None:
-        """Note that a task has ended, and how."""
+        """Note the end of a task."""
         ...
 
 
@@ -134,17 +132,17 @@ def execute(
     seen: int | None = None,
     say: Say = silent,
 ) -> list[Outcome]:
-    """Make runs, and keep each in the store as soon as it has ended; until then the store says that it is planned.
+    """Make runs, and store each as soon as it has ended; until then the store notes that it is planned.
 
     Parameters
     ----------
     tasks
         In the order in which to start them.
     seen
-        Number of the newest record that was known when the runs were planned. Runs that other commands make at the same
-        time are waited for, and their records taken. None: all runs are made here.
+        Number of the newest record when the runs were planned. If other commands make some of the runs at the same
+        time, this command waits for them and uses their records. None: all runs are made here.
     say
-        Takes a sentence about what is waited for.
+        Receives a sentence about runs of other commands that this command waits for.
 
     Returns
     -------
@@ -154,11 +152,11 @@ def execute(
     Raises
     ------
     StoreError
-        If the store can't be written; runs that had ended are kept.
+        If the store can't be written; ended runs are kept.
     ShellbenchError
-        If the executor can make no more runs; runs that had ended are kept.
+        If the executor can make no more runs; ended runs are kept.
     KeyboardInterrupt
-        Passed on after all runs have been stopped; runs that had ended are kept.
+        Raised again after all runs have been stopped; ended runs are kept.
     """
     outcomes: list[Outcome] = []
     if not tasks:
@@ -201,7 +199,7 @@ def _made_since(seen: int, store: Store) -> dict[str, Record]:
 def _executed(
     tasks: Sequence[Task], store: Store, observer: Observer, executor: Executor
 ) -> Generator[Outcome, None, None]:
-    """Make runs that nobody else makes."""
+    """Make runs that no other command makes."""
     if not tasks:
         return
     note_planned(tasks, store)
@@ -214,17 +212,17 @@ def _executed(
                     case Progressed(task, progress):
                         observer.progressed(task, progress)
                     case Ended():
-                        outcome = kept(event, store)
+                        outcome = store_run(event, store)
                         note_ended(event.task, store)
                         yield outcome
-    except InputError:  # what can't be begun at all is bad input, and no plan
+    except InputError:  # a run that can't start at all is bad input, and no plan
         for task in tasks:
             note_ended(task, store)
         raise
 
 
-def kept(ended: Ended, store: Store) -> Outcome:
-    """Move what a run has left into the store, or drop it if its input was refused."""
+def store_run(ended: Ended, store: Store) -> Outcome:
+    """Move the files of a run into the store, or remove them if its input was refused."""
     if ended.record is None:
         store.discard(ended.folder)
         return Outcome(ended.task, refused=ended.refused)

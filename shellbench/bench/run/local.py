@@ -1,4 +1,4 @@
-"""Runs on this machine: so many at a time, each in a process of its own."""
+"""Runs on this machine: several at a time, each in a process of its own."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from shellbench.bench.plugins.process import GARBLED, STARTING, ServerProcess, is_overdue, worked
+from shellbench.bench.plugins.process import GARBLED, STARTING, ServerProcess, cpu_time, is_overdue
 from shellbench.bench.run.execute import Ended, Event, Progressed, Started
 from shellbench.bench.run.worker import DISK_FULL, RECORD, REFUSED
 from shellbench.bench.store.record import LARGEST_RECORD, Record, read_document
@@ -24,12 +24,12 @@ from shellbench.disk import StoreError, said_plainly
 from shellbench.errors import InputError
 from shellbench.problem import Progress
 
-LONGEST_WAIT = 1.0  # seconds between two looks at the deadlines
+LONGEST_WAIT = 1.0  # seconds between two checks of the deadlines
 LEAST_WAIT = 0.01  # the same while a run is being stopped
 
 
 class AbandonedError(Exception):
-    """Nobody wants the runs any more."""
+    """The runs are no longer wanted."""
 
 
 @dataclass(frozen=True)
@@ -44,13 +44,13 @@ class LocalProcesses:
         Seconds after which a run is stopped, that run only (`shellbench.bench.plugins.process.is_overdue`); None for
         none.
     wanted
-        Asked every second or so; the runs are stopped, by `AbandonedError`, when it says no.
+        Called about every second; if it returns False, the runs are stopped by `AbandonedError`.
     idle
-        Servers that stand by from earlier runs, of these very solvers and as many threads.
+        Idle servers of earlier runs, of the same solvers and numbers of threads.
     keep
-        Whether servers that are idle at the end are left in `idle`, to be ended by whoever has asked for it.
+        True if servers that are idle at the end stay in `idle`; the caller must then end them.
     taken
-        Of `jobs`, how many something else has for the time being; asked every second or so.
+        Returns the number of `jobs` that are in other use at the moment; called about every second.
     """
 
     jobs: int
@@ -62,12 +62,12 @@ class LocalProcesses:
     taken: Callable[[], int] = lambda: 0
 
     def expect(self, task: Task) -> None:
-        """Start the server of a solver, if none stands by: it imports the solver while its runs are planned."""
+        """Start the server of a solver, if none is idle: it imports the solver while its runs are planned."""
         if task.identity.solver not in {server.solver for server in self.idle}:
             self.idle.append(ServerProcess.start(task.identity.solver, task.target, self.threads))
 
     def close(self) -> None:
-        """End the servers that stand by."""
+        """End the idle servers."""
         while self.idle:
             self.idle.pop().end()
 
@@ -79,7 +79,7 @@ class LocalProcesses:
         StoreError
             If the store can't be written.
         AbandonedError
-            If they are not wanted any more.
+            If they are no longer wanted.
         """
         runs = _Runs(self, store)
         try:
@@ -100,7 +100,7 @@ class _Running:
 
 @dataclass
 class _Runs:
-    """Runs that go on."""
+    """Current runs."""
 
     how: LocalProcesses
     store: Store
@@ -113,7 +113,7 @@ class _Runs:
     def make(self, tasks: Sequence[Task]) -> Iterator[Event]:
         # 1. Start one server for each solver, and wait until all have imported it.
         # 2. Fill the free places with runs.
-        # 3. Hear the servers until a run has ended, fill its place, and tell of it.
+        # 3. Wait for the servers until a run has ended, fill its place, and yield it.
         # A pool of workers would share processes between runs. Each run here has its own, forked from an idle server.
         # Its memory is its own, its end harms no other, and the import is paid once.
         waiting = deque(tasks)
@@ -125,22 +125,22 @@ class _Runs:
             try:
                 for event in self._wait():
                     heard.append(event)
-                # Whoever keeps what has ended takes a moment for it: the next runs go on meanwhile, where none waits.
+                # Storing an ended run takes a moment: start the next runs before, so that no place stays empty.
                 for event in self._filled(waiting, at_once=True):
                     started.append(event)
             finally:
-                yield from heard  # nothing that has ended is lost, whatever happened since
+                yield from heard  # no ended run is lost, even after an error
                 yield from started
 
     def _filled(self, waiting: deque[Task], at_once: bool = False) -> Iterator[Event]:
-        """Start runs in the free places; `at_once` those alone whose servers stand by."""
+        """Start runs in the free places; with `at_once` only those with an idle server."""
         while waiting and len(self.running) < self.how.jobs - self.how.taken():
             if at_once and waiting[0].identity.solver not in {server.solver for server in self.idle}:
                 return
             yield from self._start(waiting.popleft())
 
     def stop(self) -> None:
-        """End all processes that are not to be kept, and leave nothing of the runs that went on."""
+        """End all processes that are not kept, and remove the folders of the stopped runs."""
         if not self.how.keep:
             self.how.close()
         for run in self.running:
@@ -148,21 +148,21 @@ class _Runs:
             self.store.discard(run.folder)
 
     def _warm_up(self, tasks: Sequence[Task]) -> None:
-        """Start one server for each solver and wait for all, so that their imports disturb no run that is timed."""
+        """Start one server for each solver and wait for all, so that their imports disturb no timed run."""
         for task in tasks:
             self.how.expect(task)
         for server in self.idle:
             self._until_ready(server)
 
     def _until_ready(self, server: ServerProcess) -> None:
-        """Wait until a server has imported its solver (or died, which its first run will say)."""
+        """Wait until a server has imported its solver, or has died; its first run will report this."""
         with selectors.DefaultSelector() as selector:
             selector.register(server.fileno(), selectors.EVENT_READ)
             began = time.monotonic()
-            while not server.ready and {"event": "died"} not in (heard := server.hear()):
+            while not server.ready and {"event": "died"} not in (heard := server.read_events()):
                 self._stop_if_unwanted()
-                waited = time.monotonic() - began
-                if GARBLED in heard or (waited > STARTING and is_overdue(STARTING, waited, worked(server.process.pid))):
+                took = time.monotonic() - began
+                if GARBLED in heard or (took > STARTING and is_overdue(STARTING, took, cpu_time(server.process.pid))):
                     server.hung = True
                     server.end()
                     return
@@ -189,14 +189,14 @@ class _Runs:
         except OSError as error:
             raise StoreError(f"store {self.store.folder}: can't be written ({error.strerror})") from None
         yield Started(task)
-        # The server has died since: the run ends as one whose process was killed, and is not lost.
-        if not server.give(folder):
+        # The server has died: the run ends like one with a killed process, and is not lost.
+        if not server.send_task(folder):
             yield from self._end(run, None)
 
     def _wait(self) -> Iterator[Event]:
-        """Hear what the servers say, for a while, and stop what has run for too long."""
+        """Wait a limited time for events of the servers, and stop runs that exceed their time."""
         self._stop_if_unwanted()
-        # Wait for a word from a server, the next deadline, or the next look at whether runs are wanted.
+        # Wait for an event of a server, the next deadline, or the next check if the runs are wanted.
         now = time.monotonic()
         wait = LONGEST_WAIT
         if self.how.timeout is not None:
@@ -204,7 +204,7 @@ class _Runs:
                 waited = now - run.began
                 if waited < self.how.timeout:
                     wait = min(wait, self.how.timeout - waited)
-                elif run.timed_out or is_overdue(self.how.timeout, waited, run.server.worked()):
+                elif run.timed_out or is_overdue(self.how.timeout, waited, run.server.cpu_time()):
                     run.timed_out = True
                     run.server.kill_run()  # again until it has ended: at first its process may not be known yet
                     wait = LEAST_WAIT
@@ -213,9 +213,9 @@ class _Runs:
                 selector.register(run.server.fileno(), selectors.EVENT_READ, run)
             heard: list[_Running] = [key.data for key, _ in selector.select(wait)]
         for run in heard:
-            for event in run.server.hear():
+            for event in run.server.read_events():
                 yield from self._react(run, event)
-        # A server that was killed may say nothing. Without this its run would go on for ever.
+        # A killed server may send no event. Without this check its run would never end.
         for run in [run for run in self.running if run.server.process.poll() is not None]:
             yield from self._end(run, None)
 
@@ -235,11 +235,11 @@ class _Runs:
                 yield from self._end(run, None)
 
     def _end(self, run: _Running, status: int | None) -> Iterator[Event]:
-        """Tell what a run left; `status` is that of its process, None if its server has died."""
-        # The end of a run may be heard twice: by its last word, and by its server's death.
+        """Return the result of a run; `status` is that of its process, None if its server has died."""
+        # The end of a run may be reported twice: by its last event, and by its server's death.
         if run not in self.running:
             return
-        # A full disk is no solver's failure, and a record of it could not be written either. The whole plan stops.
+        # A full disk is no failure of the solver, and a record of it could not be written. The whole plan stops.
         if (run.folder / DISK_FULL).exists():
             raise StoreError(f"store {self.store.folder}: the disk is full, so what was being written is lost")
         self.running.remove(run)
@@ -250,13 +250,13 @@ class _Runs:
         yield self._left(run, status)
 
     def _left(self, run: _Running, status: int | None) -> Ended:
-        # A whole record counts even if its process died after. Else the manner of death makes the record.
+        # A complete record counts even if its process died later. Otherwise the record describes the death.
         broken = _what_it_broke(run)
         if broken is None and (refused := _written(run.folder / REFUSED)) is not None:
             return Ended(run.task, run.folder, refused=" ".join(refused.decode(errors="replace").split()))
         record = None if broken else _left_record(run)
         if record is None:
-            _remove(run.folder / RECORD)  # it may be a pipe, a link or a folder, where the store is to write
+            _remove(run.folder / RECORD)  # it may be a pipe, a link or a folder at a path that the store must write
             seconds = time.monotonic() - run.began
             kind = "timeout" if run.timed_out else "failed"
             reason = (
@@ -267,7 +267,7 @@ class _Runs:
 
 
 def _what_it_broke(run: _Running) -> str | None:
-    """Return what a run did to what it was lent, in a clause; its folder is there again, with nothing in it."""
+    """Return the damage that a run did to its surroundings, in a clause; its folder is recreated empty."""
     folder = run.folder
     if folder.is_dir() and not folder.is_symlink():
         with contextlib.suppress(OSError):
@@ -288,7 +288,7 @@ def _remove(path: Path) -> None:
 
 
 def _written(path: Path) -> bytes | None:
-    """Return what a run wrote into a file; None if it is no regular file of a size that can be."""
+    """Return the content of a file that a run wrote; None if it is no regular file of an allowed size."""
     try:
         found = path.lstat()
         return path.read_bytes() if stat.S_ISREG(found.st_mode) and found.st_size <= LARGEST_RECORD else None
@@ -297,7 +297,7 @@ def _written(path: Path) -> bytes | None:
 
 
 def _left_record(run: _Running) -> Record | None:
-    """Return the record that a run has left; None if there is none, or it says that it is of another run."""
+    """Return the record of a run; None if there is none, or if it belongs to another run."""
     written, task = _written(run.folder / RECORD), run.task
     try:
         record = None if written is None else read_document(written)

@@ -1,11 +1,11 @@
-"""What to run: from what was asked for on the command line to tasks.
+"""Plans: from the requests of the command line to tasks.
 
-- Suites run what they declare, on all their cases or on those that are named.
-- A solver that is named narrows a suite to its runs of that solver, or joins with its default settings if the
-  suite has none.
-- A case without a suite is run as the first of its suites declares, or as `DEFAULT_SUITE` does with one seed
-  if it belongs to none, as a user's own case.
-- Settings and seeds that are given replace those that are declared.
+- Suites run their declared runs, on all their cases or on the named ones.
+- A named solver narrows a suite to its runs of that solver. If the suite has none, the solver joins with its default
+  settings.
+- A case without a suite runs as the first of its suites declares. If it belongs to no suite, as a user's own case, it
+  runs as in `DEFAULT_SUITE` with one seed.
+- Given settings and seeds replace the declared ones.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.catalogue.suite import SuiteRun
-from shellbench.bench.plugins.outside import AskedSolver, asked, declines, settings_of
+from shellbench.bench.plugins.outside import AskedSolver, declines, resolve_solver, settings_of
 from shellbench.bench.plugins.registry import SolverEntry, find_solver
 from shellbench.bench.plugins.settings import dump_settings
 from shellbench.bench.store.current import newest, run_key
@@ -38,11 +38,11 @@ FIRST_SEED = 0
 
 @dataclass(frozen=True)
 class Request:
-    """What was asked for: names as they were typed; empty for what was left open.
+    """A request: names as they were typed; empty fields were left open.
 
-    `start` is an earlier run from which all go on. `threads` are those of each run; None for as many as usual
-    (`shellbench.bench.store.environment.threads`). `quick` names solvers of which one seed is wanted, where no solver
-    is named; of those that are, one seed is wanted too.
+    - `start`: an earlier run that all runs continue.
+    - `threads`: threads of each run; None for the default (`shellbench.bench.store.environment.threads`).
+    - `quick`: solvers that run with one seed if the request names no solver; named solvers then run with one seed too.
     """
 
     cases: tuple[str, ...] = ()
@@ -67,20 +67,20 @@ class Declined:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be done.
+    """A plan of runs.
 
     Attributes
     ----------
     tasks
         Runs to make.
     kept
-        Names of the runs whose records answer already.
+        Names of the runs that have a valid record.
     unsettled
-        Records of those whose answers have not settled.
+        Records of those kept runs whose answers have not settled.
     declined
-        What does not apply.
+        Combinations that do not apply.
     notes
-        What else the user should know, one sentence each.
+        Notes for the user, one sentence each.
     seen
         Number of the newest record that was looked at.
     """
@@ -94,12 +94,12 @@ class Plan:
 
 
 def wanted_runs(request: Request) -> Iterator[tuple[Problem, SuiteRun]]:
-    """Yield what to run on which case, before settings, seeds and device that were given.
+    """Yield cases with their runs, before given settings, seeds and device are applied.
 
     Raises
     ------
     InputError
-        If a name is unknown, or nothing is asked for.
+        If a name is unknown, or the request is empty.
     """
     if not request.cases and not request.suites:
         raise InputError(f"nothing to run: name a case, a path to a .toml file, or --suite {DEFAULT_SUITE}")
@@ -119,7 +119,7 @@ def _runs_asked(request: Request) -> Iterator[tuple[Problem, SuiteRun]]:
 
 
 def _first_seeds(request: Request, found: Iterator[tuple[Problem, SuiteRun]]) -> Iterator[tuple[Problem, SuiteRun]]:
-    """Yield of each solver that is quick, or was named, the first seed that is declared for a case and settings."""
+    """Yield, for each quick or named solver, the first seed that is declared for a case and settings."""
     seen: set[tuple[str, str, str]] = set()
     for case, run in found:
         key = (case.name, run.solver, repr(sorted(run.settings.items())))
@@ -134,7 +134,7 @@ def _first_seeds(request: Request, found: Iterator[tuple[Problem, SuiteRun]]) ->
 
 
 def _of_suite(name: str, cases: Sequence[Problem]) -> Iterator[Problem]:
-    """Yield the cases of a suite, or those that named ones stand for; a user's own stands for itself."""
+    """Yield the cases of a suite, or those that the named cases select; a user's own case selects itself."""
     if not cases:
         yield from catalog.cases_of(name)
     for case in cases:
@@ -165,27 +165,27 @@ def _narrowed(runs: tuple[SuiteRun, ...], solvers: Sequence[str]) -> tuple[Suite
 def make_plan(
     request: Request, contents: Contents, force: bool = False, expect: Callable[[Task], None] = lambda task: None
 ) -> Plan:
-    """Make tasks of what was asked for.
+    """Make tasks of a request.
 
-    A solver is asked whether it declines only where no record answers, for some import much before they can say.
+    Solvers are asked if they decline a case only if no record exists, because the import of some takes long.
 
     Parameters
     ----------
     request
-        What was asked for.
+        The request.
     contents
-        What the store holds: records of the same identity with an answer are kept, failed runs are tried again.
+        Content of the store: records of the same identity with an answer are kept, failed runs are tried again.
     force
-        Whether to run also what is kept.
+        True to repeat runs that have a valid record.
     expect
-        Told of each task before its solver is asked: what makes runs can get ready in the meantime.
+        Called with each task before its solver is asked, so that the executor can prepare.
 
     Raises
     ------
     InputError
-        If a name is unknown, a setting does not fit, a solver of ours can't be imported, or a device is not offered.
+        If a name is unknown, a setting is invalid, a built-in solver can't be imported, or a device is not supported.
     PluginError
-        If a solver of another package does not answer what it is asked.
+        If a solver of another package does not answer.
     """
     wanted = list(wanted_runs(request))
     names = dict.fromkeys(run.solver for _, run in wanted)
@@ -194,11 +194,11 @@ def make_plan(
         find_solver(name)
         if name not in names:
             raise InputError(f"--set {name}.{next(iter(request.settings[name]))}: solver '{name}' is not to be run")
-    solvers = {name: asked(entry) for name, entry in entries.items()}
+    solvers = {name: resolve_solver(entry) for name, entry in entries.items()}
     _check_start(request.start, solvers)
     notes = _check_device(request, solvers)
     answered = {} if force else {key: r for key, r in newest(contents).items() if r.status in ANSWERED}
-    place, exam = cache(environment), catalog.exam_version()  # looked at once a plan: git is asked each time
+    place, exam = cache(environment), catalog.exam_version()  # computed once for a plan, because each call runs git
     tasks: dict[str, Task] = {}
     kept: dict[str, Record] = {}
     declined: dict[tuple[str, str], Declined] = {}

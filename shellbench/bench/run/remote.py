@@ -1,8 +1,7 @@
-"""One run on a worker of a Dask cluster: what `shellbench.bench.run.cluster` has a worker do.
+"""One run on a worker of a Dask cluster, for `shellbench.bench.run.cluster`.
 
-A task comes as text, is run by the machinery of local runs (`shellbench.bench.run.local`) in a temporary folder, in a
-process of its own, and goes back whole: its record and the bytes of its files. On its way it tells the client that it
-has started, and how far it is.
+A task arrives as text and runs as a local run (`shellbench.bench.run.local`) in a temporary folder, in a process of its
+own. Its record and the bytes of its files are sent back. The worker tells the client its start and its progress.
 """
 
 from __future__ import annotations
@@ -28,40 +27,40 @@ from shellbench.bench.store.task import Task
 from shellbench.errors import InputError, ShellbenchError
 from shellbench.protocol.engine import ENGINE, engine_version
 
-RUNNING = {"executing", "long-running"}  # states of a Dask task that somebody still waits for
+RUNNING = {"executing", "long-running"}  # states of a Dask task that a client still waits for
 SERVING = {"running", "paused", "closing_gracefully"}  # states of a Dask worker that can still answer
 PARSING = threading.Lock()  # threads must not parse Python at the same time before CPython 3.12 (its issue 106905)
 STANDS_BY = 30.0  # seconds for which a solver stays imported on a worker after a run
-PAUSE = 1.0  # seconds between two words on progress, of each run: they all go through the scheduler
+PAUSE = 1.0  # seconds between two progress messages of a run, which all pass the scheduler
 
 
 def run_task(text: str, topic: str, threads_each: int | None, timeout: float | None) -> dict[str, Any]:
-    """Make a run in a thread of a Dask worker; refer to this function by its name.
+    """Make a run in a thread of a Dask worker; clients refer to this function by its name.
 
     Parameters
     ----------
     text
         The task, as JSON.
     topic
-        Dask's topic under which the worker tells what happens.
+        Dask's topic for the worker's events.
     threads_each
-        Threads of the run; None for as many as usual on the worker's machine.
+        Threads of the run; None for the default on the worker's machine.
 
     Returns
     -------
     dict
-        One of: ``unfit``, why this worker can't make it; ``refused``, why the solver refused its input; ``record``,
-        JSON, with ``files``, their bytes by name.
+        One of: ``unfit``, the reason why this worker can't make it; ``refused``, the reason why the solver refused its
+        input; ``record``, JSON, with ``files``, their bytes by name.
 
     Raises
     ------
     AbandonedError
-        If nobody waits for it any more, or the worker is being closed.
+        If no client waits for it any more, or the worker is being closed.
     """
     from distributed import get_worker
 
     task = Task.model_validate_json(text)
-    reason = unfit(task)
+    reason = reason_unfit(task)
     if reason is not None:
         return {"unfit": reason}
     name, settings = task.identity.solver, task.identity.settings
@@ -95,15 +94,15 @@ def run_task(text: str, topic: str, threads_each: int | None, timeout: float | N
                         step = (progress.step, progress.total, progress.message)
                         worker.log_event(topic, {"key": key, "progress": step})
                     elif isinstance(event, Ended):
-                        return packed(event)
+                        return pack_results(event)
         except ShellbenchError as error:
             record = task.record(status="failed", reason=f"on its worker: {error}", seconds=0.0)
             return {"record": document(record).decode(), "files": {}}
     raise AssertionError("a run ended without a word")
 
 
-def unfit(task: Task) -> str | None:
-    """Return why this machine can't make the run that was planned, or None if it can."""
+def reason_unfit(task: Task) -> str | None:
+    """Return the reason why this machine can't make the planned run, or None if it can."""
     name = task.identity.solver
     try:
         with PARSING:
@@ -122,10 +121,10 @@ def unfit(task: Task) -> str | None:
 
 @contextlib.contextmanager
 def standing_by(worker: Any, task: Task) -> Iterator[list[ServerProcess]]:
-    """Give the fork server of an earlier run that has imported what a task needs, if one stands by; keep what is idle.
+    """Lend an idle fork server that has imported a task's solver, if there is one, and keep idle servers.
 
-    So not each run imports anew. Servers are ended when they have not been used for a while, and end by themselves
-    when the Dask worker does. They are an attribute of the worker: a plug-in of Dask's would stay on the cluster.
+    Runs therefore do not repeat the imports. Servers are ended when they have been idle for a while, and end with the
+    Dask worker. They are an attribute of the worker, because a plug-in of Dask would stay on the cluster.
     """
     identity = task.identity
     key = (identity.solver, identity.source, identity.settings.get(ENGINE), task.target, task.environment.threads)
@@ -140,7 +139,7 @@ def standing_by(worker: Any, task: Task) -> Iterator[list[ServerProcess]]:
                 server.end()
 
     def end(entry: tuple[ServerProcess, float]) -> None:
-        with contextlib.suppress(ValueError):  # it is in use, or has been since: that is another entry
+        with contextlib.suppress(ValueError):  # it is in use, or was used since: its entry is a new one
             entries.remove(entry)
             entry[0].end()
 
@@ -153,8 +152,8 @@ def standing_by(worker: Any, task: Task) -> Iterator[list[ServerProcess]]:
             worker.loop.add_callback(worker.loop.call_later, STANDS_BY, end, entry)
 
 
-def packed(ended: Ended) -> dict[str, Any]:
-    """Return what a run has left as data."""
+def pack_results(ended: Ended) -> dict[str, Any]:
+    """Return the results of a run as data."""
     record = ended.record
     if record is None:
         return {"refused": ended.refused}

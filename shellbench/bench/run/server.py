@@ -1,16 +1,16 @@
-"""The fork server of one solver: imports it once, then forks a fresh process for each run.
+"""The fork server of one solver: imports it once, then forks a new process for each run.
 
-The start of a run costs milliseconds, its memory is its own and that of the one solver that it needs (a server
-that had imported all solvers would charge each for the others), and a crash costs that run alone. It is a
-program of its own, started with the thread limits in its environment; it reads the folders of tasks from
-standard input, one a line, does one at a time, and writes events to standard output, one JSON object a line:
+A run therefore starts in milliseconds, and a crash costs that run only. The memory of a run is its own and that of its
+solver; a server with all solvers would count the memory of all. The server is a program of its own, started with the
+thread limits in its environment. It reads the folders of tasks from standard input, one a line, and runs one at a time.
+It writes events to standard output, one JSON object a line:
 
     {"event": "ready"}
     {"event": "started", "pid": 123}
     {"event": "progress", "step": 3, "total": 20, "message": "..."}
     {"event": "ended", "status": 0}          exit status, or minus the number of the signal
 
-When standard input ends, for instance because whoever started it was killed, the run is killed too.
+When standard input ends, for instance because the parent was killed, the run is killed too.
 """
 
 from __future__ import annotations
@@ -37,21 +37,21 @@ from shellbench.bench.store.store import LOG
 from shellbench.problem import Progress
 
 LINE = 300  # characters of a message; a line up to PIPE_BUF (512 bytes at least, 4096 mostly) is written in one piece
-LOOK = 0.5  # seconds between two looks whether a run has ended that left processes behind
+LOOK = 0.5  # seconds between two checks if a run has ended and left processes behind
 
 
 def main(target: str) -> None:
     """Serve runs of one solver, ``module:attribute``, until standard input ends."""
     events = os.dup(1)
-    os.dup2(2, 1)  # whatever an import prints is no event
+    os.dup2(2, 1)  # output of an import is no event
     load_here()
-    adopt()  # what a run leaves behind
+    adopt()  # orphans of runs become children of the server
     warnings.filterwarnings("ignore", message=".*multi-threaded, use of fork.*", category=DeprecationWarning)
     module = target.partition(":")[0]
-    with contextlib.suppress(Exception):  # the run will say what is wrong with it
+    with contextlib.suppress(Exception):  # the run will report the error
         import_module(module)
         find_kind(DEFAULT)
-        source_digest([module, module_of(DEFAULT), MEASURING])  # remembered: each run looks whether it has changed
+        source_digest([module, module_of(DEFAULT), MEASURING])  # cached: each run checks if it has changed
     import_what_solves(module)
     say(events, event="ready")
     waiting = b""
@@ -62,21 +62,21 @@ def main(target: str) -> None:
 
 
 def import_what_solves(module: str) -> None:
-    """Import what a solver of ours imports when it is called, so that no run waits for it."""
-    if module.partition(".")[0] == "shellbench":  # what a plug-in imports late may have a reason
+    """Import the modules that a built-in solver imports when it is called, so that no run waits for them."""
+    if module.partition(".")[0] == "shellbench":  # a plug-in may have a reason for late imports
         for name in import_closure(module):
             with contextlib.suppress(Exception):
                 import_module(name)
 
 
 def say(events: int, **event: Any) -> None:
-    """Write one event; nobody may be listening any more."""
+    """Write one event; ignore a closed stream."""
     with contextlib.suppress(OSError):
         os.write(events, json.dumps(event).encode() + b"\n")
 
 
 def serve(folder: Path, events: int) -> None:
-    """Fork a process for one run, and wait for its end or for that of standard input."""
+    """Fork a process for one run, and wait for its end or for the end of standard input."""
     spared = descendants()  # what an import has started
     alive, held = os.pipe()
     serving, ours = os.pipe()
@@ -93,12 +93,12 @@ def serve(folder: Path, events: int) -> None:
     ended = 0
     while not ended:
         ready, _, _ = select.select([alive, 0], [], [], LOOK)
-        if 0 in ready:  # nothing is sent while a run goes on: standard input has ended
+        if 0 in ready:  # no task is sent during a run: standard input has ended
             kill(pid)
         ended, status = os.waitpid(pid, 0 if ready else os.WNOHANG)
     os.close(alive)
     os.close(ours)
-    kill(pid)  # whatever the run left behind, in its session
+    kill(pid)  # remaining processes of the run, in its session
     end_descendants(spared)  # or in others
     say(events, event="ended", status=os.waitstatus_to_exitcode(status))
 
@@ -110,7 +110,7 @@ def kill(group: int) -> None:
 
 
 def end_with(server: int) -> None:
-    """Kill this run and all that it started as soon as the server has died and let go of its end of a pipe."""
+    """Kill this run and all its processes as soon as the server has died, which closes its end of a pipe."""
 
     def wait() -> None:
         os.read(server, 1)
@@ -120,7 +120,7 @@ def end_with(server: int) -> None:
 
 
 def child(folder: Path, events: int) -> NoReturn:
-    """Do the run of a folder in this process, and end it."""
+    """Make the run of a folder in this process, and exit."""
     status = 1
     try:
         nothing = os.open(os.devnull, os.O_RDONLY)

@@ -1,6 +1,6 @@
 """One run in a process of its own: solve, measure, and leave a record in the run's folder.
 
-Whatever goes wrong ends as a record with one sentence; what had converged before a failure is measured too.
+Every failure gives a record with one sentence; values that had converged before it are measured too.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ REFUSED = "refused.txt"
 DISK_FULL = "disk_full"
 CHECKPOINT = "checkpoint"  # the setting, see `shellbench.problem.Settings`
 CHECKPOINTS = "checkpoints"  # folder in the store
-PAUSE = 0.1  # seconds between two words on progress
+PAUSE = 0.1  # seconds between two progress messages
 
 Tell = Callable[[Progress], None]
 
 
 def work(folder: Path, tell: Tell) -> None:
-    """Do the task of a folder and leave its record there, or a word on why the input was refused.
+    """Run the task of a folder and write its record there, or the reason why the input was refused.
 
-    A full disk leaves the empty file `DISK_FULL` (or nothing at all): it is no fault of the solver.
+    A full disk leaves the empty file `DISK_FULL`, or nothing: it is no fault of the solver.
     """
     task = Task.read(folder)
     try:
@@ -88,7 +88,7 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
     if solution is None and reason is None:
         reason = "the solver returned None, which is no solution"
     seconds = time.perf_counter() - start
-    if solution is not None and solution.history:  # of a solve that went on from a checkpoint, all of it
+    if solution is not None and solution.history:  # for a solve that continued a checkpoint, its whole time
         seconds = max(seconds, finite(solution.history[-1].seconds) or 0.0)
     result: dict[str, Any] = {
         "seconds": seconds,
@@ -130,9 +130,9 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
 def with_data_errors(
     solver: Solver, settings: Settings, case: Problem, values: Mapping[str, Measured], tell: Tell
 ) -> dict[str, Measured]:
-    """Solve the same question with data that say as much; add how far values move, to their uncertainties too.
+    """Solve with equivalent data, and add the changes of the values to their data errors and uncertainties.
 
-    Values stay as they are where the question's data leave no choice.
+    Values are unchanged if the question's data are exact.
     """
     other = case.asked_as_well()
     if other is None:
@@ -147,10 +147,10 @@ def with_data_errors(
 
 
 def same_source(task: Task) -> bool:
-    """Tell whether the source is still that for which the run was planned: what ran may be another."""
+    """Return True if the source is still that of the plan."""
     name = task.identity.solver
     try:
-        # of ours nothing but the module counts: not where it is registered, which takes longer to find than the rest
+        # for built-in solvers only the module counts; the search for their registration would take most of the time
         entry = SolverEntry(name, task.target, "", "")
         return current_source(entry if entry.own else find_solver(name), kind_name(task.case)) == task.identity.source
     except (InputError, OSError, SyntaxError):
@@ -158,7 +158,7 @@ def same_source(task: Task) -> bool:
 
 
 def with_checkpoints(task: Task, solver: Solver, folder: Path) -> dict[str, Any]:
-    """Return the settings of a task; a solver that keeps checkpoints does so in the store, unless told where."""
+    """Return the settings of a task; checkpoints are kept in the store by default."""
     given = dict(task.settings)
     if CHECKPOINT in solver.settings_type.model_fields:
         given.setdefault(CHECKPOINT, str(folder.parent / CHECKPOINTS))
@@ -168,7 +168,7 @@ def with_checkpoints(task: Task, solver: Solver, folder: Path) -> dict[str, Any]
 def peak_memory(idle: int) -> int | None:
     """Return the largest resident memory of this process so far, bytes; None where that is not known.
 
-    The kernel counts the peak now and then only, so it may lag behind what was measured when idle.
+    The kernel updates the peak only from time to time, so it may be less than the idle measurement.
     """
     try:
         import resource
@@ -179,7 +179,7 @@ def peak_memory(idle: int) -> int | None:
 
 
 def sparing(tell: Tell) -> Tell:
-    """Return a callback that passes on a word on progress now and then only."""
+    """Return a callback that passes on progress with a limited rate."""
     last = -math.inf
 
     def told(progress: Progress) -> None:

@@ -1,4 +1,4 @@
-"""Records: what a run leaves, how it is measured and kept, and whether it still counts.
+"""Records: their content, their measurement and storage, and their validity.
 
-It may import the catalogue and what is below it. It starts no run and judges none.
+This package may import the catalogue and the packages below it. It starts no run and judges none.
 """

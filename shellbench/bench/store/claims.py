@@ -1,7 +1,7 @@
 """Claims on runs: commands that work in one store at the same time make each run once.
 
-A claim is a lock on a file of the store, by the run's key. It dies with the process that holds it, so that nobody waits
-for a command that was killed.
+A claim is a lock on a file of the store, by the run's key. It ends with its process, so that no command waits for a
+killed one.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ NAME = ".claim-"  # begins the name of a claim's file
 
 @dataclass
 class Claims:
-    """The claims of one command in a store; all are given up at the end of the context."""
+    """The claims of one command in a store; all are released at the end of the context."""
 
     folder: Path
     held: dict[str, int] = field(default_factory=dict)
@@ -61,7 +61,7 @@ class Claims:
                 return False
             except OSError:  # a file system without locks
                 pass
-            # Whoever gives a claim up removes the file: a lock on one that is gone is none.
+            # Releasing a claim removes the file: a lock on a removed file is not valid.
             with contextlib.suppress(FileNotFoundError):
                 if path.stat().st_ino == os.fstat(handle).st_ino:
                     self.held[key] = handle
@@ -69,7 +69,7 @@ class Claims:
             os.close(handle)
 
     def drop(self, key: str) -> None:
-        """Give a claim up."""
+        """Release a claim."""
         handle = self.held.pop(key, None)
         if handle is not None:
             self._path(key).unlink(missing_ok=True)

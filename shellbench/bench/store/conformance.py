@@ -1,9 +1,9 @@
-"""Conformance: whether a solver has passed the checks without which it holds no class.
+"""Conformance: results of the checks that a solver must pass to get a class.
 
-Known values judge a handful of numbers. A solver that looks them up is right in all of them, and has no field. So
-`shellbench check-solver` asks for what no list of values answers: that a field is continuous, that its energies are
-those of its strains, that it follows the load and the placement. What it found is kept in the store, one sealed file
-for each solver and kind of problem. It counts for runs of the very source that was checked.
+Known values judge only a few numbers. A solver that looks them up passes without a field. `shellbench check-solver`
+therefore checks properties that a list of values can't have: that a field is continuous, that its energies are those of
+its strains, and that it follows the load and the placement. The results are kept in the store, in one sealed file for
+each solver and kind of problem. They are valid for runs of the checked source only.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ class Conformance(Model):
     Attributes
     ----------
     kind
-        Of the problems that it was asked.
+        Kind of the checked problems.
     source
         SHA-256 as in the identity of its runs.
     checks
-        By check: how it ended for each case that was asked, such as "passed".
+        By check: its result on each case, such as "passed".
     lacking
-        Why it holds no class, one clause each; empty if it has passed all checks that a class needs.
+        Reasons why it gets no class, one clause each; empty if it has passed all required checks.
     """
 
     solver: str
@@ -58,7 +58,7 @@ class Noted:
     found
         One for each solver and kind.
     damaged
-        One sentence for each file that is none, or was changed since it was written.
+        One sentence for each file that is invalid, or was changed since it was written.
     """
 
     found: tuple[Conformance, ...] = ()
@@ -68,7 +68,7 @@ class Noted:
 def note_conformance(
     store: Store, entry: SolverEntry, kind: str, checks: Mapping[str, tuple[str, ...]], lacking: tuple[str, ...]
 ) -> None:
-    """Keep what the checks found of today's source of a solver, in place of what was found before.
+    """Store the results of the checks for the present source of a solver, in place of earlier results.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def note_conformance(
 
 
 def read_conformance(store: Store) -> Noted:
-    """Return what a store knows of conformance."""
+    """Return all results of conformance checks in a store, and one sentence for each damaged file."""
     found: list[Conformance] = []
     damaged: list[str] = []
     for path in sorted((store.folder / FOLDER).glob("*.json")):
@@ -102,7 +102,7 @@ def read_conformance(store: Store) -> Noted:
 
 
 def _read(data: Any) -> Conformance:
-    """Return what sealed data say; ValueError if they are damaged."""
+    """Return the content of sealed data; ValueError if they are damaged."""
     content = {key: value for key, value in dict(data).items() if key != SEAL}
     if sealed(content) != data:
         raise ValueError("its content is not that of which its checksum was taken")
@@ -110,7 +110,7 @@ def _read(data: Any) -> Conformance:
 
 
 def why_unchecked(solver: str, runs: Iterable[Record], noted: Iterable[Conformance]) -> str:
-    """Return why the source of a solver's runs is not checked, as a clause; empty if it is."""
+    """Return the reason why the source of a solver's runs is not checked, as a clause; empty if it is checked."""
     known = {(one.kind, one.source): one for one in noted if one.solver == solver}
     for kind, source in sorted({(kind_name(run.case), run.identity.source) for run in runs}):
         one = known.get((kind, source))

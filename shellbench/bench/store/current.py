@@ -1,11 +1,13 @@
-"""Whether a record counts: whether today's case, solver and settings would make it again, and it is the newest.
+"""Validity of records: a record counts if today's case, solver and settings would make it again and it is the newest.
 
-Three keys tell runs apart. Runs of one `run_key` answer for each other, and the newest of them counts. A `question` is
-a case, solver, settings and seed, whatever the code was then: an answer to it ends a plan. A line of a suite declares
-the runs that `is_answer` takes.
+Three keys distinguish runs:
 
-Of a solver that is not installed nobody can tell whether it has changed. Its records are shown as they are, so that
-tables and figures can be made anew on any machine; no gate takes them. The same holds for a solver on an engine
+- `run_key`: runs with equal keys replace each other, and the newest of them counts.
+- `question`: a case, solver, settings and seed, independent of the code. An answer to it completes a plan.
+- `is_answer`: decides which runs satisfy a line of a suite.
+
+If a solver is not installed, changes of its source can't be detected. Its records are shown unchanged, so that tables
+and figures can be made on any machine, but no gate accepts them. The same holds for a solver on an engine
 (`shellbench.protocol.engine`) that is not installed.
 """
 
@@ -13,7 +15,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -37,12 +39,12 @@ UNSEALED = "it has no checksum, so nothing tells whether it was edited"
 
 
 def run_key(run: Task | Record) -> str:
-    """Return text that is equal for runs that answer for each other: the same identity under the same name."""
+    """Return text that is equal for runs that can replace each other: the same identity under the same name."""
     return json.dumps([run.case_name, run.own_case, run.identity.model_dump(mode="json")], sort_keys=True)
 
 
 def question(run: Task | Record) -> str:
-    """Return text that is equal for runs of the same case, solver, settings and seed, whatever the code was then."""
+    """Return text that is equal for runs of the same case, solver, settings and seed, with any code."""
     identity = run.identity
     return json.dumps([run.case_name, run.own_case, identity.solver, overrides_of(run), identity.seed], sort_keys=True)
 
@@ -54,7 +56,7 @@ def overrides_of(run: Task | Record) -> dict[str, Any]:
 
 def newest(contents: Contents) -> dict[str, Record]:
     """Return the newest record of each run that was made more than once, by `run_key`, oldest first."""
-    # A dictionary keeps the place of a key that is written again. Taken out first, the run moves to the end.
+    # A dictionary keeps the place of an existing key. Removing it first moves the run to the end.
     latest: dict[str, Record] = {}
     for record in contents.records:
         key = run_key(record)
@@ -65,7 +67,7 @@ def newest(contents: Contents) -> dict[str, Record]:
 
 @dataclass(frozen=True)
 class CurrentRun:
-    """A record that counts.
+    """A valid record.
 
     Attributes
     ----------
@@ -76,9 +78,9 @@ class CurrentRun:
     overrides
         Settings that differ from the defaults.
     declared_by
-        Each suite that declares this very run, with what it calls it.
+        Each suite that declares this run, with its name for it.
     installed
-        Whether the solver and its engine are installed, and so known to be those that made the record.
+        True if the solver and its engine are installed, and are therefore known to be those of the record.
     """
 
     record: Record
@@ -89,7 +91,7 @@ class CurrentRun:
 
     @property
     def absent(self) -> str:
-        """What is not installed, if something is: the solver, or its engine."""
+        """The solver or engine that is not installed, in words."""
         identity = self.record.identity
         engine = engine_distribution(identity.settings)
         if engine is not None and engine_version(engine) is None:
@@ -99,16 +101,16 @@ class CurrentRun:
 
 @dataclass(frozen=True)
 class CurrentRuns:
-    """Records that count, and why the others do not.
+    """Valid records, and the reasons why the others are not.
 
     Attributes
     ----------
     runs
-        Oldest first; one for each case, solver, settings and seed: of several devices the CPU's counts.
+        Oldest first; one for each case, solver, settings and seed: among several devices the CPU's record counts.
     stale
-        Why a record does not count, by its name.
+        Records that are not valid, with the reason, by name.
     damaged
-        One sentence for each file of the store that is no whole record.
+        One sentence for each file of the store that is no intact record.
     """
 
     runs: tuple[CurrentRun, ...]
@@ -117,7 +119,7 @@ class CurrentRuns:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """One sentence for each damaged file, each reason why records do not count, and what to know of the others."""
+        """One sentence for each damaged file, each reason why records are not valid, and each remark on the others."""
         reasons = Counter(reason for _, reason in self.stale.values())
         counted = (f"{count} stored {_runs(count)} left out: {reason}" for reason, count in sorted(reasons.items()))
         absent = Counter(run.absent for run in self.runs if not run.installed)
@@ -127,12 +129,18 @@ class CurrentRuns:
         )
         return (*self.damaged, *counted, *taken)
 
+    def narrowed(self, cases: Collection[tuple[str, bool]]) -> CurrentRuns:
+        """Return the runs of some cases; each is its name, and whether it is a user's own."""
+        runs = tuple(run for run in self.runs if (run.record.case_name, run.record.own_case) in cases)
+        stale = {name: (r, why) for name, (r, why) in self.stale.items() if (r.case_name, r.own_case) in cases}
+        return CurrentRuns(runs, stale, self.damaged)
+
     def find(
         self, case: str, solver: str, settings: Mapping[str, Any], seed: int, *, installed: bool = True
     ) -> CurrentRun | None:
-        """Return the run of one of the suite's cases with these settings beside the defaults; seed or no seed.
+        """Return the run of one of the suite's cases with these overrides and this seed, or without a seed.
 
-        With `installed` only of a solver that is installed, so that what made the record is known: gates ask so.
+        With `installed` the solver must be installed, so that the code of the record is known; gates require this.
         """
         for run in self.runs:
             identity = run.record.identity
@@ -147,7 +155,7 @@ class CurrentRuns:
         return None
 
     def why_not(self, case: str, solver: str, seed: int) -> str | None:
-        """Return why the newest record of a case and solver does not count, if there is one."""
+        """Return the reason why the newest record of a case and solver does not count; None if there is none."""
         reasons = [
             reason
             for record, reason in self.stale.values()
@@ -159,22 +167,22 @@ class CurrentRuns:
 
 
 def current_runs(contents: Contents, *, any_code: bool = False) -> CurrentRuns:
-    """Sort out which records count.
+    """Select the valid records.
 
-    With `any_code` they count whatever the code of their solver and its engine were: so states of the code are
-    compared. Of records that differ in their code alone the newest counts.
+    With `any_code` records of every state of their solver's code and engine are valid, so that states of the code can
+    be compared. Among records that differ only in their code the newest is valid.
     """
-    # A record counts if it would be made again today. Checked in turn, the first that fails is the reason:
+    # A record is valid if it would be made again today. The first failing check is the reason:
     # 1. A store has sealed it.
     # 2. Its case can be read.
     # 3. The case has the same digest today: that of the suite, or the newest one of a user's own.
     # 4. The solver's code has the same digest, if it is installed.
     # 5. Its engine has the same version, if that is installed.
-    # Of those that count one is taken for each case, solver, settings and seed. It is the newest on a CPU, if there is
+    # One valid record is used for each case, solver, settings and seed. It is the newest on a CPU, if there is
     # one.
     asked = {(record.identity.solver, kind_name(record.case)) for record in contents.records}
     sources = {} if any_code else _current_sources(asked)
-    # A user's own case has no file here to compare with: its newest record says what it is.
+    # A user's own case has no file to compare with: its newest record defines it.
     own_physics = {r.case_name: r.identity.case for r in contents.records if r.own_case}  # the newest one's
     stale: dict[str, tuple[Record, str]] = {}
     runs: dict[tuple[object, ...], CurrentRun] = {}
@@ -189,10 +197,10 @@ def current_runs(contents: Contents, *, any_code: bool = False) -> CurrentRuns:
             stale[record.run_id] = (record, "its case can't be read any more")
             continue
         wanted = own_physics[record.case_name] if record.own_case else case.digest()
-        # The second part catches a user's own case whose stored text is not what its digest was made of.
+        # The second part detects a user's own case whose stored text does not belong to its digest.
         if identity.case != wanted or case.digest() != identity.case:
             stale[record.run_id] = (record, "the case has changed since")
-        # Of a solver that is not installed the digest is taken to be the same.
+        # The digest of a solver that is not installed is assumed to be the same.
         elif sources.get((identity.solver, case.kind), identity.source) != identity.source:
             stale[record.run_id] = (record, "the solver has changed since")
         elif not any_code and (changed := _changed_engine(identity.settings)) is not None:
@@ -200,7 +208,7 @@ def current_runs(contents: Contents, *, any_code: bool = False) -> CurrentRuns:
         else:
             settings = overrides_of(record) if any_code else identity.settings  # older code may have had fewer
             key = (record.own_case, record.case_name, identity.solver, repr(settings), identity.seed)
-            # Another device's answer counts only where no CPU has answered.
+            # An answer of another device is valid only if no CPU has answered.
             if key not in runs or runs[key].record.identity.device != "cpu" or identity.device == "cpu":
                 installed = (identity.solver, case.kind) in sources and not _lacks_engine(identity.settings)
                 runs[key] = CurrentRun(record, case, overrides_of(record), declared_by(record, case), installed)
@@ -218,7 +226,7 @@ def _todays_case(record: Record | Task) -> Problem:
 
 
 def _current_sources(asked: Iterable[tuple[str, str]]) -> dict[tuple[str, str], str]:
-    """Return the digests of the sources by name of solver and kind; of those that are installed only."""
+    """Return the digests of the sources by name of solver and kind; only for installed ones."""
     entries = solver_entries()
     sources: dict[tuple[str, str], str] = {}
     for solver, kind in asked:
@@ -235,7 +243,7 @@ def _lacks_engine(settings: Mapping[str, Any]) -> bool:
 
 
 def _changed_engine(settings: Mapping[str, Any]) -> str | None:
-    """Return how the engine of a record differs from the one that is installed, if one is."""
+    """Return the difference between a record's engine and the installed one; None if they agree or one is unknown."""
     engine = engine_distribution(settings)
     installed = engine_version(engine) if engine is not None else None
     if engine is None or installed is None or installed == settings[ENGINE]:
@@ -244,8 +252,9 @@ def _changed_engine(settings: Mapping[str, Any]) -> str | None:
 
 
 def declared_by(run: Record | Task, case: Problem) -> dict[str, str]:
-    """Return the suites that declare a run of a case, with what each calls it."""
-    known = [] if run.own_case else [name for name in case.suites if name in catalog.suite_names()]
+    """Return the suites that declare a run of a case, each with its name for the run."""
+    suites = () if run.own_case else catalog.suite_names()
+    known = [name for name in case.suites if name in suites]
     lines = [(name, line) for name in known for line in catalog.find_suite(name).runs_for(case.name)]
     return {name: line.label for name, line in lines if is_answer(run, line)}
 
@@ -260,7 +269,7 @@ def case_of_planned(task: Task) -> tuple[Problem, dict[str, str]] | None:
 
 
 def is_answer(record: Record | Task, run: SuiteRun) -> bool:
-    """Tell whether a record of the right case is one of those that a line of a suite declares."""
+    """Return True if a line of a suite declares the run of a record of the right case."""
     identity = record.identity
     return (
         identity.solver == run.solver

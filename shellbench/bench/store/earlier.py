@@ -1,4 +1,4 @@
-"""The earlier solution from which a run goes on: found in the store by the name of its run."""
+"""The earlier solution that a run continues: found in the store by the name of its run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Earlier:
 
 
 def find_earlier(run_id: str, store: Store, contents: Contents) -> Earlier:
-    """Return an earlier run by its name; InputError in one sentence if it is not there, or left no whole solution."""
+    """Return an earlier run by its name; InputError in one sentence if it is not there, or has no intact solution."""
     record = next((record for record in contents.records if record.run_id == run_id), None)
     if record is None:
         raise InputError(f"--start {run_id}: no run in {store.folder} has this name; `table --format json` names them")

@@ -1,4 +1,4 @@
-"""Where a run is made: versions, processor, threads and commit."""
+"""The environment of a run: versions, processor, threads and commit."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from shellbench.bench.store.record import Environment
 from shellbench.protocol.engine import ENGINE
 
 PACKAGES = ("shellbench", "numpy", "scipy", "scikit-fem", "torch", "pypardiso")
-THREADS = 2  # a run: what the suite's figures in seconds are stated for
+THREADS = 2  # threads of a run, for which the suite's seconds are stated
 NAME_AND_VERSION = re.compile(
     r"(\S+) \d\S*"
 )  # of a distribution, as `shellbench.protocol.engine.engine_version` writes them
@@ -32,7 +32,7 @@ def cores() -> int:
 
 
 def threads() -> int:
-    """Return the number of threads that each run gets unless told otherwise."""
+    """Return the default number of threads of a run."""
     return min(THREADS, cores())
 
 
@@ -48,7 +48,7 @@ def environment(
     threads_each
         Threads of each run; `threads` if not given.
     engine
-        Distribution of the engine that the solver stands on, if it does (see `engine_distribution`).
+        Distribution of the solver's engine, if it has one (see `engine_distribution`).
     """
     sha, dirty = _commit()
     return Environment(
@@ -65,7 +65,7 @@ def environment(
 
 
 def engine_distribution(settings: Mapping[str, Any]) -> str | None:
-    """Return which distribution is the engine of a run with these settings; None if it has none."""
+    """Return the distribution of the engine of a run with these settings; None if it has no engine."""
     found = NAME_AND_VERSION.fullmatch(str(settings.get(ENGINE)))
     return found[1] if found else None
 
@@ -74,7 +74,7 @@ def _versions(*more: str) -> dict[str, str]:
     found: dict[str, str] = {}
     for package in dict.fromkeys((*PACKAGES, *more)):
         try:
-            found[package] = str(version(package))  # None of a package without one
+            found[package] = str(version(package))  # None for a package without a version
         except (PackageNotFoundError, ValueError):
             continue
     return found
@@ -99,7 +99,7 @@ def gpu() -> str | None:
 
 
 def _commit() -> tuple[str | None, bool | None]:
-    """Return the commit of the tree that the package lies in, and whether tracked files differ from it."""
+    """Return the commit of the package's tree, and True if tracked files differ from it."""
     package = Path(package_file).resolve().parent
     if not (package.parent / ".git").exists():  # an installed package may lie inside a tree of something else
         return None, None

@@ -1,8 +1,8 @@
-"""Exporting a stored solution, sampled on a regular grid, for other programs.
+"""Export of a stored solution, sampled on a regular grid, for other programs.
 
-Meshes are of quadrilaterals whose normals point along a_1 x a_2. Where the surface closes on itself the two sides of
-its seam share their vertices, so that no viewer shows a slit or a crease in the shading; but only if the field closes
-too: a solver whose field jumps at the seam shows its jump.
+Meshes consist of quadrilaterals whose normals point along a_1 x a_2. If the surface is closed, the two sides of its
+seam share their vertices, so that no viewer shows a slit or a crease in the shading. This requires that the field is
+closed too: a solver whose field jumps at the seam shows its jump.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.plugins.kinds import find_kind
-from shellbench.bench.plugins.outside import AskedSolver, asked
+from shellbench.bench.plugins.outside import AskedSolver, resolve_solver
 from shellbench.bench.plugins.registry import find_solver
 from shellbench.bench.store.current import CurrentRun, current_runs
 from shellbench.bench.store.record import ANSWERED
@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 
 
 def as_npz(sample: Sample, scale: float) -> bytes:
-    """Return all arrays as they are, seams with both sides; `scale` is not used."""
+    """Return all arrays unchanged, with both sides of seams; `scale` is not used."""
     file = io.BytesIO()
     np.savez_compressed(file, position=sample.position, **sample.point_data)  # type: ignore[arg-type] # its own options
     return file.getvalue()
@@ -102,14 +102,14 @@ def quadrilaterals(n: int, closed: tuple[bool, bool] = (False, False)) -> NDArra
 
 
 def stored_run(store: Store, case_text: str, solver: str, seed: int | None, say: Say = silent) -> CurrentRun:
-    """Return the newest good run of a case by a solver, with default settings if there is one.
+    """Return the newest valid run of a case by a solver, if possible with default settings.
 
-    `say` takes a sentence for each file that is damaged.
+    `say` receives a sentence for each damaged file.
 
     Raises
     ------
     InputError
-        If a name is unknown or the store has no such run that counts.
+        If a name is unknown or the store has no such valid run.
     """
     case = catalog.find_case(case_text)
     find_solver(solver)
@@ -138,12 +138,12 @@ def stored_run(store: Store, case_text: str, solver: str, seed: int | None, say:
 
 
 def sample(store: Store, run: CurrentRun, resolution: int, at: float | None = None) -> Sample:
-    """Load a stored solution and sample it on a grid of so many points a side; see `samples`."""
+    """Load a stored solution and sample it on a grid; see `samples`."""
     return next(samples(store, run, resolution, (at,)))
 
 
 def marks_of(run: CurrentRun, frames: int) -> tuple[float, ...]:
-    """Return the marks of a series: so many times of a motion, evenly from rest to its end; the states of a path.
+    """Return the marks of a series: times of a motion, evenly from rest to its end, or the states of a path.
 
     Raises
     ------
@@ -158,7 +158,7 @@ def marks_of(run: CurrentRun, frames: int) -> tuple[float, ...]:
 
 
 def samples(store: Store, run: CurrentRun, resolution: int, marks: Sequence[float | None]) -> Iterator[Sample]:
-    """Load a stored solution and sample it, state by state, on a grid of so many points a side.
+    """Load a stored solution and sample it, state by state, on a grid.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def samples(store: Store, run: CurrentRun, resolution: int, marks: Sequence[floa
         raise InputError(f"{run.case.name}: solutions of the kind '{run.case.kind}' are no surfaces to export")
     record = run.record
     path = store.file(record.solution_file)
-    solver = asked(find_solver(record.identity.solver))
+    solver = resolve_solver(find_solver(record.identity.solver))
     try:
         if path is None:
             raise FileNotFoundError("it is gone")
@@ -206,7 +206,7 @@ def export(sampled: Sample, path: Path, scale: float = 1.0) -> None:
     InputError
         If the format is unknown, or needs a package that is not installed.
     StoreError
-        If it can't be written, for the disk is full or the like.
+        If it can't be written, for instance because the disk is full.
     """
     write(path, writer_of(path)(sampled, scale))
 
@@ -229,7 +229,7 @@ def write(path: Path, data: bytes) -> None:
 
 
 def writer_of(path: Path, others: Sequence[str] = ()) -> Callable[[Sample, float], bytes]:
-    """Return what writes a file of this suffix; InputError, naming the known ones and others, if nothing does."""
+    """Return the writer for files of this suffix; InputError with the known suffixes and `others` if there is none."""
     if path.suffix not in WRITERS:
         raise InputError(f"--out {path}: can't write '{path.suffix}'; formats are {', '.join([*WRITERS, *others])}")
     return WRITERS[path.suffix]

@@ -14,7 +14,7 @@ SERIES = (".pvd",)
 """Formats that hold a series by themselves; those of one state become numbered files."""
 
 
-def numbered(path: Path, number: int, suffix: str | None = None) -> Path:
+def numbered_file(path: Path, number: int, suffix: str | None = None) -> Path:
     """Return the file of one state: skirt_007.obj of skirt.obj."""
     return path.with_name(f"{path.stem}_{number:03d}{suffix or path.suffix}")
 
@@ -33,17 +33,17 @@ def export_series(series: Iterable[Sample], path: Path, scale: float = 1.0) -> i
         raise InputError(f"--out {path}: can't write a series as '{path.suffix}'")
     marks = []
     for number, one in enumerate(series):
-        export(one, numbered(path, number, ".vtu" if path.suffix == ".pvd" else None), scale)
+        export(one, numbered_file(path, number, ".vtu" if path.suffix == ".pvd" else None), scale)
         marks.append(one.at)
     if path.suffix == ".pvd":
-        write(path, as_pvd(path, marks))  # last: what it lists is there
+        write(path, as_pvd(path, marks))  # written last, so that all listed files exist
     return len(marks)
 
 
 def as_pvd(path: Path, marks: Sequence[float | None]) -> bytes:
     """Return the list of numbered .vtu files with their times that ParaView opens as one motion."""
     files = (
-        f'    <DataSet timestep="{mark!r}" file={quoteattr(numbered(path, number, ".vtu").name)}/>'
+        f'    <DataSet timestep="{mark!r}" file={quoteattr(numbered_file(path, number, ".vtu").name)}/>'
         for number, mark in enumerate(marks)
     )
     head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>'

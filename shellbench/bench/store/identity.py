@@ -1,9 +1,8 @@
-"""Identity: what makes two runs the same, and which settings a run has.
+"""Identity of runs, including their settings.
 
-The identity of a planned run needs the solver's class (for its settings), so it is made where the solver is
-imported anyway. Whether a *stored* record is current needs only the digest of the source: a record keeps the
-solver's default settings, and as long as the source is the same they are the defaults. So tables and gates
-import no solver.
+The identity of a planned run needs the solver's class for its settings, and is made where the solver is imported
+anyway. The validity of a *stored* record needs only the digest of the source: a record contains the solver's default
+settings, which are the present defaults as long as the source is the same. Tables and gates therefore import no solver.
 """
 
 from __future__ import annotations
@@ -19,14 +18,14 @@ from shellbench.errors import InputError
 from shellbench.problem import Problem, SeededSettings, Settings
 from shellbench.protocol.schema import one_sentence
 
-MEASURING = "shellbench.bench.run.worker"  # what measures a solution counts as its source
+MEASURING = "shellbench.bench.run.worker"  # the code that measures a solution counts as its source
 GATED_DTYPE = "float64"
 
 
 def current_source(entry: SolverEntry, kind: str = DEFAULT) -> str:
-    """Return the digest of the solver's source, of its kind of problem, and of what measures it.
+    """Return the digest of the solver's source, of its kind of problem, and of the code that measures it.
 
-    Of a plug-in the version counts too.
+    For a plug-in the digest includes the version.
     """
     version = () if entry.own else (f"{entry.distribution} {entry.version}",)
     return source_digest([entry.module, module_of(kind), MEASURING], *version)
@@ -38,7 +37,7 @@ def make_identity(case: Problem, entry: SolverEntry, settings: Settings) -> Iden
     Raises
     ------
     InputError
-        If a setting is a figure that no record can keep.
+        If a setting is a number that no record can keep.
     """
     dtype = str(getattr(settings, "dtype", GATED_DTYPE)).removeprefix("torch.")
     seed, device = (settings.seed, settings.device) if isinstance(settings, SeededSettings) else (None, "cpu")

@@ -1,7 +1,7 @@
-"""What of a solution goes into a record: its values, its cost, how it came about, and fields for pictures.
+"""Measurement of a solution for its record: values, cost, history, and fields for pictures.
 
-Each part is measured by itself: what can't be measured, such as a quantity at a state that a failed solve did not
-reach, costs nothing of the rest.
+Each part is measured independently. If one part can't be measured, the rest is still recorded: an example is a
+quantity at a state that a failed solve did not reach.
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ from shellbench.protocol.schema import LONGEST_VALUE, one_sentence
 FIELDS = "fields.npz"
 NOT_REACHED = "not_reached"  # of a solution's diagnostics: names of the quantities that it did not reach
 SOLUTION = "solution"
-DRAWS = 2.0  # one draw of noise moves an answer too little as often as too much: twice that covers 7 of 10
-UNREACHED = (InputError, ValueError)  # how a solution and its measuring say that a state was not reached
+DRAWS = 2.0  # one random draw underestimates the change as often as not: twice the change covers 7 of 10
+UNREACHED = (InputError, ValueError)  # errors for a state that was not reached
 Part = Callable[[], dict[str, Any]]
 
 
 def measured(solution: Solution, case: Problem, folder: Path) -> tuple[dict[str, Any], str | None]:
-    """Measure a solution, and put its arrays and itself into the folder.
+    """Measure a solution, and write its arrays and the solution itself into the folder.
 
     Returns
     -------
     tuple
-        Fields of a record, and why it is not whole, in one sentence; None if it is.
+        Fields of a record, and the reason why it is incomplete, in one sentence; None if it is complete.
     """
     kind = find_kind(case.kind)
     values, lost = values_of(solution, case)
     result: dict[str, Any] = {"values": values}
     headline = next(quantity.name for quantity in case.quantities if quantity.primary)
-    # A solver that names what it did not reach, and so has not settled, has an answer if it reached the headline.
+    # A solver that names unreached quantities, and therefore has not settled, has an answer if it reached the headline.
     told = headline in values and why_unsettled(solution) is not None
     told = told and set(lost) <= set(solution.diagnostics.get(NOT_REACHED, ()))
     why = without_values(lost) if lost and not told else why_misstated(solution, case)
@@ -62,9 +62,9 @@ def measured(solution: Solution, case: Problem, folder: Path) -> tuple[dict[str,
                 traceback.print_exc()
 
     measure(partial(cost, solution), partial(course, solution), partial(kept, solution, case, folder))
-    if "fields_file" in result:  # else there is no finite state of which anything could be said
+    if "fields_file" in result:  # otherwise there is no finite state to measure
         measure(*(partial(_field, name, account) for name, account in accounts.items()))
-    for name, study in kind.studies.items():  # they stand beside the answer: one that fails is left out
+    for name, study in kind.studies.items():  # they are optional: a failing one is left out
         try:
             result[name] = tuple(study(solution, case, numbers))
         except Exception as error:
@@ -78,7 +78,7 @@ def _field(name: str, account: Callable[[], Any]) -> dict[str, Any]:
 
 
 def values_of(solution: Solution, case: Problem) -> tuple[dict[str, Measured], dict[str, str]]:
-    """Return the finite values of the case's quantities, and of the others why there is none (empty: not finite)."""
+    """Return the finite values of the case's quantities, and the reasons for missing values (empty: not finite)."""
     values: dict[str, Measured] = {}
     lost: dict[str, str] = {}
     for quantity in case.quantities:
@@ -105,7 +105,7 @@ def values_of(solution: Solution, case: Problem) -> tuple[dict[str, Measured], d
 
 
 def stated(value: Any) -> float | None:
-    """Return a number that a solution states; None if there is none that a record can keep."""
+    """Return a number that a solution states; None if it states none or a record can't keep it."""
     try:
         return None if isinstance(value, str | bytes) else finite(value)
     except (TypeError, ValueError):
@@ -113,7 +113,7 @@ def stated(value: Any) -> float | None:
 
 
 def why_misstated(solution: Solution, case: Problem) -> str | None:
-    """Say which uncertainty or extrapolated value is no finite number, or negative; None if all can be kept."""
+    """Describe an invalid uncertainty or extrapolated value: not finite, or negative; None if all are valid."""
     for part, least in (("uncertainty", 0.0), ("extrapolated", -math.inf)):
         for name in (quantity.name for quantity in case.quantities):
             given = getattr(solution, part).get(name)
@@ -126,13 +126,13 @@ def why_misstated(solution: Solution, case: Problem) -> str | None:
 
 
 def without_values(lost: Mapping[str, str]) -> str:
-    """Say which quantities have no value, and why the first of them that has a reason has none."""
+    """Describe the quantities without a value, with the first known reason."""
     why = next(filter(None, lost.values()), "")
     return f"the solution has no finite value for {', '.join(lost)}" + (f": {why}" if why else "")
 
 
 def cost(solution: Solution) -> dict[str, Any]:
-    """Return what the solution takes, and what the solver says of it."""
+    """Return the size of the solution, and the solver's diagnostics."""
     return {
         "parameters": int(solution.parameters),
         "storage_bytes": int(solution.storage_bytes),
@@ -141,19 +141,19 @@ def cost(solution: Solution) -> dict[str, Any]:
 
 
 def course(solution: Solution) -> dict[str, Any]:
-    """Return how the solution came about."""
+    """Return the history of the solution."""
     return {"history": history_of(solution)}
 
 
 def kept(solution: Solution, case: Problem, folder: Path) -> dict[str, Any]:
-    """Keep arrays of the solution, and itself; nothing if it has no finite state yet."""
+    """Store arrays of the solution, and the solution itself; nothing if it has no finite state yet."""
     if not write_fields(solution, case, folder / FIELDS):
         return {}
     return {"fields_file": FIELDS, "solution_file": solution.save(folder / SOLUTION).name}
 
 
 def write_fields(solution: Solution, case: Problem, path: Path) -> bool:
-    """Write the arrays that the kind of problem keeps as npz; return whether there are any."""
+    """Write the arrays of the kind of problem as npz; return True if there are any."""
     arrays = find_kind(case.kind).keep(solution, case)
     if arrays is None:
         return False
@@ -165,7 +165,7 @@ def write_fields(solution: Solution, case: Problem, path: Path) -> bool:
 
 
 def history_of(solution: Solution) -> tuple[HistoryStep, ...]:
-    """Return the history as a record keeps it; a step whose energy is not finite ends it."""
+    """Return the history for a record; it ends before a step whose energy is not finite."""
     kept: list[HistoryStep] = []
     for step in solution.history:
         if finite(step.energy) is None:
@@ -187,7 +187,7 @@ def history_of(solution: Solution) -> tuple[HistoryStep, ...]:
 
 
 def json_only(data: Any) -> Any:
-    """Return diagnostics as JSON data: arrays as lists, what is no figure that a record keeps as None."""
+    """Return diagnostics as JSON data: arrays as lists, and None for numbers that a record can't keep."""
     match data:
         case Mapping():
             return {str(key): json_only(value) for key, value in data.items()}
@@ -206,7 +206,7 @@ def json_only(data: Any) -> Any:
 
 
 def said(error: Exception) -> str:
-    """Return what an error says, in one line; those that are not meant for a reader with their kind."""
+    """Return an error's message in one line; with the error's type if the message is not meant for users."""
     words = one_sentence(error) if isinstance(error, ValidationError) else " ".join(str(error).split())
     if words and isinstance(error, UNREACHED):
         return words
@@ -214,12 +214,12 @@ def said(error: Exception) -> str:
 
 
 def pass_on_full_disk(error: Exception) -> None:
-    """Raise the error again if it says that the disk is full: that is no fault of the solver."""
+    """Raise the error again if the disk is full, because that is no fault of the solver."""
     if isinstance(error, OSError) and error.errno in {errno.ENOSPC, errno.EDQUOT}:
         raise error
 
 
 def why_unsettled(solution: Solution) -> str | None:
-    """Return why a solution has not settled, as a clause, or None if it has, or does not say."""
+    """Return the reason why a solution has not settled, as a clause; None if it has, or if none is stated."""
     why = getattr(solution, "unsettled", None)
     return None if why is None else " ".join(str(why).split()) or "its solver does not say what moves"

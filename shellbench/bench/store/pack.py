@@ -1,8 +1,8 @@
-"""Packs: one file with a solver's records, to be sent to a board.
+"""Packs: one file with a solver's records, for a board.
 
-A pack is a zip of JSON. `pack.json` says whose records they are, how to install the solver, and the SHA-256 of each
-record; its own checksum is that of all else in it. Whatever was changed since is seen on reading, and so is a figure
-that was never in a record. A checksum is no signature, though: who forges all of them is found out by measuring again.
+A pack is a zip of JSON. `pack.json` has the name of the solver, the command to install it, and the SHA-256 of each
+record; its own checksum covers all its other fields. Reading detects later changes, and values that are in no record. A
+checksum is no signature: only a new measurement detects a deliberate forgery of all checksums.
 """
 
 from __future__ import annotations
@@ -35,33 +35,34 @@ MOST_RUNS = 20_000
 LARGEST_PACK = 1_000_000_000  # bytes of all records together, unpacked
 WRITTEN_AT = (2000, 1, 1, 0, 0, 0)  # of each member, so that equal records make equal packs
 
-Line = Annotated[str, Field(min_length=1, max_length=500, pattern=r"^[^\n\r]*$")]
+Words = Annotated[str, Field(max_length=500, pattern=r"^[^\n\r]*$")]
+Line = Annotated[Words, Field(min_length=1)]
 
 
 class Setting(Model):
-    """Settings of runs: those that differ from the solver's defaults, and how many runs have them."""
+    """Settings that differ from the solver's defaults, and the number of runs with them."""
 
     overrides: Plain
     runs: int
 
 
 class Manifest(Model):
-    """What a pack says of itself.
+    """The manifest of a pack.
 
     Attributes
     ----------
     solver, label
-        Its name, and one line that says what it is.
+        Name of the solver, and a description in one line.
     distribution, version
-        The package that has the solver.
+        The package that provides the solver.
     install
-        A command that installs it.
+        A command that installs it; empty if not stated.
     shellbench
-        Version of shellbench that packed it.
+        Version of shellbench that made the pack.
     made
-        When it was packed.
+        Time at which the pack was made.
     defaults, settings
-        The solver's default settings; how runs depart from them.
+        The solver's default settings; the settings of runs that differ from them.
     versions
         Versions of all packages that the records name.
     commits
@@ -69,9 +70,9 @@ class Manifest(Model):
     runs
         SHA-256 of each record by its name.
     conformance
-        What the checks found of the source of the runs; none if it was not checked.
+        Results of the checks for the source of the runs; none if it was not checked.
     checksum
-        SHA-256 of all this.
+        SHA-256 of all other fields.
     """
 
     format: Literal[1] = 1
@@ -79,7 +80,7 @@ class Manifest(Model):
     label: Line
     distribution: Line
     version: Line
-    install: Line
+    install: Words
     shellbench: Line
     made: Time
     defaults: Plain
@@ -93,7 +94,7 @@ class Manifest(Model):
 
 @dataclass(frozen=True)
 class Pack:
-    """A pack that was read, and found to be as it was written."""
+    """A pack that was read and is unchanged."""
 
     path: Path
     manifest: Manifest
@@ -101,28 +102,28 @@ class Pack:
 
     @property
     def unchecked(self) -> str:
-        """Why its solver is not checked, as a clause; empty if it is."""
+        """Reason why its solver is not checked, as a clause; empty if it is checked."""
         return why_unchecked(self.manifest.solver, self.records, self.manifest.conformance)
 
 
 def write_pack(
     store: Store, solver: str, out: Path, suites: Sequence[str] = (), install: str = ""
 ) -> tuple[Manifest, tuple[str, ...]]:
-    """Write a solver's records that count, of the suite's own cases.
+    """Write a solver's valid records of the suite's own cases.
 
     Parameters
     ----------
     store
         Where the records are.
     suites
-        Only runs that these declare; all if none is named.
+        Only runs that these suites declare; all if none is named.
     install
-        A command that installs the solver; made from what is installed here if empty.
+        A command that installs the solver. If empty: that of the Git address that the installer recorded, if any.
 
     Returns
     -------
     Manifest, notes
-        What was packed, and a sentence for whatever was left out.
+        The manifest of the pack, and a sentence for each omission.
 
     Raises
     ------
@@ -193,7 +194,7 @@ def _manifest(
 
 
 def _summary(records: Sequence[Record]) -> dict[str, Any]:
-    """Return what a manifest says of its records: all of it follows from them."""
+    """Return the fields of a manifest that follow from its records."""
     newest = max(records, key=lambda record: record.order)
     counted: dict[str, int] = {}
     versions: dict[str, set[str]] = {}
@@ -212,30 +213,29 @@ def _summary(records: Sequence[Record]) -> dict[str, Any]:
 
 
 def _install(entry: SolverEntry) -> str:
-    """Return a command that installs the package of a solver: from its repository, if it came from there."""
+    """Return the command that installs a solver's package from the repository that it came from; empty if unknown."""
     try:
         came_from = json.loads(distribution(entry.distribution).read_text("direct_url.json") or "{}")
     except (PackageNotFoundError, ValueError):
-        came_from = {}
+        return ""
     vcs = came_from.get("vcs_info", {})
-    if vcs and "@" not in came_from["url"]:  # an address with a user's name, and maybe a password, is not passed on
-        where = f"{vcs['vcs']}+{came_from['url']}@{vcs['commit_id']}"
-        return f'python -m pip install "{entry.distribution} @ {where}"'
-    return f"python -m pip install {entry.distribution}=={entry.version}"
+    if not vcs or "@" in came_from["url"]:  # an address with a user's name, and maybe a password, is not published
+        return ""
+    return f'python -m pip install "{entry.distribution} @ {vcs["vcs"]}+{came_from["url"]}@{vcs["commit_id"]}"'
 
 
 def read_pack(path: Path) -> Pack:
-    """Read a pack, and check that it is as it was written.
+    """Read a pack, and check that it is unchanged.
 
     Raises
     ------
     InputError
-        In one sentence, if it is no pack, or anything in it was changed, added or taken away.
+        In one sentence, if it is no pack, or if its content was changed, added or removed.
     """
     # 1. The zip has a manifest and one member for each run that it names; nothing else.
     # 2. The manifest has the checksum of its own content, each record that of the manifest and that of itself.
     # 3. Each record is the solver's, of one of the suite's cases, and sealed by the store that made it.
-    # 4. What the manifest says of the records is what they say.
+    # 4. The manifest's fields about the records agree with them.
     try:
         check_file(path, LARGEST_PACK)
     except InputError as error:

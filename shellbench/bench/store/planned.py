@@ -1,7 +1,7 @@
-"""What was planned: a small file in the store for each run, from before the first solve until the run has ended.
+"""Planned runs: the store has a small file for each run, from before the first solve until the run has ended.
 
-A run that was killed leaves its file, and so tables, reports and gates can say that it was planned and did not end.
-A file that is older than an answer to the same question says nothing any more.
+A killed run leaves its file. Tables, reports and gates can therefore report a planned run that did not end. A file that
+is older than an answer to the same question is ignored.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class PlannedRuns:
     Attributes
     ----------
     tasks
-        Of the runs whose end nobody has noted, oldest first, one for each question.
+        Tasks of the runs whose end was not noted, oldest first, one for each question.
     damaged
         One sentence for each file that can't be read.
     """
@@ -64,20 +64,20 @@ def note_planned(tasks: Sequence[Task], store: Store) -> None:
 
 
 def note_ended(task: Task, store: Store) -> None:
-    """Note that a run has ended, however it did."""
+    """Note that a run has ended, with any status."""
     folder = store.folder / FOLDER
     with contextlib.suppress(OSError):
         (folder / f"{task.run_id}.json").unlink(missing_ok=True)
-        folder.rmdir()  # if it was the last
+        folder.rmdir()  # if it was the last file
 
 
 def planned_files(store: Store) -> list[Path]:
-    """Return the files of a store that tell of planned runs."""
+    """Return the files of planned runs in a store."""
     return sorted((store.folder / FOLDER).glob("[!.]*.json"))
 
 
 def read_planned(store: Store) -> PlannedRuns:
-    """Read what was planned in a store and not noted as ended."""
+    """Read the planned runs of a store that were not noted as ended."""
     found: dict[str, Task] = {}
     damaged: list[str] = []
     for path in planned_files(store):
@@ -91,6 +91,6 @@ def read_planned(store: Store) -> PlannedRuns:
 
 
 def not_ended(planned: PlannedRuns, answered: Iterable[Task | Record]) -> tuple[Task, ...]:
-    """Return the runs that were planned and of which there is no record that counts."""
+    """Return the planned runs without a valid record."""
     known = {question(run) for run in answered}
     return tuple(task for task in planned.tasks if question(task) not in known)

@@ -1,7 +1,7 @@
 """Records: one immutable JSON file for one run, with its arrays beside it.
 
-A record in a store carries a sequence number and a seal, the SHA-256 of its content. Whatever was changed since is
-seen on reading. Records from before have neither: nothing tells whether they are as they were written, and none counts.
+A record in a store carries a sequence number and a seal, the SHA-256 of its content. Reading
+detects later changes. Records of old versions have neither: their changes can't be detected, and they are not valid.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from functools import lru_cache
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, Field, ValidationError
+from pydantic_core import from_json, to_json
 
 from shellbench.bench.plugins.kinds import kind_of
 from shellbench.errors import InputError
@@ -38,9 +39,9 @@ SEAL = "seal"  # the key in the document of a record; no field of the record its
 LONGEST_REASON = 4000  # characters
 LARGEST_RECORD = 20_000_000  # bytes: an hour's motion with all its steps takes a few per cent of it
 Status = Literal["ok", "not settled", "failed", "timeout"]
-NOT_SETTLED: Final = "not settled"  # there is an answer, of which its own solver says that it still moves
+NOT_SETTLED: Final = "not settled"  # there is an answer, but its solver states that it still changes
 ANSWERED = ("ok", NOT_SETTLED)
-SAID_OF_CONVERGENCE = ("converged", "settled")  # what solvers call it in their diagnostics
+SAID_OF_CONVERGENCE = ("converged", "settled")  # names of the flag in the solvers' diagnostics
 NOT_CONVERGED = "not_converged"  # the diagnostic that names the quantities that did not
 
 
@@ -53,11 +54,22 @@ def _is_time(text: str) -> str:
 
 
 def _has_figures(data: Any) -> Any:
-    for path, value in leaves(data):
-        if isinstance(value, int | float) and not abs(value) <= LARGEST:
-            where = ".".join(map(str, path))
-            raise ValueError(f"found {str(value)[:60]} at '{where}', but figures are finite and at most {LARGEST:g}")
+    if not _all_figures(data):
+        for path, value in leaves(data):
+            if not _all_figures(value):
+                where = ".".join(map(str, path))
+                raise ValueError(
+                    f"found {str(value)[:60]} at '{where}', but figures are finite and at most {LARGEST:g}"
+                )
     return data
+
+
+def _all_figures(data: Any) -> bool:
+    if isinstance(data, dict):
+        return all(map(_all_figures, data.values()))
+    if isinstance(data, list | tuple):
+        return all(map(_all_figures, data))
+    return not isinstance(data, int | float) or abs(data) <= LARGEST
 
 
 def leaves(data: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[tuple[str | int, ...], Any]]:
@@ -76,17 +88,17 @@ Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
 class Identity(Model):
-    """What makes two runs the same: if all of it agrees, an old record answers for a new run.
+    """Identity of a run: an old record replaces a new run if all fields agree.
 
     Attributes
     ----------
     case
         SHA-256 of the case's physics.
     source
-        SHA-256 of the solver's source, of all that it imports from its own package, and of what measures it;
-        of a plug-in also its package version.
+        SHA-256 of the solver's source, of all its imports from its own package, and of the code that measures it;
+        for a plug-in also its package version.
     settings
-        All settings, defaults included, but for seed and device.
+        All settings, defaults included, except seed and device.
     seed
         None for a deterministic solver.
     """
@@ -106,9 +118,9 @@ class Measured(Model):
     Attributes
     ----------
     uncertainty
-        The solver's own estimate of its error, and what comes from the question's data; None if it states none.
+        The solver's own estimate of its error, plus the error from the question's data; None if it states none.
     data_error
-        Twice what the value moves by with data that say as much, such as a mesh's other fit; None of exact data.
+        Twice the change of the value with equivalent data, such as another fit of a mesh; None for exact data.
     """
 
     value: Figure
@@ -118,7 +130,7 @@ class Measured(Model):
 
 
 class Environment(Model):
-    """Where a run was made."""
+    """The environment of a run."""
 
     python: str
     versions: dict[str, str]
@@ -132,54 +144,54 @@ class Environment(Model):
 
 
 class Record(Model):
-    """What is known of one run.
+    """The record of one run.
 
     Attributes
     ----------
     run_id
         Name of the record's files in the store.
     created
-        When the run was planned, by the clock of its machine; what is newest is said by `sequence`.
+        Time at which the run was planned, by the clock of its machine; `sequence` determines the newest record.
     sequence
-        From 1, one more than the largest in its store when it was kept; None if no store has kept it.
+        From 1, one more than the largest in its store when it was stored; None if no store has stored it.
     case
-        The whole case as it was read, prose and tolerances included, so that a report needs nothing else.
+        The whole case as it was read, texts and tolerances included, so that a report needs nothing else.
     own_case
-        Whether the case is a user's own file, not one of the suite's.
+        True if the case is a user's own file, not one of the suite's.
     defaults
         The solver's default settings, without seed and device: valid as long as its source is the same.
     solver_label
-        One line that says what the solver is.
+        Description of the solver in one line.
     exam
         Version of the exam when the run was planned: of cases, known values and tolerances.
     seconds
-        Wall time of the solve, start of the process and measuring excluded.
+        Wall time of the solve, without the start of the process and measuring.
     peak_memory_bytes
-        Largest resident memory of the solving process; `idle_memory_bytes` is what it held before the solve.
+        Largest resident memory of the solving process; `idle_memory_bytes` is its memory before the solve.
     status, reason
-        How the run ended, and why if not well. A run that is "not settled" has all that a good one has, and its
-        solver's reason.
+        Status at the end of the run, and its reason unless it is "ok". A run that is "not settled" has all fields of a
+        good one, and its solver's reason.
     values
-        By name of quantity; empty for a failed run that left nothing.
+        By name of quantity; empty for a failed run without results.
     declined
-        By name of quantity that the solver can't give of this case: why not, as a clause.
+        Reasons, as clauses, by name of each quantity that the solver can't give for this case.
     energies
-        Of each kept state of a non-linear case, in the order of its marks; a failed run may lack the last ones.
+        Of each stored state of a non-linear case, in the order of its marks; a failed run may lack the last ones.
     series
-        Quantities over time, or forces and torques along a path; a failed run has them as far as it came.
+        Quantities over time, or forces and torques along a path; for a failed run up to its last state.
     self_intersection
-        One entry of a surface whose displacement is finite; none of anything else.
+        One entry for a surface with finite displacement; empty for other results.
     fields_file
-        npz beside the record: `xi` (n, n, 2), `position` (n, n, 3), `displacement` (n, n, 3), metres; of a
-        non-linear case also `marks` (k,) and `displacements` (k, n, n, 3) of its kept states, in single precision,
-        and in motion of frames all along the way. `membrane_energy_density` and `bending_energy_density` (n, n) of
+        npz beside the record: `xi` (n, n, 2), `position` (n, n, 3), `displacement` (n, n, 3), metres; for a
+        non-linear case also `marks` (k,) and `displacements` (k, n, n, 3) of its stored states, in single precision,
+        and in motion of frames at regular times. `membrane_energy_density` and `bending_energy_density` (n, n) of
         the last state, J/m2, in single precision. `probes` (m, 2) are material points that are the same in all runs
-        of a case and lie on no regular grid, `probe_marks` (j,) marks (the last state's alone where the case is
-        linear), `probe_displacements` (j, m, 3) in double precision, metres.
+        of a case and lie on no regular grid, `probe_marks` (j,) marks (only the last state's for a linear case),
+        `probe_displacements` (j, m, 3) in double precision, metres.
     solution_file
-        The solution as its solver keeps it, beside the record.
+        The solution in its solver's own format, beside the record.
     checksums
-        SHA-256 of these two files by name; none for records from before.
+        SHA-256 of these two files by name; none for older records.
     """
 
     schema_version: Literal[1] = 1
@@ -217,11 +229,14 @@ class Record(Model):
 
     @property
     def order(self) -> tuple[int, float, str]:
-        """What records are ordered by, oldest first: the clock tells only those from before from each other."""
+        """Sort key of records, oldest first; the clock orders only older records without `sequence`."""
         return self.sequence or 0, datetime.fromisoformat(self.created).timestamp(), self.run_id
 
     def converged(self, quantity: str) -> bool | None:
-        """Return whether its solver says that a quantity settled, or all of them; None if it does not say."""
+        """Return True if the solver states that a quantity converged; None if it states nothing.
+
+        Names of quantities that did not converge take precedence over flags for the whole answer.
+        """
         named = self.diagnostics.get(NOT_CONVERGED)
         if named and isinstance(named, list | tuple):
             return quantity not in named
@@ -243,14 +258,14 @@ def read_document(text: bytes) -> Record:
     Raises
     ------
     InputError
-        If it is no whole record, or was changed since it was sealed; as a clause without the name of the file.
+        If it is no complete record, or was changed since it was sealed; as a clause without the name of the file.
     """
     if len(text) > LARGEST_RECORD:
         raise InputError(f"it has {len(text)} bytes, and a record has at most {LARGEST_RECORD}")
     try:
-        data = json.loads(text)
+        data = from_json(text)
         seal = data.pop(SEAL, None) if isinstance(data, dict) else None
-        record = Record.model_validate_json(json.dumps(data), strict=True)
+        record = Record.model_validate_json(to_json(data), strict=True)
         intact = seal == (None if record.sequence is None else _seal(data))
     except ValidationError as error:
         raise InputError(f"it is no whole record ({one_sentence(error)})") from None
@@ -269,13 +284,13 @@ def sealed(data: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _seal(data: Mapping[str, Any]) -> str:
-    """Return the SHA-256 of JSON data, whatever its layout and the order of its keys."""
+    """Return the SHA-256 of JSON data, independent of layout and order of keys."""
     plain = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(plain.encode()).hexdigest()
 
 
 def readable(record: Record) -> Record:
-    """Return the record; if it could not be read back, what is known of the run without its results."""
+    """Return the record; if it could not be read back, the record without its results."""
     try:
         read_document(document(record))
     except (InputError, ValueError, RecursionError) as error:
@@ -287,7 +302,7 @@ def readable(record: Record) -> Record:
 
 
 def shortened(reason: str) -> str:
-    """Return a reason as a record can keep it: so long at most, and without halves of characters."""
+    """Return a reason for a record: of limited length, and without halves of characters."""
     whole = reason.encode(errors="replace").decode()
     return whole if len(whole) <= LONGEST_REASON else whole[: LONGEST_REASON - 3] + "..."
 

@@ -1,7 +1,7 @@
-"""Whether an answer has settled, by what its solver states of it: one rule for all solvers.
+"""Settled answers, by their stated uncertainty: one rule for all solvers.
 
-An answer whose headline is stated to be uncertain by more than `SETTLED` has not settled, unless its case allows more.
-One that states no uncertainty is taken as it is.
+An answer has not settled if the stated uncertainty of its headline exceeds `SETTLED`, unless its case allows more.
+An answer without a stated uncertainty counts as settled.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ SETTLED = 0.01  # largest stated uncertainty of a value that has settled, relati
 def with_drifts(
     case: Problem, solution: Solution, values: Mapping[str, Measured]
 ) -> tuple[dict[str, Measured], str | None]:
-    """Add the drift of values that have no limit to their uncertainties.
+    """Add the drifts of values without a limit to their uncertainties.
 
     Returns
     -------
     tuple
-        The values, and a clause on those that drift too far to be given; None if there are none.
+        The values, and a clause on those whose drift is too large; None if there are none.
     """
     result, far = dict(values), []
     for name, drift in case.drifts(solution).items():
@@ -39,10 +39,10 @@ def with_drifts(
 
 
 def why_uncertain(case: Problem, solver: str, own_case: bool, values: Mapping[str, Measured]) -> str | None:
-    """Return why the stated uncertainty of the headline is too large, as a clause; None if it is not.
+    """Return the reason why the stated uncertainty of the headline is too large, as a clause; None if it is not.
 
     A headline near zero is compared with the largest value of its unit among the answers. A tolerance that the case
-    states for it, or that is frozen for it, counts if it is larger.
+    states, or that is frozen for the solver, counts if it is larger.
     """
     headline = case.primary
     found = values.get(headline.name)
@@ -64,7 +64,7 @@ def why_uncertain(case: Problem, solver: str, own_case: bool, values: Mapping[st
 
 
 def _tolerances(case: Problem, solver: str, own_case: bool) -> Iterator[tuple[float, bool]]:
-    """Yield the errors that a user's own case or a frozen tolerance allows the headline, and whether in its unit."""
+    """Yield the tolerances of the headline from a user's own case or frozen ones, with True for those in its unit."""
     headline = case.primary
     frozen = allowed_by_file(case, headline) if own_case else catalog.tolerance(case.name, headline.name, solver)
     if frozen:

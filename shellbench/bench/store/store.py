@@ -1,9 +1,9 @@
-"""The store: a folder of records, written so that a kill at any moment leaves none or a whole one.
+"""The store: a folder of records, written so that a kill at any moment leaves no partial record.
 
 A run works in a hidden folder ``.RUN_ID.partial`` inside the store. Committing it moves its files beside the
 records and the record's own JSON last, each by a rename: a record that can be read is whole. It gets the next
-sequence number, by which the newest record is found whatever the clocks say. Whoever works in the store holds a
-shared lock on it; what dead runs left behind is cleaned by the next one that finds nobody else at work.
+sequence number, which determines the newest record independently of clocks. Every command that works in the store
+holds a shared lock on it. Remains of dead runs are removed by the next command that is alone in the store.
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ def silent(sentence: str) -> None:
 
 @dataclass(frozen=True)
 class Contents:
-    """What a store holds.
+    """The content of a store.
 
     Attributes
     ----------
     records
-        All whole records, oldest first.
+        All intact records, oldest first.
     damaged
-        One sentence for each file that is none, or whose content does not match its checksum.
+        One sentence for each file that is not a record, or whose content does not match its checksum.
     """
 
     records: tuple[Record, ...]
@@ -74,7 +74,7 @@ class Store:
         Raises
         ------
         InputError
-            If there is something that is not a folder, or it can't be looked into.
+            If the path is not a folder, or can't be read.
         """
         records: list[Record] = []
         damaged: list[str] = []
@@ -87,7 +87,7 @@ class Store:
         return Contents(tuple(sorted(records, key=lambda record: record.order)), tuple(damaged))
 
     def names(self) -> list[str]:
-        """Return the names of the files that should be records; a second dot is in those that lie beside one."""
+        """Return the names of the files that should be records; files that belong to a record have a second dot."""
         try:
             names = [path.name for path in self.folder.iterdir()]
         except FileNotFoundError:
@@ -101,7 +101,7 @@ class Store:
         return sorted(name for name in names if name.endswith(".json") and name.count(".") == 1)
 
     def _read(self, name: str) -> Record:
-        """Read one record; InputError, as a clause, if it is none or damaged."""
+        """Read one record; InputError, as a clause, if it is invalid or damaged."""
         record = read_document(read_file(self.folder / name, LARGEST_RECORD))
         self._numbers[name] = record.sequence or 0
         return record
@@ -115,7 +115,7 @@ class Store:
         return max(self._numbers.values(), default=0)
 
     def check(self, record: Record, name: str | None) -> str | None:
-        """Return why a file beside a record can't be trusted, in one sentence; None if it can, or there is none."""
+        """Return the reason why a file beside a record is damaged, in one sentence; None if it is intact or absent."""
         path = self.folder / name if name else None
         if path is None or name is None or not path.exists():
             return None
@@ -128,7 +128,7 @@ class Store:
         return None if whole else f"{path}: is left out, for it is damaged: its content does not match its checksum"
 
     def records_of(self, run_ids: Collection[str | None], say: Say) -> dict[str, Record]:
-        """Return the records of runs by name, to open their fields: a file that is damaged is said and withdrawn."""
+        """Return the records of runs by name, to open their fields; damaged files are reported and left out."""
         found: dict[str, Record] = {}
         for record in self.read().records:
             if record.run_id in run_ids:
@@ -163,15 +163,15 @@ class Store:
         Returns
         -------
         Record
-            With its number, and the names and checksums of its files. What could not be read back is left out of it.
+            With its number, and the names and checksums of its files. Fields that could not be read back are left out.
 
         Raises
         ------
         StoreError
-            If the disk is full or the like; then nothing of the run is left.
+            If the disk is full, for instance; then nothing of the run is left.
         """
         # A transaction by renames, which are atomic on one file system:
-        # 1. Flush and rename the files of the run beside the records. Without a record nobody looks at them.
+        # 1. Flush and rename the files of the run beside the records. Without a record they are ignored.
         # 2. Take checksums, and the next number under a lock.
         # 3. Write the record in the hidden folder, flush it, rename it, and flush the folder: only now the run exists.
         # 4. After any error take back what was moved, the record first.
@@ -188,7 +188,7 @@ class Store:
                     "checksums": {name: _digest(self.folder / name) for name in (fields_file, solution_file) if name},
                 }
                 with self._numbering() as number:
-                    # A record that could be written and not be read back would be damage of our own making.
+                    # A record that can be written but not read would be damaged by shellbench itself.
                     whole = readable(record.model_copy(update={**kept, "sequence": number}))
                     written = partial / RECORD
                     written.write_bytes(document(whole))
@@ -198,7 +198,7 @@ class Store:
                     written.replace(target)
                     _flush(self.folder)
         except BaseException:
-            for path in reversed(moved):  # the record first: none is better than half of one
+            for path in reversed(moved):  # the record first: no record is better than a partial one
                 path.unlink(missing_ok=True)
             raise
         finally:
@@ -207,9 +207,9 @@ class Store:
 
     @contextlib.contextmanager
     def _numbering(self) -> Iterator[int]:
-        """Give the next sequence number, and let nobody else take one until its record is in the store."""
-        # The lock is held until the record is in place: else two would read the same last number. It is a file of its
-        # own, since the other lock is shared by all who write.
+        """Yield the next sequence number, under a lock until its record is in the store."""
+        # The lock is held until the record is in place: otherwise two commands could read the same last number. It has
+        # its own file, because all writers share the other lock.
         handle = os.open(self.folder / NUMBERING, os.O_RDWR | os.O_CREAT, 0o666)
         try:
             if fcntl is not None:
@@ -220,7 +220,7 @@ class Store:
             os.close(handle)
 
     def _move(self, partial: Path, name: str | None, run_id: str, moved: list[Path]) -> str | None:
-        """Move a file of a run to ``RUN_ID.`` and its name; a log of nothing is dropped."""
+        """Move a file of a run to ``RUN_ID.`` and its name; an empty log is removed."""
         source = partial / name if name else None
         if source is None or not source.is_file() or not source.stat().st_size:
             return None
@@ -232,17 +232,17 @@ class Store:
         return target.name
 
     def discard(self, partial: Path) -> None:
-        """Remove the folder of a run that came to nothing."""
+        """Remove the folder of a run without a result."""
         shutil.rmtree(partial, ignore_errors=True)
 
     @contextlib.contextmanager
     def at_work(self) -> Iterator[None]:
-        """Hold the store for writing; clean it first if nobody else does.
+        """Lock the store for writing; first clean it if no other command uses it.
 
         Raises
         ------
         InputError
-            If there is something that is not a folder.
+            If the path is not a folder.
         StoreError
             If the folder can't be made or written.
         """
@@ -253,8 +253,8 @@ class Store:
         try:
             if fcntl is not None:
                 with contextlib.suppress(OSError):
-                    # Only who has the store to itself cleans: a hidden folder may be somebody's run. Otherwise this
-                    # fails at once.
+                    # Only a command that is alone in the store cleans it: a hidden folder may be another run. Otherwise
+                    # this fails at once.
                     fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
                     self._clean()
                 with contextlib.suppress(OSError):
@@ -272,7 +272,7 @@ class Store:
 
 
 def _of_a_case(record: Record, cases: Collection[str]) -> Record:
-    """Return a record of one of the suite's cases, or of a user's own; InputError, as a clause, if it is neither."""
+    """Return the record if its case is one of the suite's or a user's own; else InputError, as a clause."""
     found, named = record.case_name[:60], str(record.case.get("name"))[:60]
     if not record.own_case and record.case_name.partition(VARIANT)[0] not in cases:
         raise InputError(f"there is no case {found!r}")
@@ -288,8 +288,8 @@ def _digest(path: Path) -> str:
 
 
 def _flush(path: Path) -> None:
-    """Bring a file or a folder to the disk, so that a power cut can't reorder the renames."""
-    # A rename may reach the disk before the data it names: both are flushed, in that order.
+    """Flush a file or a folder to the disk, so that a power cut can't reorder the renames."""
+    # A rename may reach the disk before the renamed data: both are flushed, data first.
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)

@@ -1,4 +1,4 @@
-"""A task: one run to be made, as data that goes to another process."""
+"""A task: one run to be made, as data for another process."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ class Task(Model):
     Attributes
     ----------
     target
-        Where the solver is, ``module:attribute``.
+        Place of the solver, ``module:attribute``.
     case
-        The case as it was read; its kind of problem makes it again.
+        The case as it was read; its kind of problem rebuilds it.
     settings
-        All that was set for the solver, seed and device included.
+        All settings of the solver, seed and device included.
     defaults
         See `shellbench.bench.store.record.Record`.
     start
-        File of the earlier solution from which it goes on; None for none. The identity has its name among the settings.
+        File of the earlier solution that it continues; None for none. The identity has its name among the settings.
     """
 
     run_id: str
@@ -66,7 +66,7 @@ class Task(Model):
         )
 
     def write(self, folder: Path) -> None:
-        """Put the task into the folder in which it runs."""
+        """Write the task into its folder."""
         (folder / TASK).write_text(self.model_dump_json(), encoding="utf-8")
 
     @classmethod
@@ -76,12 +76,12 @@ class Task(Model):
 
 
 def case_data(case: Problem) -> dict[str, Any]:
-    """Return a case as JSON data from which `shellbench.bench.plugins.kinds.problem_of` makes it again."""
+    """Return a case as JSON data from which `shellbench.bench.plugins.kinds.problem_of` rebuilds it."""
     return case.data()
 
 
 def new_run_id(case: str, solver: str, seed: int | None) -> tuple[str, str]:
-    """Return a name for a new run that no other has, and the time that it carries."""
+    """Return a unique name for a new run, and the time in it."""
     now = datetime.now(UTC)
     safe = re.sub(r"[^A-Za-z0-9_-]+", "_", solver)
     seeded = "" if seed is None else f"-s{seed}"

@@ -1,4 +1,4 @@
-"""A ball: by its exact distance, or by vertices, as the paper has its bodies, and the nearest vertex's plane."""
+"""A ball: with its exact distance, or, as bodies in the paper, with vertices and the plane of the nearest vertex."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Ball(Model):
     def contact(self, places: Array) -> tuple[Array, Array]:
         """Return signed distances (n,), m, of places (n, 3) as collision sees them, and outward unit normals (n, 3).
 
-        Exact ones, or those from the plane of the nearest vertex: eq. (26) with epsilon = 0.
+        The distances are exact, or those from the plane of the nearest vertex: eq. (26) with epsilon = 0.
         """
         if self.vertices is None:
             apart = places - np.array(self.centre)

@@ -1,9 +1,9 @@
-"""Fields over the unit square, and what belongs to them.
+"""Cases about fields over the unit square, densities and distances.
 
 A file has one of these tables. `[match]` is a function that a field is fitted to. `[cloth]` weighs losses of local
-structures, whose mean over the square a field minimises; beside `[match]` it only says what is measured. `[density]` is
-a probability by cells that points are drawn from. `[body]` is a ball: one that a cloth meets, or one of vertices whose
-distance is asked.
+structures; a field minimises their mean over the square. Beside `[match]`, `[cloth]` only defines the measured losses.
+`[density]` is a probability by cells, from which points are drawn. `[body]` is a ball: one that a cloth touches, or one
+of vertices whose distance is asked.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Match(Model):
 
 
 class Training(Model):
-    """What a trained answer may spend; it binds no solver that does not train."""
+    """Limits of a training: its epochs and samples. Solvers that do not train ignore them."""
 
     epochs: int = Field(ge=1, le=1_000_000, strict=True, description="steps of the optimiser")
     samples: int = Field(64, ge=1, le=1000, strict=True, description="samples of an epoch: so many, squared")
@@ -103,7 +103,7 @@ class Density(Model):
 
 
 class FieldCase(Problem):
-    """A field over the unit square, or points, or distances, and what is asked of them.
+    """A field over the unit square, or points, or distances, and the quantities asked of them.
 
     Attributes
     ----------
@@ -112,18 +112,18 @@ class FieldCase(Problem):
     cloth
         Losses of local structures.
     network
-        How the field must be represented, where its parameters are counted: the published plain network, the one with
-        positional encoding, the multi-resolution grid with its decoder, or the vertices of a mesh.
+        Representation of the field, if its parameters are counted: the published plain network, the one with positional
+        encoding, the multi-resolution grid with its decoder, or the vertices of a mesh.
     training
-        What a trained answer may spend.
+        Limits of a training.
     pins
         Edges and points whose displacement is given.
     density
-        A probability that points are drawn from.
+        A probability from which points are drawn.
     body
-        A ball: what the cloth meets, or one of vertices whose distance is asked.
+        A ball: an obstacle of the cloth, or one of vertices whose distance is asked.
     quantities
-        What is asked of every answer; exactly one is primary.
+        Quantities asked of every answer; exactly one is primary.
     """
 
     kind: Literal["field"]
@@ -139,16 +139,16 @@ class FieldCase(Problem):
 
     @property
     def has_field(self) -> bool:
-        """Whether a field is asked for."""
+        """True if the case asks for a field."""
         return self.match is not None or self.cloth is not None
 
     def physics(self) -> dict[str, Any]:
-        """Return all that an answer depends on; tables that the file does not have are left out."""
+        """Return all data that an answer depends on, without tables that the file does not have."""
         tables = ("match", "cloth", "network", "training", "pins", "density", "body")
         found = {key: value for key, value in super().physics().items() if value or key not in tables}
         if self.pins:  # a pin of edges has no points, and the other way round
             found["pins"] = [{key: value for key, value in pin.items() if value} for pin in found["pins"]]
-        if self.cloth and not self.cloth.past_edges:  # as in every case that was recorded before any reached past them
+        if self.cloth and not self.cloth.past_edges:  # so that digests of cases without this field stay as they were
             del found["cloth"]["past_edges"]
         return found
 

@@ -1,4 +1,4 @@
-"""What a field tells of itself, so that a report can draw how it was learned."""
+"""Portrait of a field: the data from which a report draws its training."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ class FieldPortrait(Portrait):
 
     @property
     def learns(self) -> bool:
-        """Whether it asks for a field."""
+        """True if the case asks for a field."""
         return bool(self.problem.has_field)
 
     @property
     def sampled(self) -> tuple[str, str] | None:
-        """Names of the density and of the samples of answers that had some."""
+        """Names of the density and of the samples, for answers that have samples."""
         return ("density", "points") if self.problem.has_field else None
 
     @property
     def scene(self) -> Scene | None:
-        """A cloth that meets a body, as it is."""
+        """Scene of a cloth on a body, true to scale."""
         if self.problem.body is None or not self.problem.has_field:
             return None
         pins = tuple(np.array(point) for pin in self.problem.pins for point in pin.at)

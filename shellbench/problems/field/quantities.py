@@ -1,4 +1,4 @@
-"""What can be asked of fields, of samples of a density, and of distances from a body."""
+"""Quantities of fields, of samples of a density, and of distances from a body."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class Penetration(Quantity):
 
 
 class Parameters(Quantity):
-    """How many numbers represent the field."""
+    """Number of parameters of the field."""
 
     kind: Literal["parameters"]
     unit: str = ""

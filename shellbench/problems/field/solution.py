@@ -1,6 +1,6 @@
-"""Answers about fields: fields themselves, samples of a density, distances. Each gives what its quantities ask.
+"""Answers about fields: fields themselves, samples of a density, distances. Each provides its quantities.
 
-They are kept as safetensors, all else as JSON in the header.
+Arrays are kept as safetensors, all other data as JSON in the header.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ DRAWN = 65  # points of a surface along a side
 
 @dataclass(frozen=True)
 class FieldAnswer:
-    """What all answers have: the case, arrays by name, how they are read (JSON data), and how they came about."""
+    """Base of the answers: the case, arrays by name, how to read them (JSON data), and the history of the solve."""
 
     case: FieldCase
     tensors: Mapping[str, Array]
@@ -47,7 +47,7 @@ class FieldAnswer:
 
     @property
     def storage_bytes(self) -> int:
-        """Bytes of them."""
+        """Bytes of these numbers."""
         return sum(tensor.nbytes for tensor in self.tensors.values())
 
     def kept(self) -> dict[str, Array]:
@@ -63,7 +63,7 @@ class FieldAnswer:
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Read what `save` wrote; InputError in one sentence if it is none."""
+        """Read a file of `save`; InputError in one sentence if it is no such file."""
         try:
             with safe_open(path, framework="numpy") as file:
                 texts = file.metadata() or {}

@@ -2,9 +2,9 @@
 
     Shu et al., "Spatially Adaptive Cloth Regression with Implicit Neural Representations", section 3.3
 
-The triangle in the middle has the corners A, B, C; each of the other three shares an edge with it. Strain looks at the
-edges of the middle triangle, bending at its three pairs of faces, gravity at the middle, collision at all six corners.
-The paper fits structures to the square in a way that it does not say.
+The triangle in the middle has the corners A, B, C; each of the other three shares an edge with it. Strain uses the
+edges of the middle triangle, bending its three pairs of faces, gravity the middle, collision all six corners. The paper
+does not state how it fits structures to the square.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ LOSSES = ("strain", "bend", "gravity", "collision")
 def corners(middles: Array, angles: Array, side: float, count: int = 6, past_edges: bool = False) -> Array:
     """Return the corners (n, count, 2) of structures about points (n, 2), turned by angles (n,).
 
-    The first three are those of the middle triangle. What would leave the square is moved inward until these corners
-    fit, and no farther: a margin that no edge reaches would let a field stretch there for nothing. With
-    `past_edges` nothing is moved: the field goes on beyond the square.
+    The first three are those of the middle triangle. A structure that would leave the square is moved inward until
+    these corners fit, and no farther: in a margin without edges of structures, a field could stretch at no cost. With
+    `past_edges` nothing is moved: the field continues beyond the square.
     """
     turned = angles[:, None] + TURN * np.arange(3)
     inner = side / math.sqrt(3) * np.stack([np.cos(turned), np.sin(turned)], axis=-1)

@@ -1,11 +1,11 @@
 """Ropes: point masses on rigid links, at rest between two ends or in motion from a root, and loose masses.
 
 A file has one of three tables. `[chain]` hangs between two ends: node 0 is at (0, 0) and node n at (span, -drop) of the
-plane (x, z), z upward. `[rope]` moves from its root, node 0, whose place is a formula of the time; a link carries a
-pull where it is as long as it can be, and nothing where it is slack. With a `count` there are several such chains,
-each turned about the z axis; their nodes are numbered chain after chain, each from its root on, and so are their
-links. `[particles]` are loose masses, which obstacles can meet. Impacts, of a link that becomes taut and of a mass on
-an obstacle, lose the normal velocity.
+plane (x, z), z upward. `[rope]` moves from its root, node 0, whose place is a formula of the time; a taut link, as long
+as it can be, carries a pull, and a slack link none. With a `count` there are several such chains, each turned about the
+z axis; their nodes are numbered chain after chain, each from its root on, and so are their links. `[particles]` are
+loose masses, which obstacles can meet. Impacts lose the normal velocity, when a link becomes taut and when a mass meets
+an obstacle.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ class Rope(Model):
 
     @property
     def places(self) -> Array:
-        """Where the nodes from 1 on are at the start, (n, 3), m."""
+        """Positions of the nodes from 1 on at the start, (n, 3), m."""
         if self.angle is None:
             return np.array(self.start, dtype=float)
         along = np.array([np.sin(np.radians(self.angle)), 0.0, -np.cos(np.radians(self.angle))])
@@ -143,7 +143,7 @@ class Particles(Model):
 
     @property
     def places(self) -> Array:
-        """Where they are at the start, (n, 3), m: in the middles of equal parts if they are counted."""
+        """Positions at the start, (n, 3), m; with a `count`, they are the middles of equal parts."""
         if self.count is None:
             return np.array(self.start, dtype=float)
         first, last = np.array(self.start, dtype=float)
@@ -151,7 +151,7 @@ class Particles(Model):
 
 
 class RopeCase(Problem):
-    """Masses on links, or loose ones, and what is asked of them.
+    """Masses on links, or loose ones, and the quantities asked of them.
 
     Attributes
     ----------
@@ -162,11 +162,11 @@ class RopeCase(Problem):
     particles
         Loose masses.
     wind
-        What drags them.
+        Wind that drags them.
     obstacles
-        What they can't enter.
+        Bodies that they can't enter.
     quantities
-        What is asked of every answer; exactly one is primary.
+        Quantities asked of every answer; exactly one is primary.
     """
 
     kind: Literal["rope"]
@@ -180,7 +180,7 @@ class RopeCase(Problem):
 
     @property
     def moving(self) -> Rope | Particles | None:
-        """What moves; None of a chain at rest."""
+        """The rope or the particles that move; None for a chain at rest."""
         return self.rope or self.particles
 
     @property
@@ -189,7 +189,7 @@ class RopeCase(Problem):
         return 0 if self.particles else self.rope.count if self.rope else 1
 
     def free(self, vectors: Array) -> Array:
-        """Return what belongs to nodes that move freely, (n, ...), of what belongs to all nodes of a motion."""
+        """Return the rows (n, ...) of nodes that move freely, taken from the rows of all nodes of a motion."""
         if not self.chains:
             return vectors
         by_chain = vectors.reshape(self.chains, -1, *vectors.shape[1:])
@@ -197,7 +197,7 @@ class RopeCase(Problem):
 
     @cached_property
     def masses(self) -> Array:
-        """Masses of what moves freely, (n,), kg."""
+        """Masses that move freely, (n,), kg."""
         if self.rope:
             return np.tile(self.rope.masses, self.rope.count)
         if self.particles:
@@ -218,7 +218,7 @@ class RopeCase(Problem):
         return self.chain.links if self.chain else len(self.masses) if self.rope else 0
 
     def physics(self) -> dict[str, Any]:
-        """Return all that an answer depends on, without tables that the file does not have and a count of one."""
+        """Return all data that an answer depends on, without absent tables and without a count of one."""
         tables = ("chain", "rope", "particles", "wind", "obstacles")
         data = {key: value for key, value in super().physics().items() if value or key not in tables}
         if self.rope and self.rope.count == 1:
@@ -248,7 +248,7 @@ class RopeCase(Problem):
         return self
 
     def _check_obstacles(self) -> None:
-        """Refuse a root that jumps, and what starts or is led inside an obstacle."""
+        """Raise ValueError if a root jumps, or a mass or root starts inside an obstacle or is led into one."""
         if self.moving is None:
             return
         places = self.rope.around(self.rope.places) if self.rope else self.moving.places

@@ -1,4 +1,4 @@
-"""Ropes whose links are taut and stay in the plane (x, z), so that angles say where they are."""
+"""Ropes whose links stay taut and in the plane (x, z), so that angles describe the motion."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PUSHED = 1e-9  # of the weight: a push that is no larger is rounding
 
 
 def why_not_planar(case: Any) -> str | None:
-    """Return why angles can't say where the links are, as one clause, or None if they can."""
+    """Return the reason that angles of the links can't describe the motion, as one clause, or None if they can."""
     if not isinstance(case, RopeCase) or case.rope is None:
         return "it solves ropes in motion only"
     if case.obstacles:
@@ -44,7 +44,7 @@ def start_angles(case: RopeCase) -> tuple[Array, Array]:
 
 
 def pulling(case: RopeCase, at: float, tensions: Array, before: list[Any]) -> Array:
-    """Return tensions without rounding below zero; SolveFailure, with the states before, where a link must push."""
+    """Return tensions without rounding below zero; SolveFailure, with the states before, if a link would push."""
     weight = float(case.masses.sum()) * case.gravity
     if tensions.min() < -PUSHED * max(weight, float(tensions.max())):
         raise SolveFailure(f"a link lets go before t = {at:g}", before)

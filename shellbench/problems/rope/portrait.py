@@ -1,4 +1,4 @@
-"""What a rope tells of itself, so that a report can draw it."""
+"""Portrait of a rope: the data from which a report draws it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class RopePortrait(Portrait):
 
     @property
     def steps_in_time(self) -> bool:
-        """Whether anything moves."""
+        """True if anything moves."""
         return self.problem.moving is not None
 
     @property
@@ -33,7 +33,7 @@ class RopePortrait(Portrait):
 
     @property
     def scene(self) -> Scene | None:
-        """How a chain that moves is drawn: as it is, held at its root."""
+        """Scene of a moving chain: true to scale, held at its root; None without frames."""
         if self.frames is None:
             return None
         length = float(sum(self.problem.rope.link_lengths))

@@ -1,4 +1,4 @@
-"""What can be asked of chains and of loose masses.
+"""Quantities of chains and of loose masses.
 
 A solution gives its states by `state(at)`, a `RopeState`; a chain between two ends has one state, whatever the mark.
 """
@@ -42,7 +42,7 @@ class LinkTension(Quantity):
 
 
 class NodeSpeed(Quantity):
-    """How fast a node moves, m/s."""
+    """Speed of a node, m/s."""
 
     kind: Literal["speed"]
     node: int = Field(ge=0, strict=True, description="from 0, the root; or the first loose mass")
@@ -54,7 +54,7 @@ class NodeSpeed(Quantity):
 
 
 class AngularSpeed(Quantity):
-    """How fast a link turns in the plane (x, z), from x to z, rad/s."""
+    """Angular velocity of a link in the plane (x, z), positive from x to z, rad/s."""
 
     kind: Literal["angular_speed"]
     link: int = Field(ge=1, strict=True, description="from 1, at the root")
@@ -80,7 +80,7 @@ class Stretch(Quantity):
 
 
 class Penetration(Quantity):
-    """How deep a mass was in an obstacle at the end of any step so far, m."""
+    """Largest depth of a mass in an obstacle, over the ends of all steps so far, m."""
 
     kind: Literal["penetration"]
 
@@ -135,7 +135,7 @@ class Share(Quantity):
         return float(np.mean(nodes[:, AXES.index(self.axis)] > self.beyond))
 
 
-STILL = (NodePosition, LinkTension)  # what a chain between two ends can be asked
+STILL = (NodePosition, LinkTension)  # quantities of a chain between two ends
 RopeQuantity = Annotated[
     NodePosition | LinkTension | NodeSpeed | AngularSpeed | Stretch | Penetration | Momentum | Energy | Share,
     Field(discriminator="kind"),

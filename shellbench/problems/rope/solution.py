@@ -1,4 +1,4 @@
-"""The motion of a chain, or of loose masses: what was kept of it at the times that are asked."""
+"""The motion of a chain, or of loose masses: its states at the asked times."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ PICTURES = ("frame_times", "frames")
 
 @dataclass(frozen=True)
 class RopeMotion:
-    """States (`RopeState`) at the case's times, in order; those of a failed solve end earlier.
+    """States (`RopeState`) at the case's times, in order; a failed solve has fewer.
 
-    `frames` (k, n, 3), m, at `frame_times` (k,), s, are for pictures; of many nodes they have some.
+    `frames` (k, n, 3), m, at `frame_times` (k,), s, are for pictures; of many nodes they hold a subset.
     """
 
     case: RopeCase
@@ -67,7 +67,7 @@ class RopeMotion:
 
     @property
     def parameters(self) -> int:
-        """Coordinates of what moves freely."""
+        """Number of coordinates that move freely."""
         return 3 * len(self.case.masses)
 
     @property
@@ -88,7 +88,7 @@ class RopeMotion:
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Read what `save` wrote; InputError in one sentence if it is none."""
+        """Read a file of `save`; InputError in one sentence if it is no such file."""
         try:
             with np.load(path, allow_pickle=False) as data:
                 case = RopeCase.model_validate_json(str(data["case"]))

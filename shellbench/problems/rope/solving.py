@@ -1,6 +1,7 @@
-"""What solvers of ropes have in common: what they refuse, their steps in time, and how levels tell the uncertainty.
+"""Base of the solvers of ropes: the cases that they decline, their steps in time, and the uncertainty from levels.
 
-No mechanics stand here. A solver gives `answer`; one that follows motions has `refined` call it level by level.
+This module contains no mechanics. A solver implements `answer`; one that follows motions has `refined` call it level by
+level.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from shellbench.problems.solving import FreshSolver
 Array = NDArray[np.float64]
 
 HALVINGS = (4, 2, 1)  # steps in time of the levels, so many times as long as the finest
-LEVEL_ROUNDING = 1e-14  # relative: what no level tells
+LEVEL_ROUNDING = 1e-14  # relative: rounding, which no level shows
 WHOLE = 1e-9  # of a step: by how much a time may miss a whole number of them
 FRAMES, FRAME = 120, 1 / 60  # most frames that are kept for pictures, and the shortest time between two, s
 DRAWN = 200  # most nodes of a frame
@@ -35,23 +36,24 @@ DRAWN = 200  # most nodes of a frame
 class RopeSolver(FreshSolver):
     """A solver of chains or loose masses.
 
-    A subclass gives `declines` and `answer`. It is a light module: what solves is imported when it is called.
+    A subclass gives `declines` and `answer`. Its module is light: it imports the modules that solve only when it is
+    called.
     """
 
     def load(self, path: Path) -> Solution:
-        """Read what `RopeMotion.save` wrote; InputError in one sentence if it is none."""
+        """Read a file of `RopeMotion.save`; InputError in one sentence if it is no such file."""
         return RopeMotion.load(path)
 
 
 class Watch:
-    """Sees the steps of one level: counts them, tells of them, and keeps states and frames for pictures.
+    """Observer of the steps of one level: it counts them, reports progress, and keeps states and frames for pictures.
 
-    Frames are at the same times whatever the steps: between two steps they are on straight lines.
+    Frames are at the same times whatever the steps: they are interpolated linearly between two steps.
 
     Parameters
     ----------
     words
-        What the level is called.
+        Name of the level.
     """
 
     def __init__(self, case: RopeCase, words: str, progress: ProgressCallback) -> None:
@@ -68,11 +70,11 @@ class Watch:
         return np.asarray(self.every * np.arange(len(self.frames)))
 
     def due(self, time: float, step: float) -> bool:
-        """Whether a frame lies at this time, s, or before the next step's."""
+        """Return True if a frame is due at this time, s, or before the end of the next step."""
         return time + step >= self.every * (len(self.frames) - WHOLE)
 
     def keep(self, time: float, nodes: Array) -> None:
-        """See nodes (n, 3), m, at a time, s, and keep the frames up to it."""
+        """Take nodes (n, 3), m, at a time, s, and keep the frames up to it."""
         nodes = np.array(nodes[:: self.thin])
         start, first = self.before or (time, nodes)
         while time >= (wanted := self.every * len(self.frames)) * (1 - WHOLE):
@@ -98,21 +100,21 @@ def refined(
     told: Mapping[str, Any],
     progress: ProgressCallback,
 ) -> RopeMotion:
-    """Follow a motion level by level, the finest last, and state what the levels differ by.
+    """Follow a motion level by level, the finest last, and state the differences of the levels as uncertainty.
 
-    A coarser level that fails says nothing of the answer, and is left out.
+    A coarser level that fails is left out.
 
     Parameters
     ----------
     levels
-        From coarse to fine: what `follow` is given, by the words that tell of it.
+        Arguments of `follow` from coarse to fine, by name of the level.
     told
         Diagnostics.
 
     Raises
     ------
     SolveFailure
-        If the finest level fails; its states before come with it.
+        If the finest level fails; its earlier states come with it.
     """
     began, found = time.perf_counter(), []
     history: list[Step] = []
@@ -145,7 +147,7 @@ def refined(
 
 
 def settled(values: Sequence[float]) -> float:
-    """Return how wrong the last value may be, of levels with steps halved each time, if errors fall as the step."""
+    """Return an estimate of the last value's error; each level halves the step, and errors fall as the step."""
     changes = np.abs(np.diff(values))
     return float(np.max(changes / 2.0 ** np.arange(len(changes))[::-1])) + LEVEL_ROUNDING * abs(values[-1])
 
@@ -157,9 +159,9 @@ def halved(steps_per_second: float) -> dict[str, float]:
 
 
 def spans(case: RopeCase, rate: float) -> Iterator[tuple[float, int, float]]:
-    """Yield for each of the case's times: it, s, the number of steps to it from the time before, and their length, s.
+    """Yield each of the case's times, s, with the number of steps from the time before, and their length, s.
 
-    Steps are as long as the rate, 1/s, says, or shorter, so that they are of one length between two times.
+    Steps are 1 / rate long, or shorter, so that all steps between two times have one length.
     """
     before = 0.0
     for until in case.states:
@@ -169,7 +171,7 @@ def spans(case: RopeCase, rate: float) -> Iterator[tuple[float, int, float]]:
 
 
 def start_of(case: RopeCase) -> tuple[Array, Array]:
-    """Return places and velocities, m and m/s, of all nodes at the start; of each chain the root comes first."""
+    """Return places and velocities, m and m/s, of all nodes at the start; the root of each chain comes first."""
     if case.particles:
         places = case.particles.places
         return places, np.zeros_like(places) + case.particles.velocity
@@ -183,7 +185,7 @@ def start_of(case: RopeCase) -> tuple[Array, Array]:
 
 
 def roots_of(case: RopeCase) -> Callable[[float], tuple[Array, Array, Array]]:
-    """Return what gives position, velocity and acceleration of the roots, (chains, 3) each, at a time, s."""
+    """Return a function of the time, s: position, velocity and acceleration of the roots, (chains, 3) each."""
     assert case.rope is not None
     path, around = case.rope.root, case.rope.around
     if any(isinstance(formula, str) for formula in path):

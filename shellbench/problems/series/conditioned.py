@@ -1,4 +1,4 @@
-"""A shell asked for a range of materials, and judged at some that no solver is told to look at.
+"""A shell solved for a range of materials, and judged at held-out materials.
 
 The file holds a shell without its material, in the table `[shell]`, and the ranges of thickness, Young's modulus and
 Poisson's ratio. Its held-out materials are drawn with a seed: moduli and thicknesses by their logarithm, evenly.
@@ -21,7 +21,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.protocol.schema import Finite, Model, Name, Positive, Vector
 
 Ratio = Annotated[Finite, Field(ge=0, lt=0.5)]
-SLACK = 1e-12  # relative: what rounding may put beyond the end of a range
+SLACK = 1e-12  # relative: allowed excess of a range by rounding
 ASKED = "asked"  # name of the quantity that each shell is asked
 
 
@@ -58,7 +58,7 @@ class Ranges(Model):
         )
 
     def outside(self, material: Material) -> str | None:
-        """Return why a material is beyond the ranges, as one clause, or None if it is within."""
+        """Return the parameter of a material that is beyond its range, as one clause, or None if all are within."""
         for name, value in material._asdict().items():
             low, high = getattr(self, name)
             if not low - SLACK * high <= value <= high * (1 + SLACK):  # not so where it is not a number
@@ -74,7 +74,7 @@ class HeldOut(Model):
 
 
 class Asked(Model):
-    """The displacement that is asked of every material: along a direction, the mean over points."""
+    """The displacement asked of every material: along a direction, the mean over points."""
 
     points: Annotated[tuple[Name, ...], Field(min_length=1)] = Field(description="points of the shell")
     direction: Vector | Annotated[tuple[Vector, ...], Field(min_length=1)] = Field(
@@ -88,16 +88,16 @@ class ConditionedCase(SeriesCase):
     Attributes
     ----------
     shell
-        Its table of the file, as in a case of kind `shell`, without title, quantities, and the three figures of the
+        Its table of the file, as in a case of kind `shell`, without title, quantities, and the three parameters of the
         material that have a range. It stands still in the linear theory, and moves in the non-linear one.
     ranges
         Of the materials.
     held_out
         Materials at which answers are judged.
     asked
-        What every material is asked: at rest, or at the end of the motion.
+        The displacement asked of every material: at rest, or at the end of the motion.
     quantities
-        What is asked of every answer; exactly one is primary.
+        Quantities asked of every answer; exactly one is primary.
     """
 
     kind: Literal["conditioned"]
@@ -156,12 +156,12 @@ class ConditionedCase(SeriesCase):
         return self._shell(material)
 
     def chosen_material(self, given: Material | Mapping[str, float] | None) -> Material:
-        """Return a material of the ranges, given by its figures; the middle one if None.
+        """Return a material of the ranges, given by its parameters; the middle one if None.
 
         Raises
         ------
         InputError
-            If it is beyond the ranges, or figures are missing.
+            If it is beyond the ranges, or parameters are missing.
         """
         if given is None:
             return self.middle
@@ -176,7 +176,7 @@ class ConditionedCase(SeriesCase):
 
     @property
     def moving(self) -> bool:
-        """Whether the shell moves."""
+        """True if the shell moves."""
         return "dynamics" in self.shell
 
     def _shell(self, material: Material) -> Case:

@@ -1,4 +1,4 @@
-"""What solvers for ranges of materials have in common: the protocol, and how an answer came."""
+"""Base of the solvers for ranges of materials: the protocol, and the answer with its history."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class ConditionedAnswer(ABC):
 
 
 def stepped(material: Material, by: Parameter, step: float) -> Material:
-    """Return a material a step farther: in log h or log E, or in nu."""
+    """Return a material shifted by a step: in log h or log E, or in nu."""
     if by == "poissons_ratio":
         return material._replace(poissons_ratio=material.poissons_ratio + step)
     return material._replace(**{by: getattr(material, by) * math.exp(step)})
@@ -59,7 +59,7 @@ class ConditionedSolver(FreshSolver):
     """A solver of problems of kind `conditioned`."""
 
     def declines(self, case: Any) -> str | None:
-        """Return why it can't take a problem, as one clause, or None if it can."""
+        """Return the reason that the solver declines a problem, as one clause, or None if it takes it."""
         if not isinstance(case, ConditionedCase):
             return "it solves problems of kind 'conditioned' only"
         if case.theory not in self.capabilities.theories:
@@ -67,9 +67,9 @@ class ConditionedSolver(FreshSolver):
         return self.refuses(case)
 
     def refuses(self, case: ConditionedCase) -> str | None:
-        """Return why it can't take a problem of its kind."""
+        """Return the reason that the solver declines a problem of its kind, or None if it takes it."""
         return None
 
     @abstractmethod
     def load(self, path: Path) -> Solution:
-        """Read what an answer has saved."""
+        """Read the file of an answer."""

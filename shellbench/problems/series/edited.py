@@ -1,7 +1,7 @@
-"""A shell and an edit of it, as one file declares both.
+"""A shell and an edit of it, both declared in one file.
 
-The table `[shell]` holds the shell as it was, `[edit]` what a user changes. The theory is the shell's, and says besides
-that an edit is asked for: so that no solver of shells takes the file for a shell.
+The table `[shell]` holds the shell as it was, `[edit]` the change by a user. The theory is the shell's with the suffix
+`-edited`, so that no solver of shells takes the file for a shell.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ To = Scalar | tuple[Scalar, Scalar, Scalar]
 
 
 class Change(Model):
-    """One field of the shell, and what it becomes."""
+    """One field of the shell, and its new value."""
 
     field: str = Field(description='where it stands in `[shell]`, such as "loads.0.vector"; lists count from 0')
     to: To = Field(description="number, formula or vector")
 
 
 class Edit(Model):
-    """What a user changes: a force, the pose of a support, or the thickness."""
+    """An edit by a user: a change of a force, of the pose of a support, or of the thickness."""
 
     what: What = Field(description="force: of loads; pose: motion of supports; thickness: of the material")
     changes: Annotated[tuple[Change, ...], Field(min_length=1)] = Field(description="fields, and what they become")
@@ -47,18 +47,18 @@ class Edit(Model):
 
 
 class EditingCase(SeriesCase):
-    """A shell, and an edit of it that is asked for.
+    """A shell, and an edit of it.
 
     Attributes
     ----------
     shell
         Its table of the file, as in a case of kind `shell`, without title, theory and quantities.
     edit
-        What is changed.
+        The change.
     accuracy
         Share of the energy by which two answers may differ and count as equally accurate.
     quantities
-        What is asked of the edited shell; exactly one is primary.
+        Quantities asked of the edited shell; exactly one is primary.
     """
 
     kind: Literal["editing"]

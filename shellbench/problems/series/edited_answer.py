@@ -1,9 +1,9 @@
-"""An edited shell from the earlier solution and from scratch, in one process, and what each costs. No mechanics.
+"""An edited shell, solved from the earlier solution and from scratch in one process, with both costs. No mechanics.
 
 The earlier solution goes through a file, as `run --start` takes it. Times are processor seconds of the solves, so that
-other programs on the machine count little. Two of each are told: of the whole solve, with all that it states of its
-error; and until its energy is as low as that of both answers, but for the accuracy that the case asks for: the time to
-the same certified error.
+other programs on the machine count little. Each solve has two times: that of the whole solve with its error estimate;
+and the time to the same certified error, at which its energy is as low as that of both answers, up to the accuracy that
+the case asks for.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ class Timed:
         return tuple(step for step in self.solution.history if step.phase == "solve")
 
     def reached(self, level: float) -> float | None:
-        """Return the processor seconds until its energy was no more than a level; None if it never was.
+        """Return the processor seconds until its energy was at most a level; None if it never was.
 
-        Histories tell wall time: other programs are taken to have slowed all of a solve alike.
+        Histories hold wall time; it is scaled as if other programs slowed the whole solve evenly.
         """
         if self.energy > level:
             return None
@@ -61,7 +61,7 @@ class Timed:
 
 @dataclass(frozen=True, kw_only=True)
 class EditedAnswer:
-    """What is asked of an edited shell: (2, n) from the earlier solution, and from scratch, m."""
+    """Answer to an edited shell: quantities (2, n), first from the earlier solution, then from scratch, m."""
 
     case: EditingCase
     values: NDArray[np.float64]
@@ -79,7 +79,7 @@ class EditedAnswer:
 
     @property
     def storage_bytes(self) -> int:
-        """Bytes of the figures that are kept."""
+        """Bytes of the values that are kept."""
         return int(self.values.nbytes)
 
     @property
@@ -88,11 +88,11 @@ class EditedAnswer:
         return self.values
 
     def value(self, name: str) -> float:
-        """Return a quantity of the edited shell, as answered from the earlier solution."""
+        """Return a quantity of the edited shell, solved from the earlier solution."""
         return float(self.values[0, [q.name for q in self.case.quantities].index(name)])
 
     def save(self, path: Path) -> Path:
-        """Write the figures as safetensors, the case in its header."""
+        """Write the values as safetensors, the case in its header."""
         file = path.with_suffix(".safetensors")
         told = {"case": self.case.model_dump_json(exclude_unset=True), "unknowns": str(self.unknowns)}
         save_file({"values": self.values}, file, metadata=told)
@@ -100,7 +100,7 @@ class EditedAnswer:
 
     @classmethod
     def load(cls, path: Path) -> EditedAnswer:
-        """Read what `save` wrote; InputError in one sentence if it is none."""
+        """Read a file of `save`; InputError in one sentence if it is no such file."""
         try:
             with safe_open(path, framework="numpy") as file:
                 told, values = dict(file.metadata() or {}), file.get_tensor("values")
@@ -112,7 +112,7 @@ class EditedAnswer:
 
 
 class EditingSolver(FreshSolver):
-    """A solver of shells that is asked for a shell, then for an edit of it. A subclass gives `shells` and `energy`."""
+    """A solver of a shell and then of its edit, by a solver of shells. A subclass gives `shells` and `energy`."""
 
     shells: ClassVar[type[CheckedSolver]]
 
@@ -121,18 +121,18 @@ class EditingSolver(FreshSolver):
         """Return the certified potential energy of a solution's last state, J."""
 
     def declines(self, case: Any) -> str | None:
-        """Return why it can't take a problem, as one clause, or None if it can."""
+        """Return the reason that the solver declines a problem, as one clause, or None if it takes it."""
         if not isinstance(case, EditingCase):
             return "it solves problems of kind 'editing' only"
         solver = self.shells()
         return solver.refusal(case.original) or solver.refusal(case.edited) or self.goes_on(case)
 
     def goes_on(self, case: EditingCase) -> str | None:
-        """Return why it has no use for an earlier solution of a case's shell, or None if it has."""
+        """Return the reason that an earlier solution of the case's shell is of no use, or None if it is of use."""
         return None
 
     def load(self, path: Path) -> EditedAnswer:
-        """Read what an answer has saved."""
+        """Read the file of an answer."""
         return EditedAnswer.load(path)
 
     def answer(self, case: EditingCase, settings: Any, progress: ProgressCallback) -> EditedAnswer:

@@ -19,8 +19,8 @@ from shellbench.protocol.picture import Portrait
 def keep(solution: Any, case: SeriesCase) -> dict[str, NDArray[Any]] | None:
     """Return all values that an answer has, m; None if one is not finite.
 
-    Of a range of materials, the asked displacement at each that is held out; of an edited shell, (2, n), what is asked
-    from the earlier solution and from scratch.
+    For a range of materials: the asked displacement at each held-out material. For an edited shell: its quantities (2,
+    n), from the earlier solution and from scratch.
     """
     values = np.asarray(solution.kept_values)
     return {"values": values} if np.isfinite(values).all() else None

@@ -26,7 +26,7 @@ class Value(Quantity):
 class Sensitivity(Quantity):
     """A derivative of the logarithm of the asked displacement, without unit.
 
-    By the logarithm of the thickness or of Young's modulus, or by Poisson's ratio itself.
+    The derivative is by the logarithm of the thickness or of Young's modulus, or by Poisson's ratio itself.
     """
 
     kind: Literal["sensitivity"]

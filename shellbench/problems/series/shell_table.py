@@ -1,4 +1,4 @@
-"""The table `[shell]` of a file that asks one shell many times."""
+"""The table `[shell]` of a file whose shell is solved many times."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ OF_THE_FILE = ("name", "kind", "title", "theory", "quantities", "suites")  # wha
 
 
 class SeriesCase(Problem):
-    """A problem that asks one shell many times.
+    """A problem whose shell is solved many times.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class SeriesCase(Problem):
         Raises
         ------
         ValueError
-            If it is none; the sentence begins with `where`.
+            If it is no such case; the sentence begins with `where`.
         """
         theory = self.theory.rpartition("-")[0]
         whole = {**table, "name": name, "title": self.title, "theory": theory, "quantities": list(asked)}

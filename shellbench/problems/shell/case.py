@@ -1,7 +1,7 @@
-"""Cases: the questions that the suite asks of shells, read from TOML and checked.
+"""Cases of shells, read from TOML and checked.
 
-A case is data. Nothing in it is evaluated as Python, and whatever is wrong with it is said in one sentence
-that names the file and the field.
+A case is data. Nothing in it is evaluated as Python. An error is reported in one sentence that names the file and the
+field.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ from shellbench.problems.shell.question.surface import COORDINATES
 __all__ = ["Case", "Picture", "Theory", "build_case", "read_case", "rotation_matrix"]
 
 Array = NDArray[np.float64]
-BESIDE, JUMP = 1e-9, 1e-6  # of the side: so far beside a kink one looks; relative change there that is a jump
+BESIDE, JUMP = 1e-9, 1e-6  # of the side: distance of two points from a kink; and their relative change that is a jump
 ALONG = 1e-3  # sine of the angle between an axis and a normal below which they are along each other
 
 
 class Case(Shell):
-    """A shell whose file has been checked: it can be solved, as far as one can tell without solving it."""
+    """A shell whose file has been checked: as far as can be seen without solving it, it can be solved."""
 
     @classmethod
     def build(cls, data: Mapping[str, Any], name: str, where: str) -> Self:
-        """Make a case of parsed data; a mesh is found from `where`, the case's file."""
+        """Make a case of parsed data; paths of meshes are relative to `where`, the case's file."""
         try:
             fitted = with_fit(data, Path(where).parent)
         except InputError as error:
@@ -127,7 +127,7 @@ class Case(Shell):
                 )
 
     def _is_normal(self, axis: tuple[float, float, float], place: Place) -> bool:
-        """Tell whether an axis is along the normal anywhere on an edge."""
+        """Return True if an axis is along the normal anywhere on an edge."""
         assert isinstance(place, Edge)
         points = place.samples(self.surface.domain, COURSE_SAMPLES)
         x = self.surface.derivatives(points, order=1)
@@ -203,12 +203,12 @@ class Case(Shell):
         return self
 
     def drifts(self, solution: Any) -> dict[str, float]:
-        """Return how far values without a limit move with a solver's cells; see `shellbench.problem.Problem.drifts`."""
+        """Return the change over a solver's cells of unbounded values; see `shellbench.problem.Problem.drifts`."""
         return drifts(self, solution)
 
     @cached_property
     def remark(self) -> str:
-        """A clause on values that have no limit and are given all the same; empty if there are none."""
+        """A clause on values that have no limit but are given; empty if there are none."""
         return remark(self)
 
 

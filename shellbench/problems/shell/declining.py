@@ -1,4 +1,4 @@
-"""What of a case goes beyond plain statics, so that a solver may decline it."""
+"""Properties of a case beyond plain statics, for which a solver may decline it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Beyond = Literal[
 
 
 def why_not_plain(case: Case, takes: frozenset[Beyond] = frozenset()) -> str | None:
-    """Return what a case has beyond the plainest shells, and what a solver takes, as one clause; None if nothing."""
+    """Return the first property beyond the plainest shells that a solver does not take, as one clause, or None."""
     found = next((words for beyond, words in _beyond_plain(case) if beyond not in takes), None)
     if found is None and "narrow formulas" not in takes and (where := narrowest(case)) is not None:
         return f"{where}, and this solver may miss it between its points"
@@ -68,7 +68,7 @@ def _beyond_plain(case: Case) -> Iterator[tuple[Beyond, str]]:
 
 
 def why_not_by_load(case: Case, removed: Iterable[str]) -> str | None:
-    """Return why a path can't be followed by prescribing the load alone, as one clause, or None if it can.
+    """Return the reason that prescribing the load can't follow the path, as one clause, or None if it can.
 
     `removed` are names of the rigid motions that the solver has to remove.
     """

@@ -1,4 +1,4 @@
-"""What a solution of a shell is: a continuous displacement field that can be asked anywhere."""
+"""Protocol of a shell's solution: a continuous displacement field that can be evaluated anywhere."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ RESULTANTS = ("membrane_force", "moment", "shear_force")
 
 
 class DisplacementField(Solution, Protocol):
-    """A continuous displacement field and how it came about."""
+    """A continuous displacement field with its history."""
 
     def displacement(
         self, points: ArrayLike, at: float | None = None, material: Mapping[str, float] | None = None
@@ -54,14 +54,13 @@ class DisplacementField(Solution, Protocol):
         ...
 
     def touch(self, at: float | None = None) -> Touch:
-        """Return what obstacles exert on the shell; only asked where there are any."""
+        """Return the contact forces of obstacles on the shell; called only for cases with obstacles."""
         ...
 
     def rounded(self, format: NumberFormat) -> tuple[DisplacementField, int]:
         """Return the solution with all numbers that `displacement` needs rounded to a format, and the bytes it takes.
 
-        What is asked of the rounded solution is computed in double precision. Each array may be kept with a power of
-        two as its scale (see `shellbench.problems.shell.solution`). Plug-ins may lack this method; no precision is
-        studied then.
+        The rounded solution is evaluated in double precision. Each array may be kept with a power of two as its scale
+        (see `shellbench.problems.shell.solution`). Plug-ins may lack this method; no precision is studied then.
         """
         ...

@@ -1,4 +1,4 @@
-"""Shells as a kind of problem: what records keep of their solutions, and what can be exported."""
+"""Shells as a kind of problem: the data of their solutions for records, and their exports."""
 
 from __future__ import annotations
 
@@ -57,32 +57,32 @@ ENERGY_PARTS = ("membrane_energy_density", "bending_energy_density")
 
 
 def energies(solution: DisplacementField, case: Case, values: Values) -> Sequence[StateEnergies]:
-    """Return what is known of each kept state of a path."""
+    """Return the energies of each kept state of a path."""
     return energies_of_states(solution, case)
 
 
 def series(solution: DisplacementField, case: Case, values: Values) -> Sequence[Series]:
-    """Return what the quantities were along the way."""
+    """Return the quantities along the path or motion."""
     return series_of(solution, case)
 
 
 def resolution(solution: DisplacementField, case: Case, values: Values) -> Sequence[ResolutionStep]:
-    """Return what grids show of the field."""
+    """Return the study of the field on sampling grids."""
     return resolution_study(solution, case)
 
 
 def frame_rates(solution: DisplacementField, case: Case, values: Values) -> Sequence[FrameRateStep]:
-    """Return what frames of a motion show of it."""
+    """Return the study of a motion at several frame rates."""
     return frame_rate_study(solution, case)
 
 
 def precision(solution: DisplacementField, case: Case, values: Values) -> Sequence[PrecisionStep]:
-    """Return what rounding does to the solution."""
+    """Return the study of the solution's sensitivity to rounding."""
     return precision_study(solution, case, values)
 
 
 def self_intersection(solution: DisplacementField, case: Case, values: Values) -> Sequence[SelfIntersection]:
-    """Return when the surface first passes through itself."""
+    """Return the first state at which the surface passes through itself."""
     return self_intersection_study(solution, case)
 
 

@@ -1,13 +1,14 @@
-"""The common part of solutions of shells: what is no mechanics is written once.
+"""The common part of solutions of shells, which contains no mechanics.
 
-The solution of a solver is a subclass. It says how it answers at points (`displacement_at`, `field_at`, `energies`,
-`reaction_at`), what a file holds beside the case and the history (`kept`, `restored`), and which arrays the
-displacement is made of (`numbers`). The base gives shapes of points, files, rounding, bytes, the velocity of what
-stands still, and one sentence for each wrong question. It knows no strain, energy or load: these are each solver's own.
+The solution of a solver is a subclass. The subclass implements the answers at points (`displacement_at`, `field_at`,
+`energies`, `reaction_at`) and the content of a file beside the case and the history (`kept`, `restored`). It names the
+arrays that the displacement is made of (`numbers`). The base provides shapes of points, files, rounding, bytes, the
+zero velocity of static cases, and one sentence for each wrong question. It contains no strain, energy or load: these
+are each solver's own.
 
-The common part of solvers of shells: what is asked of a case and of settings before anything is solved.
+The common part of solvers of shells: checks of a case and of settings before anything is solved.
 
-Numbers in a shorter floating-point format, as a solution would be kept in it.
+Numbers in a shorter floating-point format, as a compact file would keep them.
 
 A format of 16 bits holds magnitudes from 6e-5 to 65504 only (IEEE 754-2008, binary16). An array is therefore scaled
 before it is rounded, so that its largest magnitude comes near the largest number of the format. The scale is a power
@@ -69,7 +70,7 @@ class Shortened:
 
 
 def shortened(array: NDArray[np.floating[Any]], format: NumberFormat) -> Shortened:
-    """Round an array to the nearest numbers of a format; one that is no longer than the format stays as it is.
+    """Round an array to the nearest numbers of a format; an array that already fits the format stays as it is.
 
     Each number x then errs by at most 2**-p |x|, with p = 24 in float32 and p = 11 in float16, where numbers below
     2**-28 of the largest one may err by 2**-39 of it.
@@ -94,26 +95,26 @@ def expanded(numbers: NDArray[np.floating[Any]], exponent: int) -> Array:
 Arrays = Mapping[str, NDArray[Any]]
 Words = Mapping[str, Any]
 
-SLACK = 1e-9  # of the largest mark, by which a mark may lie beside it
+SLACK = 1e-9  # of the largest mark: allowed difference of a mark from a state's own
 DAMAGE = (ValueError, KeyError, TypeError, EOFError, IndexError, zipfile.BadZipFile, zlib.error)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ShellSolution:
-    """What solutions of shells have in common; see `shellbench.problem.Solution` for the protocol.
+    """Base of the solutions of shells; see `shellbench.problem.Solution` for the protocol.
 
     A subclass has `case` and `parameters`, as fields or as properties.
 
     Attributes
     ----------
     formats
-        Of files: `save` writes the first one, such as "mine, format 1", and `load` reads them all.
+        Formats of files: `save` writes the first one, such as "mine, format 1", and `load` reads them all.
     numbers
         Names of the arrays that the displacement is made of: they are counted, and rounded.
     history, diagnostics, uncertainty, extrapolated, unsettled
         See `shellbench.problem.Solution`.
     mode_values
-        Of a case that asks for modes: their values by number (see `shellbench.problems.shell.quantities.modes`).
+        Values by number, if the case asks for modes (see `shellbench.problems.shell.quantities.modes`).
     """
 
     formats: ClassVar[tuple[str | int, ...]] = ()
@@ -126,7 +127,7 @@ class ShellSolution:
     unsettled: str | None = None
     mode_values: Mapping[int, float] = field(default_factory=dict)
 
-    if TYPE_CHECKING:  # no attributes of the base, which would pass for the fields' default values
+    if TYPE_CHECKING:  # not attributes of the base: these would become default values of the fields
 
         @property
         def case(self) -> Case:
@@ -142,7 +143,7 @@ class ShellSolution:
         return sum(int(getattr(self, name).nbytes) for name in self.numbers)
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows."""
+        """Return the HTML that a notebook shows."""
         return solution_html(self)
 
     def displacement(
@@ -153,7 +154,7 @@ class ShellSolution:
         Raises
         ------
         InputError
-            If a material is asked for: the field is of the case's own.
+            If a material is given: the field is that of the case's own material.
         """
         if material is not None:
             raise InputError(f"{self.case.name}: this field is of the case's own material, and takes no other one")
@@ -172,7 +173,7 @@ class ShellSolution:
         return self._on_points(points, lambda xi: self.field_at(name, xi, at))
 
     def _on_points(self, points: ArrayLike, function: Callable[[Array], Array]) -> Array:
-        """Return what a function of points (N, 2) has at points (..., 2); it is never asked at none."""
+        """Return the values at points (..., 2) of a function of points (N, 2), which is never called with no points."""
         xi = np.asarray(points, dtype=float)
         values = function(xi.reshape(-1, 2) if xi.size else self.case.surface.domain.grid(3, 3)[1:2, 1])
         return np.asarray(values[: xi.size // 2].reshape((*xi.shape[:-1], *values.shape[1:])))
@@ -197,7 +198,7 @@ class ShellSolution:
         raise NotImplementedError
 
     def velocity_at(self, xi: Array, at: float | None) -> Array:
-        """Return the velocity (N, 3) at points (N, 2): zero, where nothing moves."""
+        """Return the velocity (N, 3) at points (N, 2): zero in a static case."""
         return np.zeros((len(xi), 3))
 
     def field_at(self, name: str, xi: Array, at: float | None) -> Array:
@@ -217,7 +218,7 @@ class ShellSolution:
         raise NotImplementedError
 
     def touch(self, at: float | None = None) -> Touch:
-        """Return what obstacles exert on the shell; InputError where the solver knows none."""
+        """Return the contact forces of obstacles on the shell; InputError if the solver knows none."""
         raise InputError(f"{self.case.name}: this solution knows no obstacles")
 
     def rounded(self, format: NumberFormat) -> tuple[Self, int]:
@@ -236,16 +237,16 @@ class ShellSolution:
         return (replace(self, **changed) if changed else self), bytes_taken
 
     def kept(self) -> tuple[Words, Arrays]:
-        """Return what `restored` needs of a file: JSON values and arrays by name."""
+        """Return the data that `restored` needs of a file: JSON values and arrays by name."""
         return {}, {name: getattr(self, name) for name in self.numbers}
 
     @classmethod
     def restored(cls, case: Case, words: Words, arrays: Arrays) -> Self:
-        """Make a solution of what `kept` gave; ValueError or KeyError if it does not fit together."""
+        """Make a solution from the data of `kept`; ValueError or KeyError if they are inconsistent."""
         raise NotImplementedError
 
     def facts(self) -> dict[str, Any]:
-        """Return what every file says: the case, the history and what came of it."""
+        """Return the data that every file holds: the case, the history and the results of the solve."""
         modes = {"mode_values": {str(number): value for number, value in self.mode_values.items()}}
         return {
             **(modes if self.mode_values else {}),
@@ -268,7 +269,7 @@ class ShellSolution:
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Read what `save` wrote; InputError in one sentence if the file is missing, damaged, or of something else."""
+        """Read a file of `save`; InputError in one sentence if it is missing, damaged, or another file."""
         return read_solution(path, cls.formats, lambda case: cls)
 
 
@@ -307,12 +308,12 @@ def read_solution(path: Path, formats: Sequence[str | int], kind: Callable[[Case
 
 
 def state_number(case: Case, marks: ArrayLike, at: float | None) -> int:
-    """Return the number of the state that was solved at a mark, of the last one if None.
+    """Return the number of the state at a mark; of the last state if None.
 
     Raises
     ------
     InputError
-        If the case was not solved at it.
+        If the case has no state at the mark.
     """
     known = np.asarray(marks, dtype=float)
     if at is None:
@@ -324,7 +325,7 @@ def state_number(case: Case, marks: ArrayLike, at: float | None) -> int:
 
 
 def time_reached(case: Case, last: float, at: float | None) -> float:
-    """Return a time, s, from 0 to the last one that a motion reached, which is meant by None.
+    """Return a time, s, from 0 to the last one that a motion reached; None stands for the last one.
 
     Raises
     ------
@@ -339,27 +340,27 @@ def time_reached(case: Case, last: float, at: float | None) -> float:
 
 
 class ShellSolver(CheckedSolver):
-    """What solvers of shells have in common; see `shellbench.problem.Solver` for the protocol.
+    """Base of the solvers of shells; see `shellbench.problem.Solver` for the protocol.
 
-    A subclass gives `answer` and `load`, and `declines` where it can't take all cases of its theories. It is a light
-    module: what solves is imported when it is called.
+    A subclass gives `answer` and `load`, and `declines` if it can't take all cases of its theories. The module of the
+    subclass is light: it imports the modules that solve only when it is called.
 
     Attributes
     ----------
     takes
-        What it takes beyond the plainest shells; cases with more are declined.
+        Properties beyond the plainest shells that it takes; it declines cases with more.
     """
 
     takes: ClassVar[frozenset[Beyond]] = frozenset()
 
     def declines(self, case: Case) -> str | None:
-        """Return why the solver can't take this case, as one clause, or None if it can."""
+        """Return the reason that the solver declines a case, as one clause, or None if it takes it."""
         if case.theory not in self.capabilities.theories:
             return f"it does not solve the theory {case.theory}"
         return why_not_plain(case, self.takes)
 
     def declines_quantity(self, case: Case, quantity: Any) -> str | None:
-        """Return why the solver can't give a quantity of a case that it takes, as one clause, or None if it can."""
+        """Return the reason that it can't give a quantity of a case that it takes, as one clause, or None if it can."""
         if isinstance(quantity, ResultantQuantity) and "resultants" not in self.takes:
             return "this solver states no stress resultants"
         return None
@@ -375,12 +376,12 @@ class ShellSolver(CheckedSolver):
         raise NotImplementedError
 
     def load(self, path: Path) -> Solution:
-        """Read a solution that `Solution.save` wrote; InputError in one sentence if it is none."""
+        """Read a file of `Solution.save`; InputError in one sentence if it is no such file."""
         raise NotImplementedError
 
 
 def checked_start(start: Solution, case: Case, solver: str, *kinds: type[S]) -> S:
-    """Return an earlier solution from which a solver goes on; InputError if it is none of its kinds, or no edit."""
+    """Return an earlier solution to continue from; InputError if it is of another class or no edit."""
     if case.dynamics is not None:
         raise InputError(f"{solver} can't go on from an earlier solution in {case.name}: a motion begins at rest")
     if not isinstance(start, kinds):

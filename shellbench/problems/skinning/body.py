@@ -19,7 +19,7 @@ TINY = 1e-30  # keeps directions on an axis finite, in float32 too
 
 
 class Capsule(Model):
-    """A ball that is drawn along a segment; it can swing about the line along x through its first end."""
+    """A ball swept along a segment; it can swing about the line along x through its first end."""
 
     name: Name = Field(description="what it stands for")
     start: Vector = Field(description="first end of the segment, about which it swings, m")
@@ -43,8 +43,8 @@ def segments(body: Sequence[Capsule], stride: Array) -> Array:
 def distance(places: Array, axes: Array, radii: Array) -> Array:
     """Return phi (..., n), m, at places (..., n, 3) for axes (..., c, 2, 3) and radii (c,), m.
 
-    By products of matrices, which are far faster than sums over an axis of three: a training asks a million places a
-    second.
+    It uses products of matrices, which are far faster than sums over an axis of three: a training evaluates a million
+    places a second.
     """
     start, along = axes[..., 0, :], axes[..., 1, :] - axes[..., 0, :]
     turned = np.swapaxes(places, -1, -2)
@@ -65,7 +65,7 @@ def directions(places: Array, axes: Array) -> Array:
 def pushed_out(places: Array, axes: Array, radii: Array, margin: float, along: Array | None = None) -> Array:
     """Return places (..., n, 3) after those inside are pushed to phi = margin, one capsule after another.
 
-    They go along the gradient of phi, or along directions (..., c, n, 3) that were found before they went in.
+    They move along the gradient of phi, or along given directions (..., c, n, 3), those before they went in.
     """
     for part, radius in enumerate(radii):
         apart = _from_axis(places, axes[..., part, :, :])
@@ -77,7 +77,7 @@ def pushed_out(places: Array, axes: Array, radii: Array, margin: float, along: A
 
 
 def _from_axis(places: Array, axis: Array) -> Array:
-    """Return what leads from the nearest point of a segment (..., 2, 3) to each place (..., n, 3)."""
+    """Return the vectors (..., n, 3) from the nearest point of a segment (..., 2, 3) to each place (..., n, 3)."""
     start, along = axis[..., None, 0, :], axis[..., None, 1, :] - axis[..., None, 0, :]
     apart = places - start
     share = np.clip(_dot(apart, along) / np.maximum(_dot(along, along), TINY), 0.0, 1.0)

@@ -1,10 +1,11 @@
 """The cape: a cloth by projective dynamics (Bouaziz et al. 2014) on a moving body, all clips at once.
 
-A step of length h looks for x that minimises  sum m/(2 h^2) |x - y|^2 + sum w/2 |x_a - x_b - p|^2,  y where inertia,
-air and gravity lead, p of the spring's rest length along its present direction. The local step finds p, the global
-step x by a matrix that is inverted once for all steps and clips. The departure from the textbook: after each global
-step vertices inside the body are pushed out to its margin, the way they came, and at the end of a step along the
-gradient of its distance, so that the last word is that of the body. The upper row is held, and no unknown.
+A step of length h finds the x that minimises sum m/(2 h^2) |x - y|^2 + sum w/2 |x_a - x_b - p|^2. Here y is the
+position by inertia, air and gravity alone, and p has the spring's rest length along its present direction. The local
+step finds p. The global step finds x by a matrix that is inverted once for all steps and clips. Departure from the
+textbook: after each global step, vertices inside the body are pushed out to its margin, the way they came. At the end
+of a step they are pushed along the gradient of its distance, so that no vertex ends in the body. The upper row is held,
+and is no unknown.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ class Cape(Model):
 
 
 class Cloth:
-    """What steps: springs as pairs of slices of the grid, and the inverse of the free vertices' matrix."""
+    """The cape in time steps: springs as pairs of slices of the grid, and the inverse matrix of the free vertices."""
 
     def __init__(self, cape: Cape, body: Sequence[Capsule], margin: float) -> None:
         self.cape, self.body, self.margin = cape, body, margin
@@ -130,7 +131,7 @@ class Cloth:
 
 
 def draped(cape: Cape, body: Sequence[Capsule], margin: float) -> Array:
-    """Return where the cape hangs still on the body at rest, (rows, columns, 3), m."""
+    """Return the shape of the cape at rest on the body at rest, (rows, columns, 3), m."""
     cloth = Cloth(cape, body, margin)
     at_rest = segments(body, np.zeros(1))
     places = np.moveaxis(cloth.rest, -1, 0)[..., None]
@@ -141,13 +142,13 @@ def draped(cape: Cape, body: Sequence[Capsule], margin: float) -> Array:
 
 
 def simulated(cape: Cape, body: Sequence[Capsule], margin: float, motion: BodyMotion, rest: Array, say: Say) -> Array:
-    """Return the clips (k, n, rows, columns, 3), m, in the frame of the neck, from where the cape hangs still."""
+    """Return the clips (k, n, rows, columns, 3), m, in the frame of the neck; they start with the cape at rest."""
     cloth = Cloth(cape, body, margin)
     places = np.repeat(np.moveaxis(rest, -1, 0)[..., None], cape.clips, axis=-1)
     velocity = np.zeros_like(places)
     clips = np.empty((cape.clips, cape.frames, cape.rows, cape.columns, 3))
     axes = segments(body, motion.stride)
-    ends = axes[:, 0]  # both frames are one at the start
+    ends = axes[:, 0]  # both frames coincide at the start
     for frame in range(cape.frames):
         turn, place = motion.rotations[:, frame], motion.places[:, frame]
         collar = np.einsum("kij,cj->ick", turn, cloth.rest[0]) + place.T[:, None]

@@ -1,8 +1,8 @@
 """Skinning: find a cape's mesh from a few bones in it, frame by frame, for frames that were held out.
 
-The interface is that of Jin et al., section 7: bones are points of the mesh, chains from the neck down, and everything
-is in the frame of the neck, so that rigid motion of the body is taken out. A solver sees the meshes of all frames but
-those that are held out, and of these the bones and the body's motion.
+The interface is that of Jin et al., section 7: bones are points of the mesh, in chains from the neck down, and all data
+are in the frame of the neck, which removes the rigid motion of the body. A solver gets the meshes of the training
+frames. Of held-out frames it gets the bones and the body's motion only.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Bones(Model):
 
 
 class ByClips(Model):
-    """Whole clips are held out: what they show was never seen."""
+    """Whole clips are held out: their motion is not in the training frames."""
 
     by: Literal["clips"]
     held_out: Annotated[tuple[Annotated[int, Field(ge=0, strict=True)], ...], Field(min_length=1)] = Field(
@@ -40,7 +40,7 @@ class ByClips(Model):
 
 
 class ByFrames(Model):
-    """Frames of all clips are held out at random: most have a neighbour 1/60 s away that was seen, and so leak."""
+    """Frames of all clips are held out at random. Most have a training frame 1/60 s away, so that data leak."""
 
     by: Literal["frames"]
     share: Annotated[Finite, Field(gt=0, lt=1)] = Field(description="share of the frames that are held out")
@@ -55,15 +55,15 @@ class SkinningCase(Problem):
     cape
         The cloth, its clips, and the seed of their motions.
     body
-        What is under it.
+        The body under the cape.
     margin
-        By how much the cloth is kept off the body, m.
+        Least distance of the cloth from the body, m.
     bones
-        What is given of a frame.
+        Vertices that are given in each frame.
     split
-        Which frames are held out.
+        Choice of the held-out frames.
     quantities
-        What is asked of every answer; exactly one is primary.
+        Quantities asked of every answer; exactly one is primary.
     """
 
     kind: Literal["skinning"]
@@ -104,7 +104,7 @@ class SkinningCase(Problem):
 
     @cached_property
     def held_out(self) -> Numbers:
-        """Numbers of the frames that are held out, those of all clips counted one after another, increasing."""
+        """Increasing numbers of the held-out frames; the frames of all clips are counted one after another."""
         each, total = self.cape.frames, self.cape.clips * self.cape.frames
         if isinstance(self.split, ByClips):
             return np.concatenate([np.arange(each * clip, each * (clip + 1)) for clip in sorted(self.split.held_out)])
@@ -112,12 +112,12 @@ class SkinningCase(Problem):
 
     @cached_property
     def seen(self) -> Numbers:
-        """Numbers of the frames that may be learnt from, increasing."""
+        """Increasing numbers of the training frames."""
         return np.setdiff1d(np.arange(self.cape.clips * self.cape.frames), self.held_out)
 
     @cached_property
     def groups(self) -> Numbers:
-        """For each frame that is seen, what must stay together in cross validation: its clip, or one of five parts."""
+        """Group of each training frame in cross validation: its clip, or one of five parts."""
         if isinstance(self.split, ByClips):
             return self.seen // self.cape.frames
         return np.asarray(np.random.default_rng([self.split.seed, 1]).integers(0, 5, len(self.seen)))

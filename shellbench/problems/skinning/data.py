@@ -1,7 +1,7 @@
-"""The clips of a case: simulated when they are first needed, and kept in a folder of their own.
+"""The clips of a case: they are simulated when first needed, and kept in a folder of their own.
 
 The folder is that of the variable SHELLBENCH_DATA, or else `shellbench` in the user's folder of caches. The name of a
-file has a digest of the cape, the body and the code that simulates them: what was made otherwise is never read.
+file has a digest of the cape, the body and the code that simulates them, so that outdated files are never read.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 FOLDER = "SHELLBENCH_DATA"
-MAKERS = (body, cape, motion)  # modules that decide what is simulated
+MAKERS = (body, cape, motion)  # modules that determine the simulation
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Clips:
     Attributes
     ----------
     rest
-        Where the cape hangs still, (rows, columns, 3), m.
+        Shape of the cape at rest, (rows, columns, 3), m.
     meshes
         (n, rows, columns, 3), m; kept in float32, to 1e-7 m.
     motion
@@ -99,7 +99,7 @@ def _made(cape: Cape, body: tuple[Capsule, ...], margin: float, moves: BodyMotio
     return {"rest": rest.astype(np.float32), "meshes": meshes.astype(np.float32)}
 
 
-LONG = 100_000  # vertices times frames beyond which progress is told
+LONG = 100_000  # vertices times frames beyond which progress is reported
 
 
 def kept_at(cape: Cape, body: tuple[Capsule, ...], margin: float) -> Path:
@@ -112,7 +112,7 @@ def kept_at(cape: Cape, body: tuple[Capsule, ...], margin: float) -> Path:
 
 
 def _keep(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write arrays whole or not at all; what can't be written is simulated again next time."""
+    """Write arrays completely or not at all; arrays that can't be written are simulated again next time."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:

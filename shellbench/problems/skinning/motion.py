@@ -1,4 +1,4 @@
-"""How a body moves: of each clip sums of sines with amplitudes, frequencies and phases drawn by its own seed."""
+"""Motion of a body: sums of sines by clip; a seed of the clip draws amplitudes, frequencies and phases."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ class BodyMotion:
 
     @property
     def pose(self) -> Array:
-        """What a quasistatic network sees, (k, n, 3): the pull of gravity across the body, and the stride."""
+        """Input of a quasistatic network, (k, n, 3): the direction of gravity across the body, and the stride."""
         down = -self.rotations[..., 2, :]  # of the world, in the frame of the body
         return np.concatenate([down[..., :2], self.stride[..., None]], axis=-1)
 
     @property
     def course(self) -> Array:
-        """What a recurrent network sees, (k, n, 9): the pose, and the velocities of neck and turns in its frame."""
+        """Input of a recurrent network, (k, n, 9): pose, and velocities of neck and turns in the body's frame."""
         velocity = np.gradient(self.places, axis=1) * RATE if self.places.shape[1] > 1 else np.zeros_like(self.places)
         local = np.einsum("knji,knj->kni", self.rotations, velocity)
         turns = np.gradient(self.angles[..., :3], axis=1) * RATE if self.places.shape[1] > 1 else 0.0 * local
@@ -48,7 +48,7 @@ class BodyMotion:
 
 
 def body_motion(seed: int, clips: int, frames: int) -> BodyMotion:
-    """Return the motion of clips, which begin at rest; a clip is the same however many there are."""
+    """Return the motion of clips, which begin at rest; a clip does not depend on the number of clips."""
     time = np.arange(frames) / RATE
     ramp = np.clip(time / RAMP, 0.0, 1.0)
     ramp = ramp**2 * (3 - 2 * ramp)

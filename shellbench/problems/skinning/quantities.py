@@ -1,6 +1,6 @@
-"""What can be asked of skinned meshes: how far they are from the simulation, and how much of them is in the body.
+"""Quantities of skinned meshes: their distance from the simulation, and the part of them that is in the body.
 
-A solution gives `meshes`, those of the frames that are held out, and `fitted`, those of the frames that were seen.
+A solution has `meshes`, of the held-out frames, and `fitted`, of the training frames.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ def frame_errors(meshes: Array, truth: Array) -> Array:
 
 
 def depths(solution: Any) -> Array:
-    """Return how deep each vertex of each frame that is held out is in the body, (n, v), m; 0 outside.
+    """Return the depth in the body, m, of each vertex of each held-out frame (n, v); 0 outside.
 
-    The upper row, which the body holds, is left out.
+    The upper row is left out, since the body holds it.
     """
     held, clips = solution.case.held_out, solution.clips
     free = solution.meshes[:, 1:].reshape(len(held), -1, 3)
@@ -71,7 +71,7 @@ class PenetrationShare(Quantity):
 
 
 class PenetrationDepth(Quantity):
-    """How deep vertices are in the body, m: the root mean square over all vertices, of which most are outside."""
+    """Depth of vertices in the body, m: the root mean square over all vertices, of which most are outside."""
 
     is_an_error = True
 

@@ -1,4 +1,6 @@
-"""What a report is made of: runs as tables, numbers as they are printed, evidence, sections and figures as data.
+"""The data of a report: tables of runs, formats of numbers, evidence, and sections and figures as data.
+
+This package may import the bench, and no other package of the report.
 
 It may import the bench, and no other room of the report.
 """

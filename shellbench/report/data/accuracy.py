@@ -1,4 +1,4 @@
-"""What accuracy took: the errors of a case's runs against unknowns, seconds and memory, in families of one sweep."""
+"""Cost of accuracy: errors of a case's runs against unknowns, seconds and memory, grouped in families of one sweep."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Point:
         return geometric_mean(self.errors)
 
     def cost(self, measure: Measure) -> float | None:
-        """Return what it took."""
+        """Return the cost in one measure: unknowns, seconds or bytes of memory; None if it was not measured."""
         return float(self.unknowns) if measure == "unknowns" else getattr(self, measure)
 
 
@@ -94,7 +94,7 @@ class Family:
 
     @property
     def alone(self) -> bool:
-        """Whether there is no second size that could confirm a size."""
+        """True if the family has one size only, so that no second size can confirm it."""
         return len(self.points) == 1
 
     @property
@@ -109,7 +109,7 @@ class Family:
 
     @property
     def is_mesh(self) -> bool:
-        """Whether its unknowns belong to meshes of so many cells, and errors have an order in the mesh width."""
+        """True if the sweep refines a mesh, so that errors have an order in the mesh width."""
         return self.swept == MESH and len({point.unknowns for point in self.points}) > 1
 
     def rate(self, measure: Measure, floor: float) -> Rate | None:
@@ -187,7 +187,7 @@ class AnsweredCase:
 
     @property
     def title(self) -> str:
-        """What a reader calls it."""
+        """Title of the case; its name if it has none."""
         return self.first.case_title or self.first.case
 
     @property
@@ -217,7 +217,7 @@ class CaseAccuracy(AnsweredCase):
 
     @property
     def quantity(self) -> str:
-        """What a reader calls the headline quantity."""
+        """Description of the headline quantity; its name in words if it has none."""
         return self.first.description or self.first.quantity.replace("_", " ")
 
     @property
@@ -270,9 +270,9 @@ def swept_setting(row: Row) -> str:
 
 
 def sizes(runs: pd.DataFrame, yardstick: Yardstick | None) -> list[Point]:
-    """Return what runs of a case come to, those together that differ in their seed alone; nothing unless they answered.
+    """Return one point for each group of a case's runs that differ only in their seed.
 
-    The run that others are held against is left out.
+    Groups without a finite value are omitted, and so is the run that serves as the yardstick.
     """
     found = []
     for _, alike in runs.groupby("alike", sort=False):

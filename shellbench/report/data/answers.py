@@ -91,9 +91,9 @@ def headline_is_known(case: CaseRuns, ladder: Ladder, level: float) -> bool:
 
 
 def headline_size(case: CaseRuns, run: Run) -> float | None:
-    """Return what errors of the headline quantity are relative to; None if its value is not known.
+    """Return the magnitude that errors of the headline quantity are relative to; None if its value is not known.
 
-    It is the known value or, where a length is judged by its absolute error, the largest displacement.
+    This is the known value. For a length that is judged by its absolute error, it is the largest displacement.
     """
     row = run.row
     if row.reference is None or row.value is None:
@@ -104,7 +104,10 @@ def headline_size(case: CaseRuns, run: Run) -> float | None:
 
 
 def own_difference(case: CaseRuns, run: Run) -> float | None:
-    """Return how far a run is from the one that all are held against, relative, and no less than that one is known."""
+    """Return the relative difference of a run from the yardstick, at least the yardstick's own relative uncertainty.
+
+    None if the case has no yardstick or no scale, or if the two runs have no points in common.
+    """
     if case.yardstick is None or not case.scale:
         return None
     doubt = case.doubt / case.scale if case.doubt is not None else None

@@ -108,7 +108,7 @@ def error(value: Any, line: Line, notation: Notation) -> str:
 
 
 def significant(figures: int) -> Way:
-    """Return how to write a number that is known to so many digits, one more where the first is a 1."""
+    """Return a format with a given number of significant digits, and one more if the first digit is a 1."""
 
     def written(value: Any, line: Line, notation: Notation) -> str:
         return notation.number(rounded(value, abs(value) / 10 ** (figures - 1) or None))
@@ -117,7 +117,7 @@ def significant(figures: int) -> Way:
 
 
 def at_most(figures: int) -> Way:
-    """Return how to write a number with so many digits, fewer where they say the same."""
+    """Return a format with at most a given number of significant digits, without trailing zeros."""
 
     def written(value: Any, line: Line, notation: Notation) -> str:
         return notation.number(quoted(float(f"{value:.{figures}g}")))
@@ -137,12 +137,12 @@ def known_value(value: Any, line: Line, notation: Notation) -> str:
 
 
 def strong(way: Way) -> Way:
-    """Return how to write what must not be overlooked."""
+    """Return a format that emphasises the value."""
     return lambda value, line, notation: notation.strong(way(value, line, notation))
 
 
 def in_its_unit(name: str, way: Way) -> Show:
-    """Return how to write another column of the data, with the unit of its line; nothing if it has no value."""
+    """Return a format for another column of the data with the unit of its line; empty if the column has no value."""
 
     def written(line: Line, notation: Notation) -> str:
         value = line[name]

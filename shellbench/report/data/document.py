@@ -1,4 +1,4 @@
-"""What page and paper share: the sources that they cite, how each run was made, and which files are theirs."""
+"""The parts that page and paper share: cited sources, the making of each run, and the files of a report."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def _plain(value: str) -> str:
 
 @dataclass(frozen=True)
 class Making:
-    """How one run was made.
+    """The making of one run: its record, command and environment.
 
     Attributes
     ----------
@@ -177,7 +177,7 @@ def _flat(settings: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]
 
 
 def makings(records: Mapping[str, Record], rows: Sequence[Row]) -> tuple[list[Making], list[str]]:
-    """Return how each run of the rows was made; and, in words, the different environments with their exams."""
+    """Return the making of each run of the rows, and a description of each environment with its exams."""
     environments: list[Environment] = []
     exams: dict[int, set[int]] = {}
     found: dict[str, Making] = {}

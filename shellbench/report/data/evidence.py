@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Evidence:
-    """What sections are made from.
+    """The evidence that all sections are made from.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Evidence:
     _made: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def once(self, make: Callable[[Evidence], T]) -> T:
-        """Return what is made from it for several sections, made once."""
+        """Return the result of `make` on this evidence, computed once and shared by all sections."""
         if make not in self._made:
             self._made[make] = make(self)
         made: T = self._made[make]

@@ -19,7 +19,7 @@ BREADTH = 0.012  # of a chain's length: half the breadth of the ribbon that show
 
 @dataclass(frozen=True)
 class Fields:
-    """What a run kept of its solution: points (n, n, 2), positions and displacements (n, n, 3) in metres.
+    """The stored solution of a run: points (n, n, 2), positions and displacements (n, n, 3) in metres.
 
     Attributes
     ----------

@@ -50,7 +50,7 @@ class Probes:
 
 @dataclass(frozen=True)
 class Difference:
-    """How far two runs are from each other at the same material points.
+    """Difference of two runs at the same material points.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Difference:
 
 
 def read_probes(record: Record, folder: Path) -> Probes | None:
-    """Return what a run answered at its probes; None if it kept none, or they are lost, damaged or not finite."""
+    """Return a run's displacements at its probes; None if they are absent, damaged or not finite."""
     kept = kept_arrays(record, folder, "probes", "probe_marks", "probe_displacements")
     if kept is None:
         return None
@@ -83,7 +83,7 @@ def read_probes(record: Record, folder: Path) -> Probes | None:
 
 
 def difference(ours: Probes | None, theirs: Probes | None) -> Difference | None:
-    """Return how far two runs are from each other; None if they have no point or no mark in common."""
+    """Return the difference of two runs; None if they have no point or no mark in common."""
     if ours is None or theirs is None or ours.points.shape != theirs.points.shape:
         return None
     if not np.allclose(ours.points, theirs.points, rtol=0.0, atol=SAME * np.abs(theirs.points).max()):
@@ -122,7 +122,7 @@ class Run:
 
     @property
     def name(self) -> str:
-        """How it departs from its solver's defaults, and its seed."""
+        """Settings that depart from the solver's defaults, and the seed."""
         return f"{variant_name(self.row) or 'default settings'}{seed_words(self.row.seed)}"
 
     @property
@@ -132,7 +132,7 @@ class Run:
         return max(seen, self.probes.largest if self.probes is not None else 0.0)
 
     def difference(self, other: Run) -> Difference | None:
-        """Return how far it is from another run at the same material points."""
+        """Return the difference from another run at the same material points."""
         return difference(self.probes, other.probes)
 
 
@@ -230,13 +230,13 @@ class CaseRuns:
         return min(certain, key=lambda run: (changed(run), -run.unknowns), default=None)
 
     def line(self, ladder: Ladder, run: Run | None = None) -> dict[str, Any]:
-        """Return what a line of a table says first: the case, a solver, and one of its runs."""
+        """Return the first cells of a table's line: the case, a solver and one of its runs."""
         said = {"block": self.title, "case": self.case, "solver": ladder.solver}
         return said if run is None else said | {"run": run.name, "run_id": run.record.run_id}
 
     @property
     def judged(self) -> bool:
-        """Whether the yardstick was chosen by its error, not for want of a known value."""
+        """True if the yardstick was chosen by its error, and not because a known value is lacking."""
         return self.yardstick is not None and _error(self.yardstick.row) is not None
 
     @cached_property
@@ -246,9 +246,9 @@ class CaseRuns:
 
     @cached_property
     def doubt(self) -> float | None:
-        """How well the yardstick itself is known, m; None if nothing is there to tell.
+        """Uncertainty of the yardstick, m; None if it can't be estimated.
 
-        It is what it changed from the resolution before it; without one, its smallest difference from another solver.
+        This is its change from the next lower resolution, or else its smallest difference from another solver.
         """
         for ladder in self.ladders:
             if ladder.finest is self.yardstick and (change := ladder.change()) is not None:
@@ -269,7 +269,7 @@ def leader(level: Sequence[Run]) -> Run:
 
 
 def between(step: tuple[Run, Run] | None) -> Difference | None:
-    """Return how far the runs of a step are from each other."""
+    """Return the difference between the two runs of a step."""
     return None if step is None else step[1].difference(step[0])
 
 

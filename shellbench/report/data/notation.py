@@ -167,7 +167,7 @@ def duration(seconds: float) -> str:
 
 @dataclass(frozen=True)
 class Notation:
-    """How one output format writes things.
+    """Notation of one output format.
 
     Attributes
     ----------

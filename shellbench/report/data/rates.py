@@ -28,7 +28,7 @@ LONGEST = 4  # points of a fit, from the finest backwards: the asymptotic range
 
 @dataclass(frozen=True)
 class Yardstick:
-    """What errors are measured from and relative to.
+    """The reference of a case's errors: the value that they are measured from and the scale that they are relative to.
 
     Attributes
     ----------
@@ -56,10 +56,10 @@ class Yardstick:
 
 
 def yardstick_of(records: Mapping[str, Record], rows: Sequence[Row]) -> Yardstick | None:
-    """Return what the errors of runs of one case are relative to: the known value, or the best answer if there is none.
+    """Return the known value as the yardstick of one case's errors; the best answer if there is no known value.
 
-    The best answer is the one with the least uncertainty of its own, or of most unknowns if none states one. None if
-    nothing was answered, or the value is zero without being a position.
+    The best answer has the least uncertainty of its own. If no answer states one, it is the answer of most unknowns.
+    None if no run answered, or if the value is zero and not a position.
     """
     known = known_yardstick(records, rows)
     return known if any(row.reference is not None for row in rows) else _best_answer(rows)
@@ -131,12 +131,12 @@ class Course:
 
     @property
     def refines(self) -> bool:
-        """Whether the unknowns grew on the way: a refinement, rather than iterations at a fixed size."""
+        """True if the unknowns grew during the run: a refinement, and not iterations at a fixed size."""
         return len({step.unknowns for step in self.steps if self.quantity in step.quantities}) > 1
 
     @property
     def is_field(self) -> bool:
-        """Whether it iterates at a fixed size, or is checked for exploiting its quadrature."""
+        """True if the run iterates at a fixed size, or has a measured quadrature gap."""
         iterates = len(self.steps) > 1 and not self.refines
         return iterates or any(step.gap is not None for step in self.steps)
 

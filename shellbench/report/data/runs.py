@@ -86,7 +86,7 @@ def studies_of(row: Row) -> set[Study]:
 
 
 def study_of(suite: str) -> Study | None:
-    """Return what a suite studies; None if it compares solvers, or is none of the catalog."""
+    """Return the study that a suite belongs to; None if it compares solvers or is not in the catalog."""
     try:
         return catalog.find_suite(suite).study
     except InputError:
@@ -99,7 +99,7 @@ def rows_of_study(rows: Sequence[Row], study: Study) -> list[Row]:
 
 
 def remarks_on(rows: Sequence[Row], study: Study) -> tuple[str, ...]:
-    """Return what the suites of a study that the rows belong to say of their solvers and cases."""
+    """Return the remarks of all suites of a study that the rows belong to."""
     suites = dict.fromkeys(
         suite for row in rows_of_study(rows, study) for suite in row.suites if study_of(suite) == study
     )

@@ -55,7 +55,7 @@ MOST_VALUES = 3  # in one line of what fails
 
 
 def theory_words(theory: str | None) -> str:
-    """Return what a reader calls a theory."""
+    """Return the readable name of a theory."""
     return THEORIES.get(theory or "", theory or "")
 
 
@@ -115,12 +115,12 @@ def _block(runs: pd.DataFrame, known: Known) -> list[dict[str, Any]]:
 
 
 def variants() -> set[str]:
-    """Return what the suites call their variants of solvers."""
+    """Return the names of all solver variants in the suites."""
     return {run.label for name in catalog.suite_names() for run in catalog.find_suite(name).runs if run.settings}
 
 
 def _reference(judge: Row | None) -> dict[str, Any]:
-    """Return what a line is held against."""
+    """Return the reference value of a line, its uncertainty and its theory."""
     if judge is None:
         return {}
     figures = {"reference": judge.reference, "reference_uncertainty": judge.reference_uncertainty}
@@ -187,7 +187,7 @@ def _solver(runs: pd.DataFrame) -> dict[str, Any]:
 
 
 def _worst(runs: pd.DataFrame, name: str, wanted: str) -> float | None:
-    """Return what the run with the largest magnitude of an error has in a column; None if none has the error."""
+    """Return a column's value of the run with the largest magnitude of an error; None if no run has that error."""
     errors = runs[name].dropna().abs()
     return None if errors.empty else float(runs.loc[errors.idxmax(), wanted])
 
@@ -205,7 +205,7 @@ def _reasons(rows: Sequence[Row]) -> str:
 
 @dataclass(frozen=True)
 class Verdict:
-    """How the gated rows came out.
+    """Counts of the gated rows that passed and failed.
 
     Attributes
     ----------
@@ -227,7 +227,7 @@ class Verdict:
 
     @property
     def good(self) -> bool:
-        """Whether everything that is gated holds, and something is."""
+        """True if at least one value is gated and all gated values pass."""
         return self.gated > 0 and self.held == self.gated
 
     @property
@@ -270,9 +270,8 @@ def shortfalls(rows: Sequence[Row]) -> list[Shortfall]:
         seeds = list(dict.fromkeys(str(row.seed) for row in of_group if row.seed is not None))
         which = f"seed{'s' if len(seeds) > 1 else ''} {', '.join(seeds)}, " if seeds else ""
         values = list(dict.fromkeys(map(value_words, of_group)))
-        shown = ", ".join(values[:MOST_VALUES]) + (
-            f" and {more} more" if (more := len(values) - MOST_VALUES) > 0 else ""
-        )
+        more = f" and {len(values) - MOST_VALUES} more" if len(values) > MOST_VALUES else ""
+        shown = ", ".join(values[:MOST_VALUES]) + more
         found.append(Shortfall(case, solution, f"{which}{word} ({shown})" + (f": {reason}" if reason else "")))
     return found
 
@@ -316,7 +315,7 @@ def size_words(row: Row, size: float | None, notation: Notation = MARKDOWN) -> s
 
 
 def overall(rows: Sequence[Row]) -> Verdict:
-    """Return how the gated rows came out."""
+    """Return the counts of gated rows that passed and failed."""
     gated = [row for row in rows if row.passed is not None]
     judged = {row.run_id for row in rows if row.passed is not None or row.open_finding}
     bad: set[tuple[object, ...]] = set()

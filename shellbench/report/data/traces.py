@@ -43,7 +43,7 @@ SAME = 1e-6  # relative difference of marks of one frame
 
 @dataclass(frozen=True)
 class Trace:
-    """What one thing was at marks, both (n,)."""
+    """Values of one series at its marks, both (n,)."""
 
     marks: Array
     values: Array
@@ -69,7 +69,7 @@ class Trace:
 
 @dataclass(frozen=True)
 class TracedRun:
-    """What one run left.
+    """The series of one run.
 
     Attributes
     ----------
@@ -92,13 +92,13 @@ class TracedRun:
 
     @property
     def words(self) -> str:
-        """What a caption calls it."""
+        """Name of the run for captions, with its seed."""
         return f"{self.name}{seed_words(self.seed)}"
 
 
 @dataclass(frozen=True)
 class KnownPoints:
-    """What is known of one series: values (n,) at marks (n,) and their uncertainties, NaN where not known.
+    """Known values of one series: values (n,) at marks (n,) and their uncertainties, NaN where not known.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ def readable(name: str) -> str:
 
 
 def words_of(label: str, source: str, theory: str) -> str:
-    """Return what a legend calls a figure from elsewhere."""
+    """Return the legend's name of a value from another source."""
     return f"{label or source}, {theory_words(theory)}"
 
 
@@ -173,12 +173,12 @@ def _from_rest(marks: Sequence[float] | Array, values: Sequence[float] | Array) 
 
 
 def reason(record: Record) -> str | None:
-    """Return why a run failed; None if it didn't."""
+    """Return the reason why a run failed; None if it did not fail."""
     return None if record.status == "ok" else record.reason or record.status
 
 
 def known_points(case: Portrait, known: KnownValues, series: Along) -> list[KnownPoints]:
-    """Return what is known of a series: the values that judge, then those of other origins."""
+    """Return the known values of a series: first those that judge, then those of other origins."""
     found = [
         (_key(value), (case.quantity(name).at, value))
         for name in series.quantities
@@ -193,9 +193,9 @@ def known_points(case: Portrait, known: KnownValues, series: Along) -> list[Know
 
 
 def known_paths(case: Portrait, known: KnownValues, series: PathSeries) -> list[KnownPoints]:
-    """Return what is known of a series: the values that judge, those of the literature, and tabulated curves.
+    """Return the known values of a series: those that judge, those of the literature, and tabulated curves.
 
-    Where a displacement marks the states of the path, what is known of its loads is known of it.
+    If the states of the path are given by a displacement, the known loads are points of its series.
     """
     found: list[tuple[Key, tuple[float, float, float | None]]] = []
     names = {quantity.name for quantity in series.quantities}
@@ -225,12 +225,12 @@ def limit_loads(case: Portrait, known: KnownValues) -> list[float]:
 
 
 def _values(case: Portrait, known: KnownValues, name: str, *roles: Role) -> list[KnownValue]:
-    """Return what is known of a quantity; of what judges, the value of the case's theory alone."""
+    """Return the known values of a quantity in given roles; values that judge only if they are of the case's theory."""
     return [value for value in known.of(name, *roles) if value.role != "judge" or value.theory == case.theory]
 
 
 def _key(value: KnownValue) -> Key:
-    """Return what a legend calls a known value, and whether it judges."""
+    """Return the legend's name of a known value, and a flag that is True if the value judges."""
     if value.role == "judge":
         return JUDGE
     return ("second origin" if value.role == "origin" else words_of(value.label, value.source, value.theory)), False
@@ -322,7 +322,7 @@ def rms_difference(ours: Fields, theirs: Fields) -> Trace:
 
 
 def frame_at(fields: Fields, mark: float) -> int | None:
-    """Return which of the kept frames is at a mark; None if none is."""
+    """Return the index of the stored frame at a mark; None if no frame is at it."""
     if not len(fields.marks):
         return None
     nearest = int(np.argmin(np.abs(fields.marks - mark)))

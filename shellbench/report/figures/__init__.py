@@ -1,4 +1,4 @@
-"""How figures are drawn: panels of curves, shells, films and traces.
+"""Figures of the report: panels of curves, shells, films and traces.
 
 It may import the report's data.
 """

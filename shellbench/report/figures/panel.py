@@ -188,7 +188,7 @@ def apart(heights: Sequence[float], spacing: float = SPACING) -> list[float]:
 
 
 def entry(ink: Ink | None = None, **look: Any) -> Line2D:
-    """Return what stands in a legend: a solver's line and mark, or something grey."""
+    """Return a legend entry: a solver's line and marker, or grey without an ink."""
     own = {"color": ink.colour, "marker": ink.marker, "linestyle": ink.dashes} if ink else {"color": GREY}
     return Line2D([], [], **{**own, **look})
 

@@ -38,7 +38,7 @@ BODY = (0.80, 0.74, 0.66)  # obstacles
 PLAIN_ORDERS = (-2, 3)  # orders of magnitude between which a colour bar has no power of ten
 LETTERS = "abcdefghijklmnopqrstuvwxyz"
 COLUMN = 28  # letters of a line of a title in a row
-MOST_IN_A_ROW = 5  # shells of a suite
+MOST_IN_A_ROW = 6  # shells of a suite
 ARROW = 0.22  # length of a point load's arrow, in sizes of the shell
 WIDTH, WIDEST = 7.2, 2.4  # inches of a row of shapes, and of one shape
 LOWEST, HIGHEST = 0.8, 2.2  # inches of a shape
@@ -128,7 +128,7 @@ class Shell:
 
     @property
     def coloured(self) -> Array:
-        """What the colour shows, (n1, n2), in `unit`."""
+        """Values that the colour shows, (n1, n2), in `unit`."""
         if self.direction is None:
             return np.asarray(np.linalg.norm(self.displacement, axis=-1))
         if self.direction == "inward":
@@ -137,7 +137,7 @@ class Shell:
 
     @property
     def words(self) -> str:
-        """What can be said of the picture to those who can't see it."""
+        """Description of the picture for readers who can't see it: the range of the displacement."""
         low, high = (f"{value:.3g} {self.unit}".rstrip() for value in (self.coloured.min(), self.coloured.max()))
         return f"{'displacement' if self.unit else 'scaled displacement'} from {low} to {high}"
 

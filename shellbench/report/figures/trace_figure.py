@@ -66,7 +66,7 @@ class TracePanel:
     logarithmic: bool = False
 
     def xy(self, marks: Any, values: Any) -> tuple[Any, Any]:
-        """Return what is drawn to the right and upwards."""
+        """Return the horizontal and the vertical coordinates of a curve."""
         return (marks, values) if self.load_scale is None else (values, self.load_scale * np.asarray(marks))
 
 

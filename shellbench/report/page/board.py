@@ -15,7 +15,7 @@ from shellbench.bench.judge.classes import grades
 from shellbench.bench.judge.row import Row
 from shellbench.errors import InputError
 from shellbench.report.data import document
-from shellbench.report.data.columns import code, column, count, frame, present, seconds, words
+from shellbench.report.data.columns import code, column, frame, present, seconds, words
 from shellbench.report.data.notation import HTML
 from shellbench.report.data.runs import compared, grouped, same_but_for_seed
 from shellbench.report.data.section import Section, given
@@ -91,12 +91,13 @@ def submissions_table(entries: Sequence[Entry]) -> Table:
         unchecked = {entry.name: entry.pack.unchecked}
         (grade,) = grades([row for row in mine if row.reference is not None], [entry.name], unchecked)
         marks = [entry.mark([row.run_id or ""], row.quantity) for row in entry.rows if row.value is not None]
-        verdict = overall(mine)
+        verdict, cases = overall(mine), {row.case for row in entry.rows}
+        asked = cases.union(*({case.name for case in catalog.cases_of(row.suite)} for row in entry.rows if row.suite))
         lines.append(
             {
                 "block": "",
                 "solver": entry.name,
-                "cases": len({row.case for row in entry.rows}),
+                "cases": f"{len(cases)} of {len(asked)}",
                 "runs": len(entry.records),
                 "held": f"{verdict.held} of {verdict.gated}",
                 "class": "not checked" if grade.unchecked else class_words(grade.held),
@@ -108,12 +109,13 @@ def submissions_table(entries: Sequence[Entry]) -> Table:
     return Table(
         name="submissions",
         title="Submissions",
-        caption="Gated figures that hold, of all that are gated; the tightest class of relative errors (1e-4, 1e-3,"
-        " 1e-2) that all judged figures at default settings hold; figures that were made again.",
+        caption="Answered cases, of all cases of their suites; gated values that pass, of all that are gated; the"
+        " tightest class of relative errors (1e-4, 1e-3, 1e-2) that all judged values at default settings hold; values"
+        " that were made again.",
         data=frame(lines),
         columns=(
             "solver",
-            column("cases", "Cases", count),
+            column("cases", "Cases", words, right=True),
             "runs",
             column("held", "Gated values", words, right=True),
             column("class", "Class", words, right=True),

@@ -1,4 +1,4 @@
-"""What ``shellbench compare`` prints: the verdict, what was lost and gained, and tables of figures and costs."""
+"""Output of ``shellbench compare``: the verdict, losses and gains, and tables of values and costs."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def _memory(name: str, heading: str) -> Column:
 
 
 def closing_words(found: Comparison) -> list[str]:
-    """Return what else is to be said, a line each: why something is a loss or a gain, ratios, what came and went."""
+    """Return the closing lines: reasons of losses and gains, results in one store only, and ratios of cost."""
     seconds = mean_ratio(cost.seconds_ratio for cost in found.costs)
     memory = mean_ratio(cost.memory_ratio for cost in found.costs)
     ratios = [f"{ratio:.2f} times the {what}" for ratio, what in ((seconds, "seconds"), (memory, "memory")) if ratio]

@@ -10,7 +10,7 @@ from typing import Any
 
 from shellbench import __version__
 from shellbench.bench.catalogue import catalog
-from shellbench.bench.judge.compare import beyond
+from shellbench.bench.judge.compare import missing_runs
 from shellbench.bench.judge.row import Row
 from shellbench.bench.store.record import Record
 from shellbench.bench.store.store import Say, Store, silent
@@ -85,7 +85,7 @@ def write_report(
         facts = _facts(stored, found, sections) | {
             "uris": uris,
             "for_print": for_print,
-            "beyond": "" if whole else beyond(found.rows),
+            "beyond": "" if whole else missing_runs(found.rows),
             "leaves": leaves,
             "unchecked": unchecked(store, found),
         }
@@ -165,7 +165,7 @@ def _newest(records: Collection[Record]) -> str:
 def _made_by(
     made: Sequence[document.Making], drawn: Sequence[Exhibit], turned: Mapping[str, View]
 ) -> dict[str, list[document.Making]]:
-    """Return how each figure was made, with the view that may take its place."""
+    """Return the makings of the runs of each figure, including the runs of the view that may replace it."""
     by_run = {making.record.run_id: making for making in made}
     seen = {f"{PICTURE}{case}": one.run_ids for case, one in turned.items()}
     shown = {exhibit.name: dict.fromkeys([*exhibit.run_ids, *seen.get(exhibit.name, ())]) for exhibit in drawn}

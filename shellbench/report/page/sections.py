@@ -50,7 +50,7 @@ from shellbench.report.studies.trace_exhibits import motion_exhibits, path_exhib
 
 
 def drawn(name: str, title: str, *prefixes: str) -> Maker:
-    """Return how to make a section of figures alone."""
+    """Return a maker of a section that consists of figures only."""
     return lambda found: Section(name, title, exhibits=found.figures(*prefixes), place="its suites")
 
 
@@ -96,7 +96,7 @@ OF_VARIANTS: tuple[Maker, ...] = (
 def gather(
     store: Store, rows: Sequence[Row], known: Known, whole: bool, say: Say
 ) -> tuple[Evidence, dict[str, Record], list[Section]]:
-    """Return what a report is made from, the records as they are stored, and the sections."""
+    """Return the evidence of a report, the records as stored, and the sections."""
     stored = store.records_of({row.run_id for row in rows}, say)
     rows, records = told_apart(rows, stored)
     rows = [row for of_suite in rows_at_home(rows).values() for row in of_suite]

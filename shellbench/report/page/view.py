@@ -1,8 +1,8 @@
-"""What turns in the page: each solver's displacement of one case, state by state, and the scripts that show it.
+"""Turning views of the page: each solver's displacement of one case, state by state, with the scripts that show it.
 
-A view is kept as whole numbers of two bytes, their differences from point to point, compressed. The first answer is
-rounded to 1/32767 of its largest component. Of the others the differences from it are kept, so that what two solvers
-differ by is rounded relative to the difference, however small it is beside the displacement.
+A view is stored as compressed two-byte integers, as differences from point to point. The first answer is rounded to
+1/32767 of its largest component. Every other answer is stored as its difference from the first. The rounding of this
+difference is therefore relative to the difference, even if it is small beside the displacement.
 """
 
 from __future__ import annotations

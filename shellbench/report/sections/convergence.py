@@ -65,7 +65,7 @@ def convergence_exhibits(evidence: Evidence) -> Iterator[Exhibit]:
 
 
 def steps_in_time(evidence: Evidence, row: Row) -> bool:
-    """Whether a row's answer is refined by steps in time, whose errors stand elsewhere."""
+    """Return True if the run is refined by steps in time; other sections show these errors."""
     record = evidence.records.get(row.run_id or "")
     case = portrait_of(record) if record is not None else None
     return case is not None and case.steps_in_time

@@ -111,7 +111,7 @@ def _kept(runs: CaseRuns, evidence: Evidence) -> _Kept:
 
 
 def _is_turned(record: Record) -> bool:
-    """Return whether waves of a buckled shell of revolution may stand at any angle."""
+    """Return True if waves of a buckled shell of revolution may stand at any angle."""
     surface, path = record.case.get("surface", {}), record.case.get("path") or {}
     return bool(surface.get("closed")) and path.get("after_buckling") == "follow"
 
@@ -276,7 +276,7 @@ def _coarser(row: Row, runs: CaseRuns) -> str | None:
 
 
 def _apart(ours: Probes | None, theirs: Probes | None, marks: Sequence[float]) -> Difference | None:
-    """Return how far two runs are from each other at the common marks alone."""
+    """Return the difference of two runs at the common marks only."""
     return difference(_at_marks(ours, marks), _at_marks(theirs, marks))
 
 

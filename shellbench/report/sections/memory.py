@@ -119,13 +119,13 @@ def _exhibit(case: CaseRuns, inks: Mapping[str, Ink]) -> Exhibit | None:
 
 
 def measure_of(case: CaseRuns) -> Measure:
-    """Return what the figure judges by: the known value; where there is none, the best answer, which is a solver's."""
+    """Return the measure of the figure: the error if a value is known, else the difference from the best answer."""
     known = any(headline_size(case, run) for ladder in case.ladders for run in ladder.runs)
     return "error" if known else "difference"
 
 
 def _doubt(case: CaseRuns, measure: Measure) -> float:
-    """Return how well it is known what a measure is against, relative."""
+    """Return the relative uncertainty of the values that a measure compares with."""
     if measure == "difference":
         return case.doubt / case.scale if case.doubt and case.scale else 0.0
     runs = [run for ladder in case.ladders for run in ladder.runs]
@@ -212,7 +212,7 @@ def _runs(line: Line, notation: Notation) -> str:
 
 
 def rounding_table(cases: Sequence[CaseRuns]) -> Table:
-    """Return what shorter numbers do to each solver's finest run."""
+    """Return the table of changes that each solver's finest run suffers from storage in shorter number formats."""
     lines = [
         {
             **case.line(ladder, ladder.finest),
@@ -279,7 +279,7 @@ def memory_figure(
 
 
 def _way_entry(way: str) -> Any:
-    """Return what stands in a legend for a way to keep an answer."""
+    """Return the legend entry of a way to store an answer."""
     look = dict(OTHER_WAYS[way])
     hollow: dict[str, Any] = {"marker": "o", "markerfacecolor": "white"} if look.pop("hollow", False) else {}
     return entry(linestyle=look.pop("line"), **look, **hollow)

@@ -49,7 +49,7 @@ def _lines(found: Evidence) -> Iterator[dict[str, Any]]:
 
 
 def is_linear(row: Row) -> bool:
-    """Whether the least potential energy is known: that of a linear theory is the strain energy, less than 0."""
+    """Return True if the least potential energy is known: in a linear theory it is minus the strain energy."""
     return (row.reference_theory or "").endswith("-linear")
 
 

@@ -154,7 +154,7 @@ def _class_of(name: str, rows: Sequence[Row], unchecked: Mapping[str, str]) -> S
         return Standing(name, "good", f"class {class_words(grade.held)}", words, True)
     checks = f" Not checked: {grade.unchecked} (shellbench check-solver {name})." if grade.unchecked else ""
     if grade.within:
-        words = f"No class without its checks; all {grade.figures} values are within {100 * grade.within:g} %.{worst}{checks}"
+        words = f"No class without checks; all values are within {100 * grade.within:g} %.{worst}{checks}"
         return Standing(name, "expected", "not checked", words, True)
     return Standing(name, "bad", "no class", f"No class: an error exceeds {100 * LOOSEST:g} %.{worst}{checks}", True)
 

@@ -223,9 +223,10 @@ def _value(value: Any, line: Line, notation: Notation) -> str:
 
 
 def doubt(line: Line) -> float | None:
-    """Return what limits the digits of a solver's value.
+    """Return the uncertainty that limits the digits of a solver's value; None if there is none.
 
-    Its own uncertainty, its spread over seeds, the known value's uncertainty, or a tenth of its error: the largest.
+    This is the largest of its own uncertainty, its spread over seeds, the known value's uncertainty and a tenth of its
+    error.
     """
     doubts = [line[name] for name in ("uncertainty", "spread", "reference_uncertainty") if present(line[name])]
     if present(line["mean_absolute_error"]):

@@ -58,7 +58,7 @@ class Conditioned:
 
     @property
     def sure(self) -> bool:
-        """Whether it states an uncertainty of every displacement."""
+        """True if the run states an uncertainty of every displacement."""
         return all(row.uncertainty is not None for row in self.rows if row.quantity in self.errors)
 
     @property

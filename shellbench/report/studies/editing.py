@@ -71,7 +71,7 @@ def line(rows: list[Row], case: str, name: str, edit: str, told: Sequence[Mappin
 
 
 def ratio(scratch: float | None, start: float | None) -> float | None:
-    """Return how many times faster the one is than the other; None where one never was as accurate."""
+    """Return the ratio of the seconds from scratch to those from a start; None if either never became as accurate."""
     return scratch / start if scratch is not None and start else None
 
 

@@ -46,7 +46,7 @@ class Learned:
 
     @property
     def name(self) -> str:
-        """What a legend calls it."""
+        """Name in legends: the solver and its variant."""
         return f"{self.row.solver}, {self.row.label}" if self.row.label else self.row.solver
 
     @property

@@ -122,12 +122,12 @@ class Finding:
 
     @property
     def words(self) -> str:
-        """What the series is called."""
+        """Name of the series in words."""
         return self.series.replace("_", " ")
 
     @property
     def name(self) -> str:
-        """What tables and figures call it."""
+        """Name in tables and figures: the case and the series."""
         return f"{self.case.title}: {self.words}"
 
     def moved(self, trace: Trace | None, t: float) -> float | None:
@@ -245,7 +245,7 @@ def newton_exhibits(evidence: Evidence) -> Iterator[Exhibit]:
 
 
 def newton_table(evidence: Evidence) -> Table | None:
-    """Return how far each solver's cloth has moved at half of the time and at its end, beside Newton's law."""
+    """Return the table of distances that each solver's cloth moved by half time and by the end, with Newton's law."""
     cases = findings(evidence)
     if not cases:
         return None

@@ -223,11 +223,11 @@ def training_stops(evidence: Evidence) -> pd.DataFrame:
 
 
 def _state(run: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Return what became of a training when it was stopped.
+    """Return the state of a training when it was stopped.
 
-    These are its seconds, up to the last entry of the history, without what is measured afterwards; the mean magnitude
-    of the displacement over the record's grid; the potential energy on a fine quadrature, J, if the solver reports it;
-    the shell, ready to be drawn; and the course: seconds and magnitudes of relative errors on the way.
+    It has the seconds up to the last entry of the history, the mean magnitude of the displacement over the record's
+    grid, the potential energy on a fine quadrature, J, if the solver reports it, the shell, ready to be drawn, and the
+    course: seconds and magnitudes of relative errors during the training.
     """
     record, reference = run["record"], run["reference"]
     steps = [step for step in record.history if step.phase == "solve"]

@@ -62,7 +62,7 @@ class Curve:
 
     @property
     def name(self) -> str:
-        """What a legend calls it."""
+        """Name in legends: the solver and its other settings."""
         return f"{self.solver}, {self.others}" if self.others else self.solver
 
 
@@ -273,7 +273,7 @@ def reached_table(rows: Sequence[Row]) -> Table:
 
 
 def _taken(level: float) -> Way:
-    """Return how to write seconds to an error, with the steps a second."""
+    """Return a format for the seconds to an error, with the steps per second."""
 
     def written(value: float, line: Line, notation: Notation) -> str:
         most = "at most " if line[f"at_once_{level:g}"] else ""

@@ -48,7 +48,7 @@ def section(found: Evidence) -> Section | None:
 
 
 def way(run: Learned, density: Any) -> tuple[str, str, float | None]:
-    """Return how a run samples: even or adaptive, whether weighed by areas, and the adaptive share."""
+    """Return the sampling of a run: even or adaptive, weighting by areas, and the adaptive share."""
     if density is None:
         return EVEN, "", 0.0
     settings = run.row.settings

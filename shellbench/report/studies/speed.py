@@ -45,7 +45,7 @@ class Pace:
 
     @property
     def name(self) -> str:
-        """What a legend calls its curve."""
+        """Name of the curve in legends: solver, label and threads."""
         threads = f"{self.threads} threads" if self.threads > 1 else ""
         return ", ".join(filter(None, (self.solver, self.label, threads)))
 

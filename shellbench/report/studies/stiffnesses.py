@@ -53,7 +53,7 @@ def _measure(one: Property, values: Values) -> float:
 
 @dataclass(frozen=True)
 class Entry:
-    """What a passport says of one property.
+    """One property in a solver's stiffness passport.
 
     Attributes
     ----------

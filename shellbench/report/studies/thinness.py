@@ -90,7 +90,7 @@ def thinning(evidence: Evidence) -> list[pd.DataFrame]:
 
 
 def family_title(cases: Sequence[Portrait]) -> str:
-    """Return what the titles of all cases have in common, part by part; the first title if that is nothing."""
+    """Return the parts that the titles of all cases have in common; the first title if there are none."""
     titles = [case.title.split(", ") for case in cases]
     return ", ".join(part for part in titles[0] if all(part in title for title in titles)) or cases[0].title
 

@@ -66,7 +66,7 @@ def effort_table(evidence: Evidence) -> Table:
 
 
 def effort(records: Sequence[Record], phase: Phase) -> dict[str, Any]:
-    """Return what the paths, or motions, of runs took."""
+    """Return the cost of a solver's paths or motions: states, iterations, unknowns, seconds and memory."""
     ways = [steps_of(record, phase) for record in records]
     counted = [[step.iterations for step in way if step.iterations is not None] for way in ways]
     return {
@@ -105,7 +105,7 @@ def cloth(found: Evidence) -> Section:
 
 
 def motion_table(evidence: Evidence) -> Table:
-    """Return how far each motion came, what it took, what energy it lost and how far it is from the others."""
+    """Return the table of motions: last time reached, cost, energy lost, and difference from the other solvers."""
     lines: list[dict[str, Any]] = []
     notes: list[Note] = []
     against: dict[str, None] = {}

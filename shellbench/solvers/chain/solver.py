@@ -1,12 +1,13 @@
 """The solver `chain`: positions and tensions of a hanging chain at once, by Newton's method.
 
-Unknown are the positions x_i of the inner nodes and the tension T_j of each link, over its length. A node is at rest if
+The unknowns are the positions x_i of the inner nodes and the tension T_j of each link, over its length. A node is at
+rest if
 
     T_{i+1} (x_{i+1} - x_i) - T_i (x_i - x_{i-1}) + M g = 0,
 
-and link j is rigid if |x_j - x_{j-1}|^2 = l^2. The matrix of both is symmetric but for a factor. The method starts from
-a circular arc with the tensions that balance it best, and halves a step that makes the residual worse. What it finds
-counts only if all links are pulled: the chain has other states at rest, which are no minima.
+and link j is rigid if |x_j - x_{j-1}|^2 = l^2. The matrix of both is symmetric up to a factor. The method starts from a
+circular arc with the tensions that balance it best, and halves a step that makes the residual worse. A solution counts
+only if all links are pulled: the chain has other states at rest, which are no minima.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ class ChainSolution:
         return RopeState(nodes, np.zeros_like(nodes), self.tensions)
 
     def stacked(self) -> dict[str, Array]:
-        """Return what is kept, by name."""
+        """Return the arrays that a file keeps, by name."""
         return {"nodes": self.nodes, "tensions": self.tensions}
 
     @property
@@ -84,7 +85,7 @@ class ChainSolution:
 
 
 def hanging(case: RopeCase) -> Chain:
-    """Return the chain of a case that has one."""
+    """Return the chain of a case."""
     assert case.chain is not None
     return case.chain
 
@@ -140,7 +141,7 @@ class ChainSolver(RopeSolver):
     settings_type: ClassVar[type[Settings]] = ChainSettings
 
     def declines(self, case: Any) -> str | None:
-        """Return why it can't take a problem: it is no chain, or one that moves."""
+        """Return the reason that it declines a problem, or None: it takes chains at rest between two ends only."""
         return None if isinstance(case, RopeCase) and case.chain else "it solves chains between two ends only"
 
     def answer(self, case: RopeCase, settings: Any, progress: ProgressCallback) -> ChainSolution:
@@ -169,7 +170,7 @@ class ChainSolver(RopeSolver):
         raise SolveFailure(f"the residual is {np.abs(wrong).max():.2g} after {STEPS} steps of Newton's method")
 
     def load(self, path: Path) -> ChainSolution:
-        """Read a solution that `save` wrote; InputError in one sentence if it is none."""
+        """Read a file of `save`; InputError in one sentence if it is no such file."""
         try:
             with np.load(path, allow_pickle=False) as data:
                 case = RopeCase.model_validate_json(str(data["case"]))

@@ -1,8 +1,8 @@
 """Obstacles that a mesh of triangles meets in motion, by a penalty at its vertices.
 
-As cloth simulators have it: a vertex of area A that is a depth d inside of an obstacle is pushed out along the
-obstacle's normal by k A d, without friction. The step in time chooses the stiffness: k = 100 rho / dt^2, with rho the
-mass per area, so that what presses with its own weight g sinks in by g dt^2 / 100.
+As in cloth simulators, a vertex of area A at a depth d inside an obstacle is pushed out along the obstacle's normal by
+k A d, without friction. The step in time determines the stiffness: k = 100 rho / dt^2, with rho the mass per area. A
+vertex that presses with its own weight then sinks in by g dt^2 / 100.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Pressing:
 
     @classmethod
     def in_step(cls, case: Case, points: Array, mass: Array, at: float, dt: float) -> Pressing:
-        """Return them for a step in time dt, s, of vertices of mass (v,), kg."""
+        """Return the obstacles for a step in time dt, s, of vertices of mass (v,), kg."""
         return cls(case, points, STIFFNESS * mass / dt**2, at)
 
     def _depths(self, displacement: Array) -> Iterator[tuple[Array, Array]]:
@@ -59,14 +59,14 @@ class Pressing:
         return sum(float(np.sum(self.stiffness * depth**2) / 2) for depth, _ in self._depths(displacement))
 
     def forces(self, displacement: Array) -> Array:
-        """Return what obstacles exert on the vertices (v, 3), N."""
+        """Return the contact forces (v, 3) of obstacles on the vertices, N."""
         total = np.zeros_like(displacement)
         for depth, normal in self._depths(displacement):
             total += (self.stiffness * depth)[:, None] * normal
         return total
 
     def tangent(self, displacement: Array, free: Integers) -> csc_array:
-        """Return the matrix of the free unknowns, N/m, positive semidefinite: how normals turn is left out."""
+        """Return the matrix of the free unknowns, N/m, without the turning of normals: positive semidefinite."""
         blocks = np.zeros((len(displacement), 3, 3))
         for depth, normal in self._depths(displacement):
             blocks += (self.stiffness * (depth > 0))[:, None, None] * normal[:, :, None] * normal[:, None, :]

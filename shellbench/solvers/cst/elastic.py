@@ -1,8 +1,8 @@
-"""The elastic shell and what acts on it, as sums over vertices.
+"""The elastic shell and its loads, as sums over vertices.
 
 Triangles, hinges and springs make the elastic energy. Loads, springs and mass are lumped at the vertices of flat
-triangles. Whatever is spread over the area is integrated on the flat triangles with the piecewise linear basis: a
-vertex takes its share of each triangle around it. Forces at points are shared out by barycentric coordinates.
+triangles. Area loads, springs and mass are integrated on the flat triangles with the piecewise linear basis: a vertex
+takes its share of each triangle around it. Forces at points are distributed by barycentric coordinates.
 """
 
 from __future__ import annotations
@@ -104,14 +104,14 @@ class Elastic:
 
 @dataclass(frozen=True)
 class Pattern:
-    """Where the elements' entries go in the sparse matrix of the free unknowns.
+    """Places of the elements' entries in the sparse matrix of the free unknowns.
 
     Attributes
     ----------
     free
-        (n,) unknowns 3 v + component that the matrix is made of.
+        (n,) unknowns 3 v + component of the matrix.
     kept
-        Which entries lie in it.
+        Mask of the entries that lie in it.
     slots
         (k,) places of these among the matrix' values.
     diagonal
@@ -154,7 +154,7 @@ EDGE_POINTS = 3  # Gauss points on each side of a triangle under an edge load; e
 
 @dataclass(frozen=True)
 class Loading:
-    """What acts on the vertices beside the elastic forces.
+    """Loads, springs and masses that act on the vertices beside the elastic forces.
 
     Attributes
     ----------

@@ -11,19 +11,19 @@ al. 2003; ARCSim). On a regular grid with sides p and q, the surface w = kappa x
 kappa p each; such an edge, of length q between triangles of areas p q/2, then has the energy k q^2/(p q) (kappa p)^2 =
 k kappa^2 p q, and a cell has one of them. The plate has B kappa^2/2 per area: k = B/2.
 
-With this k the energy of a cylinder along either coordinate is exact on any regular grid. What hinges can't do:
+With this k the energy of a cylinder along either coordinate is exact on any regular grid. Limits of hinges:
 
-- They know no Poisson's ratio: the material's own has no say in bending but through B.
-- They bend as another plate does, which depends on the mesh and stays so however fine it is. Square cells with all
-  diagonals to the right tend to the energy per area B/2 ((k11 + k12)^2 + (k22 + k12)^2 + 4 k12^2), by the folds of a
-  quadratic surface; to the left with -k12. With alternating diagonals every second vertex gives way by
-  (k11 + k22)/12 times the cell's area, and what is left is B/2 (5/6 (k11^2 + k22^2) - k11 k22/3 + 4 k12^2).
-  The isotropic plate without Poisson's effect has B/2 (k11^2 + k22^2 + 2 k12^2). No other k, not even one for each
-  direction of edges, takes the product of k11 and k12 out of the first of these.
+- They have no Poisson's ratio: the material's ratio enters bending through B only.
+- They converge to the stiffness of another plate, which depends on the mesh's pattern. Square cells with all diagonals
+  to the right tend to the energy per area B/2 ((k11 + k12)^2 + (k22 + k12)^2 + 4 k12^2), by the folds of a quadratic
+  surface; to the left with -k12. With alternating diagonals every second vertex gives way by (k11 + k22)/12 times the
+  cell's area, and what is left is B/2 (5/6 (k11^2 + k22^2) - k11 k22/3 + 4 k12^2). The isotropic plate without
+  Poisson's effect has B/2 (k11^2 + k22^2 + 2 k12^2). No other k, not even one for each direction of edges, removes the
+  product of k11 and k12 from the first of these.
 
-A clamped edge has hinges, too: between each of its triangles and a plane that stays as the tangent plane was at rest.
-It is a half of a hinge. The triangle's slope is that of the middle of its cell, p/2 from the wall, so that the surface
-above folds it by kappa p/2; the energy is k |e|^2/A1 (theta - theta0)^2, k kappa^2 p q/2 as of half a cell.
+A clamped edge has hinges too: between each of its triangles and the fixed tangent plane at rest. Such a hinge is half
+of an interior one. The triangle's slope is that of the middle of its cell, p/2 from the wall, so that the surface above
+folds it by kappa p/2; the energy is k |e|^2/A1 (theta - theta0)^2, k kappa^2 p q/2 as of half a cell.
 """
 
 from __future__ import annotations
@@ -162,7 +162,7 @@ class Membrane:
 
 @dataclass(frozen=True)
 class Walls:
-    """Clamped edges of the rectangle, and the directions in which the surface would go on there.
+    """Clamped edges of the rectangle, and the directions of the surface's continuation there.
 
     Attributes
     ----------
@@ -193,7 +193,7 @@ class Walls:
         return cls(edges, np.concatenate(outward))
 
     def corners(self, rim: Array) -> Array:
-        """Return corners (w, 3) of the walls behind the triangles (w, 3, 3) on the rim, as far off as theirs are."""
+        """Return corners (w, 3) of the walls behind the triangles (w, 3, 3) on the rim, as distant as theirs."""
         edge, arm = rim[:, 1] - rim[:, 0], rim[:, 2] - rim[:, 0]
         height = np.linalg.norm(np.cross(edge, arm), axis=1) / np.linalg.norm(edge, axis=1)
         unit = self.outward / np.linalg.norm(self.outward, axis=1, keepdims=True)
@@ -285,9 +285,9 @@ class Hinges:
         """Return bbar - b (t, 3) of each triangle, in its own Cartesian coordinates: 11, 22 and twice 12.
 
         It is the sum over the triangle's edges of (theta - theta0)/(2 A |e|) n n, n the edge turned by a right angle
-        (the triangle's shape operator of Grinspun, Gingold, Reisman & Zorin 2006). It is right for every quadratic
-        surface on a regular grid whose diagonals are alike; with alternating ones its mean over neighbouring cells is.
-        Edges on the rim count as unfolded unless they are clamped.
+        (the triangle's shape operator of Grinspun, Gingold, Reisman & Zorin 2006). It is exact for every quadratic
+        surface on a regular grid whose diagonals are alike; with alternating ones its mean over neighbouring cells is
+        exact. Edges on the rim count as unfolded unless they are clamped.
         """
         edge = self.rest[self.vertices[:, 1]] - self.rest[self.vertices[:, 0]]
         length = np.linalg.norm(edge, axis=1)
@@ -330,7 +330,7 @@ def _parts(x: Array) -> tuple[Array, Array, Array, Array]:
 def fold_gradient(corners: Array) -> Array:
     """Return the derivative (h, 12) of the angle: a corner at height d over the edge turns its triangle by 1/d.
 
-    The ends of the edge take what translations need, in the ratio of the heights' feet.
+    The ends of the edge balance this, in the ratio of the heights' feet, so that translations do not change the angle.
     """
     x, edge, n1, n2 = _parts(corners)
     length = np.linalg.norm(edge, axis=1, keepdims=True)
@@ -375,7 +375,7 @@ def fold_hessian(corners: Array) -> Array:
 
 
 def _cross(vectors: Array) -> Array:
-    """Return the matrices (h, 3, 3) that take the cross product of vectors (h, 3) with what follows."""
+    """Return the matrices (h, 3, 3) of the cross product of vectors (h, 3) with another vector."""
     x, y, z = vectors.T
     zero = np.zeros_like(x)
     return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(-1, 3, 3)

@@ -3,7 +3,7 @@
     vibration  K u = omega^2 M u        buckling  K u = -lambda G u
 
 G are the stresses of the triangles in the linear answer, times the second derivatives of their strains. Moments of
-hinges before buckling have no part in it: shells are taken that stretch, and do not bend, until they buckle.
+hinges before buckling are left out: the solver takes shells that stretch but do not bend until they buckle.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def find_modes(problem: TriangleProblem, loaded: Array | None, count: int) -> tu
     Raises
     ------
     SolveFailure
-        If the mesh has not so many modes.
+        If the mesh has fewer modes.
     """
     elastic, pattern = problem.elastic, problem.pattern
     rest, none = np.zeros_like(elastic.rest), np.zeros(len(pattern.free))

@@ -1,6 +1,6 @@
-"""A case on a mesh: elastic energy, what acts on it, what holds it, and the minimum of their sum.
+"""A case on a mesh: elastic energy, loads and supports, and the minimum of the potential.
 
-Supports as prescribed displacements of vertices, and the rigid motions that no support holds.
+Supports are prescribed displacements of vertices. Rigid motions that no support holds are pinned.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ CONTRADICTION = 1e-9  # of the surface's size: how far two supports may move one
 
 @dataclass(frozen=True)
 class Supports:
-    """Which displacements are prescribed.
+    """Displacements that supports prescribe at the vertices.
 
     Attributes
     ----------
     holds
-        (supports, v, 3) whether a support prescribes a displacement.
+        (supports, v, 3) True if a support prescribes a displacement.
     """
 
     case: Case
@@ -62,11 +62,11 @@ class Supports:
 
     @cached_property
     def held(self) -> NDArray[np.bool_]:
-        """(v, 3) whether anything prescribes a displacement."""
+        """(v, 3) True if a support prescribes a displacement."""
         return np.asarray(self.holds.any(axis=0))
 
     def share(self, number: int) -> Array:
-        """Return the share (v, 3) of a support in the forces: those that hold a vertex together bear it alike."""
+        """Return the share (v, 3) of a support in the forces; supports that hold the same vertex have equal shares."""
         return np.asarray(self.holds[number] / np.maximum(self.holds.sum(axis=0), 1))
 
     @cached_property
@@ -76,16 +76,16 @@ class Supports:
 
     @cached_property
     def moving(self) -> bool:
-        """Whether any support moves."""
+        """True if any support moves."""
         return any(support.motion is not None for support in self.case.supports)
 
     def prescribe(self, displacement: Array, t: float) -> Array:
-        """Return the displacement (v, 3) with what supports prescribe at a time or load factor.
+        """Return the displacement (v, 3) with the prescribed values of supports at a time or load factor.
 
         Raises
         ------
         InputError
-            If two supports move a vertex that they share to different places.
+            If two supports move a shared vertex to different places.
         """
         result = np.where(self.held, 0.0, displacement)
         set_by = np.where(self.held, np.nan, 0.0)
@@ -125,14 +125,14 @@ def vertices_of(place: Place, mesh: TriangleMesh) -> Integers:
 
 @dataclass(frozen=True)
 class Loose:
-    """Rigid motions that nothing holds: pinned while a case is solved, then taken away in the mean over the area.
+    """Free rigid motions: they are pinned while a case is solved, then removed in the mean over the area.
 
     Attributes
     ----------
     motions
         (3 v, k) their displacements of the vertices.
     pins
-        (k,) unknowns that are held at zero: those that resist the motions best.
+        (k,) unknowns that are held at zero, chosen to resist the motions best.
     """
 
     motions: Array
@@ -155,14 +155,14 @@ class Loose:
         return np.asarray(displacement - (self.motions @ part).reshape(-1, 3))
 
 
-ARMIJO = 1e-4  # share of the decrease that the slope promises which a step must bring
+ARMIJO = 1e-4  # share of the decrease predicted by the slope that a step must bring
 SHORTEST = 2.0**-30  # part of Newton's step below which a search along it gives up
-ENERGY_ROUNDING = 1e-13  # of the energies that are added: a difference that says nothing
+ENERGY_ROUNDING = 1e-13  # of the sum of the energies: a smaller difference is rounding
 
 
 @dataclass(frozen=True)
 class TriangleProblem:
-    """All that is fixed while a case is solved on a mesh."""
+    """The data that are fixed while a case is solved on a mesh."""
 
     case: Case
     mesh: TriangleMesh
@@ -182,11 +182,11 @@ class TriangleProblem:
 
     @cached_property
     def pattern(self) -> Pattern:
-        """Of the matrices of what is neither held nor pinned."""
+        """Pattern of the matrices of the unknowns that are neither held nor pinned."""
         return Pattern.from_elastic(self.elastic, np.setdiff1d(self.supports.free, self.loose.pins))
 
     def internal(self, displacement: Array) -> Array:
-        """Return the forces (v, 3) that triangles, hinges and springs need to be held so, N."""
+        """Return the forces (v, 3) that hold triangles, hinges and springs in a displacement, N."""
         return self.elastic.gradient(displacement) + self.loading.springs * displacement
 
     def pressing(self, at: float, dt: float) -> Pressing | None:
@@ -202,7 +202,7 @@ class TriangleProblem:
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where Newton's method ended.
+    """Result of Newton's method.
 
     Attributes
     ----------
@@ -245,7 +245,7 @@ def minimise(
 
     Obstacles, if any are `pressing`, add the energy of their penalty.
 
-    The exact second derivative is used where it leads downhill and is convex along the step, else a positive definite
+    The exact second derivative is used if its step leads downhill and is convex along itself, else a positive definite
     one; each step is halved until it brings a decrease (Armijo).
 
     Parameters
@@ -253,15 +253,15 @@ def minimise(
     problem
         Case and mesh.
     start
-        (v, 3) where to begin; held vertices stay there.
+        (v, 3) initial guess; held vertices stay there.
     force
         (v, 3) f, N.
     inertia
         (v,) m, kg/s^2; zero in statics.
     target
-        (v, 3) where inertia draws the vertices.
+        (v, 3) positions of the vertices by inertia alone.
     smallest
-        Step, m, at which the minimum is found.
+        Length of a step, m, at which the search ends.
     most
         Newton steps after which the search gives up.
 
@@ -270,11 +270,11 @@ def minimise(
     SolveFailure
         If no minimum is found.
     """
-    # 1. Gradient of the potential on the free vertices.
-    # 2. Newton's step by the exact second derivative, or by a definite one where that leads uphill.
-    # 3. Armijo's halving along it, until the energy falls or only rounding is left.
+    # 1. Compute the gradient of the potential on the free vertices.
+    # 2. Take Newton's step by the exact second derivative, or by a definite one if that step leads uphill.
+    # 3. Halve the step (Armijo) until the energy falls or only rounding is left.
     # 4. Stop when the step is shorter than asked for.
-    # The textbook stops at a small gradient, whose unit and size differ from case to case. A length is what is wanted.
+    # The textbook stops at a small gradient, whose unit and size differ from case to case. Here a length is compared.
     pattern, springs = problem.pattern, problem.loading.springs
     diagonal = (inertia[:, None] + springs).ravel()[pattern.free]
 
@@ -297,7 +297,7 @@ def minimise(
         while True:
             trial = u.copy()
             trial.ravel()[pattern.free] += part * step
-            if correction <= smallest:  # too short for energies to tell up from down
+            if correction <= smallest:  # too short for a difference of energies
                 return Minimum(trial, iteration, correction)
             found, size = energy(trial)
             # A share of the energies is allowed on top: near the minimum their difference is rounding.
@@ -311,9 +311,9 @@ def minimise(
 
 
 def _newton_step(problem: TriangleProblem, u: Array, g: Array, diagonal: Array, pressing: Pressing | None) -> Array:
-    # LU, not Cholesky: it takes an indefinite matrix, and whether the step is downhill and convex along itself is
-    # checked. The textbook shifts the whole matrix until Cholesky succeeds. Here the definite one, made element by
-    # element, serves wherever the exact one does not.
+    # LU, not Cholesky: it takes an indefinite matrix; the step is checked to be downhill and convex along itself. The
+    # textbook shifts the whole matrix until Cholesky succeeds. Here a definite matrix, made element by element,
+    # replaces the exact one if that fails.
     for definite in (False, True):
         matrix = problem.pattern.matrix(problem.elastic.tangent_values(u, definite), diagonal)
         if pressing:

@@ -28,12 +28,12 @@ class CstSolution(ShellSolution):
     Attributes
     ----------
     case, mesh
-        What was solved, and on what.
+        The case that was solved, and its mesh.
     marks
         (k,) load factors, or times from 0 to the last one that was reached, s; increasing.
     frames
-        (v, 3, k) displacements of the vertices at the marks, m; all that counts as storage: the mesh follows from the
-        settings, and marks weigh nothing beside them.
+        (v, 3, k) displacements of the vertices at the marks, m. They alone count as storage: the mesh follows from the
+        settings, and marks are few.
     parameters
         Coordinates of vertices that were solved for.
     """
@@ -49,7 +49,7 @@ class CstSolution(ShellSolution):
 
     @cached_property
     def problem(self) -> TriangleProblem:
-        """The case on the mesh, made anew where strains, energies or forces are asked for."""
+        """The case on the mesh, made again when strains, energies or forces are needed."""
         return TriangleProblem.from_case(self.case, self.mesh)
 
     def _span(self, at: float | None) -> tuple[int, int, float]:
@@ -107,8 +107,8 @@ class CstSolution(ShellSolution):
     def field_at(self, name: str, xi: Array, at: float | None) -> Array:
         """Return strains (N, 3) or energy densities (N,) at points (N, 2): constant on each triangle.
 
-        The membrane strain is the triangle's own; the bending strain and its energy are made of the hinges at its
-        edges (see `shellbench.solvers.cst.elements.Hinges.curvature`).
+        The membrane strain is the triangle's own; the bending strain and its energy come from the hinges at its edges
+        (see `shellbench.solvers.cst.elements.Hinges.curvature`).
         """
         triangle, _ = self.mesh.locate(xi)
         strain, change = self._strains(at)
@@ -131,7 +131,7 @@ class CstSolution(ShellSolution):
     def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell.
 
-        They are what its vertices need to be held and moved as they are: internal forces and inertia less loads.
+        They hold and move its vertices as prescribed: internal forces and inertia less loads.
         """
         forces = self.problem.supports.share(number) * self._between(at, self._unbalanced)
         arms = self.problem.elastic.rest - centre
@@ -140,7 +140,7 @@ class CstSolution(ShellSolution):
         return forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)
 
     def touch(self, at: float | None = None) -> Touch:
-        """Return what obstacles exert on the vertices."""
+        """Return the contact forces of obstacles on the vertices."""
         return touch_at_vertices(self.case, self.mesh.points, self.mesh.steps, self._between(at, self._pressed))
 
     def _pressed(self, k: int) -> Array:
@@ -158,13 +158,13 @@ class CstSolution(ShellSolution):
         return np.asarray(forces + self.problem.loading.mass[:, None] * gained)
 
     def kept(self) -> tuple[Words, Arrays]:
-        """Return what a file holds beside the case and the history."""
+        """Return the data that a file holds beside the case and the history."""
         words = {"cells": list(self.mesh.cells), "diagonal": self.mesh.diagonal}
         return words, {"marks": self.marks, "frames": self.frames}
 
     @classmethod
     def restored(cls, case: Case, words: Words, arrays: Arrays) -> CstSolution:
-        """Make a solution of what a file holds; ValueError or KeyError if it does not fit together."""
+        """Make a solution from the data of a file; ValueError or KeyError if they are inconsistent."""
         mesh = TriangleMesh(case.surface.domain, tuple(words["cells"]), words["diagonal"])
         marks, frames = arrays["marks"], arrays["frames"]
         if frames.shape != (mesh.vertex_count, 3, len(marks)) or not np.all(np.diff(marks) > 0):

@@ -1,6 +1,6 @@
-"""The solver `cst-hinge`: what cloth simulators compute, put to the questions of the suite.
+"""The solver `cst-hinge`: the discretisation of cloth simulators, applied to the suite's cases.
 
-What the mesh of triangles and hinges can't take, each with its reason.
+The module also lists the reasons for which the mesh of triangles and hinges declines a case.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class CstSolver(ShellSolver):
     settings_type: ClassVar[type[Settings]] = CstSettings
 
     def declines(self, case: Case) -> str | None:
-        """Return why the solver can't take this case, as one clause, or None if it can."""
+        """Return the reason that the solver declines this case, as one clause, or None if it takes it."""
         return reason(case)
 
     def answer(
@@ -42,8 +42,8 @@ class CstSolver(ShellSolver):
         Raises
         ------
         SolveFailure
-            If a matrix is singular, loads are not in balance, or Newton's method fails; the states that were found
-            come with it.
+            If a matrix is singular, loads are not in balance, or Newton's method fails; the states found before come
+            with it.
         InputError
             If the mesh does not fit the case.
         """
@@ -52,19 +52,19 @@ class CstSolver(ShellSolver):
         return solving.solve(case, settings, progress)
 
     def load(self, path: Path) -> CstSolution:
-        """Read a solution that `save` wrote; InputError in one sentence if it is none."""
+        """Read a file of `save`; InputError in one sentence if it is no such file."""
         from shellbench.solvers.cst.solution import CstSolution
 
         return CstSolution.load(path)
 
 
 def _is_wall(support: Support) -> bool:
-    """Whether a support holds an edge and its slope at rest."""
+    """Return True if a support holds an edge and its slope at rest."""
     return support.clamped and set(support.components) == {"x", "y", "z"} and support.motion is None
 
 
 def _why_no_modes(case: Case) -> str | None:
-    """Return why the mesh can't tell the modes that a case asks for, as one clause, or None if it can."""
+    """Return the reason that the mesh can't give the modes that a case asks for, as one clause, or None if it can."""
     if case.quantities[0].kind != "frequency":
         if case.surface.kind != "plane":
             return "it finds buckling loads of plates only, which do not bend before"
@@ -77,7 +77,7 @@ def _why_no_modes(case: Case) -> str | None:
 
 
 def reason(case: Case) -> str | None:
-    """Return why a case can't be taken, as one clause; None if it can."""
+    """Return the reason that the solver declines a case, as one clause; None if it takes it."""
     if refusal := why_not_plain(case, frozenset({"modes", "contact"})):
         return refusal
     if case.obstacles and case.dynamics is None:

@@ -2,10 +2,10 @@
 
 Static cases: one linear solve, or Newton's method along a path of load factors; or modes (`modes`).
 
-Motion by backward Euler, as cloth simulators take it (Baraff & Witkin 1998; ARCSim).
+Motion by backward Euler, as in cloth simulators (Baraff & Witkin 1998; ARCSim).
 
-Each step minimises W(u) - f.u + m/(2 dt^2) |u - u_n - dt v_n|^2 with lumped masses; then v = (u - u_n)/dt. It is of
-first order, and takes energy out of what oscillates within a few steps.
+Each step minimises W(u) - f.u + m/(2 dt^2) |u - u_n - dt v_n|^2 with lumped masses; then v = (u - u_n)/dt. The method
+is of first order, and damps oscillations with periods of a few steps.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ TIME_STEP = 1 / 240  # s: four steps a frame of 60 Hz
 
 
 def usual_cells(case: Case) -> tuple[int, int]:
-    """Return 32 cells on the longer side and as many on the other as make them square, or a few more.
+    """Return 32 cells on the longer side, and a number on the other that makes them square, or a few more.
 
-    Named points lie on vertices where some number up to twice as large allows it.
+    Named points lie on vertices, if a number of cells up to twice as large allows it.
     """
     domain = case.surface.domain
     x = case.surface.position(domain.grid(LONGER_SIDE + 1, LONGER_SIDE + 1))
@@ -56,7 +56,7 @@ def usual_cells(case: Case) -> tuple[int, int]:
 
 @dataclass
 class _Course:
-    """What is known of a solve so far."""
+    """State of a solve so far: marks, frames, diagnostics and log."""
 
     problem: TriangleProblem
     settings: CstSettings
@@ -71,7 +71,7 @@ class _Course:
         return len(self.problem.pattern.free)
 
     def solution(self) -> CstSolution:
-        """Return what was reached."""
+        """Return the solution up to the last state."""
         mesh = self.problem.mesh
         figures = {"cells": list(mesh.cells), "diagonal": mesh.diagonal, **self.figures}
         frames = np.stack(self.frames, axis=-1)
@@ -86,7 +86,7 @@ class _Course:
         )
 
     def partial(self) -> CstSolution | None:
-        """Return what was reached, or None before the first state."""
+        """Return the solution up to the last state, or None before the first one."""
         return self.solution() if self.log.steps else None
 
     def add_state(self, state: TriangleState) -> None:
@@ -115,7 +115,7 @@ def solve(case: Case, chosen: CstSettings, progress: ProgressCallback) -> CstSol
 
 
 def mesh_of(case: Case, settings: CstSettings) -> TriangleMesh:
-    """Return the mesh that settings ask for; InputError if it can't be."""
+    """Return the mesh of the settings; InputError if it is impossible."""
     cells = settings.cells or usual_cells(case)
     if min(cells) < 1 or max(cells) > MOST_CELLS:
         raise InputError(f"field 'cells': found {list(cells)}, both must be from 1 to {MOST_CELLS}")
@@ -161,7 +161,7 @@ def _solve_modes(course: _Course) -> CstSolution:
 
 Array = NDArray[np.float64]
 
-BALANCE = 1e-6  # of all loads: the force of a pin that says that loads are not in balance
+BALANCE = 1e-6  # of all loads: a larger force of a pin means that loads are not in balance
 REFINEMENTS = 2  # of a linear solve, by its residual
 MOST_STEPS = 60  # Newton steps to one state
 SHORTEST = 2.0**-8  # of the way to the next state: the smallest increment of the load factor
@@ -198,7 +198,7 @@ def solve_linear(problem: TriangleProblem, states: tuple[float, ...]) -> list[Tr
     Raises
     ------
     SolveFailure
-        If the stiffness matrix is singular, or loads are not in balance where nothing holds the shell.
+        If the stiffness matrix is singular, or loads on a shell without supports are not in balance.
     """
     free = problem.pattern.free
     rest = np.zeros_like(problem.elastic.rest)
@@ -228,7 +228,7 @@ def follow_path(
     tolerance
         Newton's last step, relative to the shell's size.
     tell
-        Is given each of the states as it is found.
+        Called with each state as it is found.
 
     Raises
     ------
@@ -296,7 +296,7 @@ class Frame:
 
 
 def step_count(until: float, time_step: float) -> int:
-    """Return the number of equal steps, none of them longer than `time_step`; InputError if they are too many."""
+    """Return the number of equal steps of at most `time_step`; InputError if they are too many."""
     steps = until / time_step * (1 - 1e-12)
     if not steps <= MOST_INSTANTS:
         raise InputError(f"field 'time_step': {time_step:g} s makes more than {MOST_INSTANTS} steps in {until:g} s")
@@ -317,13 +317,16 @@ def march(problem: TriangleProblem, until: float, steps: int, tolerance: float, 
     tolerance
         Newton's last correction, relative to the shell's size.
     tell
-        Is given each frame as it is found.
+        Called with each frame as it is found.
 
     Raises
     ------
     SolveFailure
         If Newton's method finds no minimum.
     """
+    # 1. Predict by the velocity, and move the held vertices.
+    # 2. Minimise the incremental potential of backward Euler.
+    # 3. Add the work of loads and of supports; update the velocity.
     dt, mass = until / steps, problem.loading.mass
     size = float(np.ptp(problem.elastic.rest, axis=0).max())
     u = np.zeros_like(problem.elastic.rest)

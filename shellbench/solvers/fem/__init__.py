@@ -1,6 +1,6 @@
 """The classical reference: C1 finite elements for Kirchhoff-Love shells.
 
-`solver` is what the bench calls, and `solving` chooses what solves the case: `linear` at rest, `path` at finite
+The bench calls `solver`, and `solving` chooses the package that solves the case: `linear` at rest, `path` at finite
 strain, `motion` in time. Each solves on one mesh; `refinement` makes the next one. Strains, loads and supports are in
 `mechanics`, the elements and their points in `mesh`, matrices and their solution in `algebra`.
 """

@@ -1,4 +1,4 @@
-"""Every held-out material by a solve of its own, and derivatives by central differences of such solves."""
+"""One solve for each held-out material, and derivatives by central differences of such solves."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ NOT_ASKED = np.nan
 
 @dataclass(frozen=True, kw_only=True)
 class RepeatedSolution(ConditionedAnswer):
-    """The asked displacements (n,), m, and their derivatives (n, 3), by parameter; NaN where none was asked."""
+    """The asked displacements (n,), m, and their derivatives (n, 3), by parameter; NaN for derivatives not asked."""
 
     values: NDArray[np.float64]
     derivatives: NDArray[np.float64]
@@ -42,7 +42,7 @@ class RepeatedSolution(ConditionedAnswer):
 
     @property
     def storage_bytes(self) -> int:
-        """Bytes of the figures that are kept: no mesh is."""
+        """Bytes of the values that are kept, without the meshes."""
         return int(self.values.nbytes + self.derivatives.nbytes)
 
     def value(self, number: int) -> float:
@@ -54,7 +54,7 @@ class RepeatedSolution(ConditionedAnswer):
         return float(self.derivatives[number, Material._fields.index(by)])
 
     def save(self, path: Path) -> Path:
-        """Write the figures as safetensors, the case in its header."""
+        """Write the values as safetensors, the case in its header."""
         file = path.with_suffix(".safetensors")
         arrays = {"values": self.values, "derivatives": self.derivatives}
         save_file(arrays, file, metadata={"case": self.case.model_dump_json(), "unknowns": str(self.unknowns)})
@@ -62,7 +62,7 @@ class RepeatedSolution(ConditionedAnswer):
 
     @classmethod
     def load(cls, path: Path) -> RepeatedSolution:
-        """Read what `save` wrote; InputError in one sentence if it is none."""
+        """Read a file of `save`; InputError in one sentence if it is no such file."""
         try:
             with safe_open(path, framework="numpy") as file:
                 told = dict(file.metadata() or {})
@@ -136,7 +136,7 @@ def _difference(
     """Return a difference quotient of the logarithm, and its uncertainty.
 
     Central differences over one and two steps give one of fourth order, (4 D(step) - D(2 step)) / 3. Its uncertainty is
-    the error of D(step), which it takes away, and that of the solves.
+    the estimated error of D(step), which the formula removes, and that of the solves.
     """
     quotients, relative = [], 0.0
     known = True
@@ -147,7 +147,8 @@ def _difference(
             known = known and one.uncertainty is not None
             relative = max(relative, (one.uncertainty or 0.0) / abs(one.value))
     near, far = quotients
-    # Of a quotient over one step a relative error u of each displacement makes u / step, and half of it over two.
+    # A relative error u of each displacement gives an error u / step of the quotient over one step, and half of it over
+    # two.
     spread = (4 / 3 + 1 / 6) * relative / width
     return (4 * near - far) / 3, abs(near - far) / 3 + spread if known else None
 

@@ -1,4 +1,4 @@
-"""The solver `fem-repeated`: `fem` once for every material. What a field for all materials must beat."""
+"""The solver `fem-repeated`: `fem` once for every material, the baseline of fields for all materials."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class FemRepeatedSolver(ConditionedSolver):
     settings_type: ClassVar[type[Settings]] = RepeatedSettings
 
     def refuses(self, case: ConditionedCase) -> str | None:
-        """Return why `fem` can't take the shell."""
+        """Return the reason that `fem` declines the shell, or None if it takes it."""
         return FemSolver().refusal(case.shell_of(case.middle))
 
     def answer(self, case: ConditionedCase, settings: RepeatedSettings, progress: ProgressCallback) -> RepeatedSolution:
@@ -35,7 +35,7 @@ class FemRepeatedSolver(ConditionedSolver):
         return solve(case, settings, FemSolver(), progress)
 
     def load(self, path: Path) -> RepeatedSolution:
-        """Read what an answer has saved; InputError in one sentence if it is none."""
+        """Read the file of an answer; InputError in one sentence if it is no such file."""
         from shellbench.solvers.fem.conditioned import RepeatedSolution
 
         return RepeatedSolution.load(path)

@@ -1,4 +1,4 @@
-"""The solver `fem-edit`: `fem`, asked for a shell and then for an edit of it."""
+"""The solver `fem-edit`: `fem` for a shell and then for an edit of it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from shellbench.solvers.fem.solver import FemSolver
 
 
 class FemEditSolver(EditingSolver):
-    """Finite elements that go on from an earlier solution, beside themselves from scratch."""
+    """Finite elements that start from an earlier solution, compared with a solve from scratch."""
 
     name: ClassVar[str] = "fem-edit"
     capabilities: ClassVar[Capabilities] = Capabilities(THEORIES, "fem, from the solution before an edit")
@@ -20,5 +20,5 @@ class FemEditSolver(EditingSolver):
     shells: ClassVar[type[CheckedSolver]] = FemSolver
 
     def energy(self, solution: Solution) -> float:
-        """Return the potential energy on the last mesh, no less than the exact one: the elements are conforming."""
+        """Return the potential energy on the last mesh, J: an upper bound, since the elements are conforming."""
         return [step.energy for step in solution.history if step.phase == "solve"][-1]

@@ -1,7 +1,7 @@
 """One mesh after another until every quantity of the case is converged.
 
-The meshes of a sequence grow by the square root of two a side. How the cells are shared out between the coordinates
-is settled first, on coarse meshes, by what the potential energy gains from a finer mesh in either coordinate alone.
+The meshes of a sequence grow by the square root of two a side. The ratio of cells of the coordinates is determined
+first, on coarse meshes, by the gain of potential energy from refining either coordinate alone.
 """
 
 from __future__ import annotations
@@ -43,30 +43,30 @@ from shellbench.solvers.fem.path.buckling import BRACKET
 
 Array = NDArray[np.float64]
 
-# Of what a field changes by anywhere: no displacement is surer by one change of its own alone. Less lets values that
-# stand still by accident pass after two meshes; more asks fields to settle that nobody reads.
+# Of the largest change of the field: the uncertainty of a displacement is not below this by one small change of its
+# own. With less, values that stay constant by chance pass after two meshes; with more, irrelevant parts of the field
+# have to settle.
 ACCIDENT = 0.25
 BASE = 8  # cells a side of level 0
 COARSEST = -4  # level of the least mesh
 FIRST_UNKNOWNS = 12_000  # the first mesh has no more degrees of freedom, unless the coarsest has
 MOST_UNEVEN = 3  # largest share: a factor of 8 between the coordinates
-ENERGY_LEEWAY = 10  # energies and their parts may be so much less certain than displacements, forces and moments
-# Part of the largest displacement, force or moment below which a value's relative error is idle: values of symmetry
-# zero never settle relative to themselves.
+ENERGY_LEEWAY = 10  # factor by which energies may be less certain than displacements, forces and moments
+# Part of the largest displacement, force or moment below which a value's relative error is meaningless: values that are
+# zero by symmetry never settle relative to themselves.
 NEGLIGIBLE = 1e-3
-# Of the change by the last refinement of a solve, as the error that rounding leaves.
+# Factor of the change by the last refinement of a solve; the product is the error by rounding.
 ROUNDING_FACTOR = 4.0
-EPSILON = 16 * float(np.finfo(float).eps)  # relative error that no sum escapes
-RESULTANT_LEEWAY = 50  # resultants may be so much less certain than displacements: they are derivatives
-# Of a cell: what two meshes agree on of an edge that lies anywhere in a cell may be chance. Came with the suite
-# `contact`.
+EPSILON = 16 * float(np.finfo(float).eps)  # relative error of every sum
+RESULTANT_LEEWAY = 50  # factor by which resultants may be less certain than displacements: they are derivatives
+# Of a cell: the agreement of two meshes on an edge of contact may be chance within a cell. Set on the suite `contact`.
 WITHIN_CELL = 0.005
-# The same at finite strain, in cubics. Came with `contact_heavy_strip`.
+# The same at finite strain, in cubics. Set on `contact_heavy_strip`.
 WITHIN_CUBIC_CELL = 0.05
-# Relative: two meshes whose paths end closer to each other have found a limit point of the shell. Came with
-# `semi_cylinder`, whose coarse meshes end their paths elsewhere.
+# Relative: two meshes whose paths end closer to each other have found a limit point of the shell. Set on
+# `semi_cylinder`, whose coarse meshes end their paths at other loads.
 MOVED = 0.01
-MOVING = 3  # meshes whose paths may end elsewhere, on to twice the unknowns each
+MOVING = 3  # meshes whose paths may end at other loads, each with twice the unknowns
 PROBES = 41  # points a side at which the fields of two meshes are compared
 
 
@@ -75,16 +75,16 @@ def level_cells(level: int, share: int, degree: int = 3) -> Cells:
 
     They are even in degree 4 and 5, so that closed coordinates have quarters to fold.
     """
-    # The product of both counts doubles from level to level, whatever the share.
+    # The product of both counts doubles from level to level, for any share.
     pace = 1 if degree == 3 else 2
     first, second = (max(FEWEST, pace * round(BASE / pace * 2 ** ((level + sign * share) / 2))) for sign in (1, -1))
     return first, second
 
 
 def first_level(dofs: Callable[[Cells], int], degree: int = 3) -> int:
-    """Return the level to begin with: 0 of cubics, lower of higher degrees by what their cells hold more.
+    """Return the first level: 0 for cubics, lower for higher degrees, whose cells have more unknowns.
 
-    It is lower yet if that is many; `dofs` counts a mesh's degrees of freedom.
+    It is even lower if that mesh has many unknowns; `dofs` counts a mesh's degrees of freedom.
     """
     level = 3 - degree
     while level > COARSEST and dofs(level_cells(level, 0)) > FIRST_UNKNOWNS:
@@ -93,32 +93,33 @@ def first_level(dofs: Callable[[Cells], int], degree: int = 3) -> int:
 
 
 def balanced_share(solve: Callable[[Cells], Equilibrium], pilot: int, degree: int = 3) -> int:
-    """Return the share at which both coordinates contribute alike to the error of the energy.
+    """Return the share at which both coordinates contribute equally to the error of the energy.
 
     With an energy error C1 n1**-p + C2 n2**-p a given number of cells n1 n2 is used best where both terms are equal.
-    Their ratio is observed: it is that of the changes of the energy when either coordinate alone is refined. No known
-    answer is needed, and it holds for loads and for prescribed motions. `pilot` is the level of the trials;
-    the order of the element's energy error is twice that of its second derivatives, 2 (degree - 1).
+    Their ratio is observed: it is that of the changes of the energy when either coordinate alone is refined. This needs
+    no known answer, and works for loads and for prescribed motions. `pilot` is the level of the trials; the order of
+    the element's energy error is twice that of its second derivatives, 2 (degree - 1).
     """
-    # Three coarse solves, where the textbook estimates the error in every cell. With one coordinate refined alone the
-    # energy changes by C n^-p (1 - growth^-p). All but C is common to both coordinates, and drops out of the ratio.
+    # The textbook estimates the error in every cell; here three coarse solves suffice. If one coordinate alone is
+    # refined, the energy changes by C n^-p (1 - growth^-p). All factors except C are common to both coordinates, and
+    # cancel in the ratio.
     rate = 2 * (degree - 1)
     n, finer = level_cells(pilot, 0)[0], level_cells(pilot + 1, 0)[0]
     found = solve((n, n))
     even = found.potential_energy
     first, second = (abs(solve(cells).potential_energy - even) for cells in ((finer, n), (n, finer)))
-    unstrained = _unstrained_energy(found.solution)  # of a motion that strains nothing all changes are rounding
+    unstrained = _unstrained_energy(found.solution)  # for a motion without strains all changes are rounding
     if max(first, second) <= max(ROUNDING * abs(even), unstrained):
         return 0
     # C1 n1^-p = C2 n2^-p and n1 = 2^share n2 give p share = log2 (C1 / C2). A coordinate along which nothing changes
-    # would get no cells: its ratio is bounded, and so is the share.
+    # would get no cells: therefore the ratio and the share are bounded.
     least = 2.0 ** (-rate * MOST_UNEVEN) * max(first, second)
     return round(math.log2(max(first, least) / max(second, least)) / rate)
 
 
 @dataclass(frozen=True)
 class Level:
-    """One mesh of the sequence, with all that was learnt up to it.
+    """One mesh of the sequence, with the estimates from all meshes up to it.
 
     Attributes
     ----------
@@ -127,9 +128,9 @@ class Level:
     quantities
         Its values of the case's quantities.
     estimates
-        By quantity, from all meshes so far.
+        Estimates by quantity, from all meshes so far.
     errors
-        By quantity, its uncertainty relative to its scale.
+        Uncertainty by quantity, relative to its scale.
     difference
         Largest difference to the field of the mesh before, metres; None on the first.
     """
@@ -154,13 +155,18 @@ def levels(
     forgiven: int = 0,
     slowest: float = ASYMPTOTIC,
 ) -> Iterator[Level]:
-    """Yield the answers on ever finer meshes, until one is lost in rounding.
+    """Yield the answers on ever finer meshes, until rounding dominates.
 
-    As many of the first ones as are `forgiven` may fail, and `MOVING` more whose paths end elsewhere than on the mesh
-    before. The energy converges no faster than at the rate `slowest`.
+    The first `forgiven` meshes may fail, and `MOVING` more whose paths end at another load than on the mesh before. The
+    energy converges at most at the rate `slowest`.
     """
-    # A limit point of the shell is where it is on every mesh. One that a mesh makes, as where it does not resolve a
-    # fold that travels, moves as it is refined.
+    # 1. Solve on the next mesh and measure; skip a mesh that is no finer than the last one.
+    # 2. Start the sequences again if the path reaches other quantities than before.
+    # 3. Observe the rate of the energy, and extrapolate each quantity with at most this rate.
+    # 4. Raise an uncertainty to the least values for small changes of fields and for contact; add rounding.
+    # 5. Divide by the scale of each quantity.
+    # A limit point of the shell is at the same load on every mesh. A spurious one of a mesh, which does not resolve a
+    # travelling fold, moves as the mesh is refined.
     values: dict[str, list[float]] = {}
     resolutions: list[float] = []
     energies: list[float] = []
@@ -173,20 +179,20 @@ def levels(
             quantities = measure(solution)
         except SolveFailure as failure:
             if before is not None and isinstance(failure, RoundingError):
-                return  # what coarser meshes found stands, as sure as they are
-            # The coarsest meshes may have no equilibrium where finer ones do. A later failure is the case's own.
+                return  # the answer of coarser meshes stays, with its uncertainty
+            # The coarsest meshes may have no equilibrium although finer ones do. A later failure is that of the case.
             end = _path_end(failure)
             moving = moving - 1 if forgiven <= 0 else moving
             if before is not None or (forgiven <= 0 and (moving < 0 or _alike(end, last))):
                 raise
             forgiven, last = forgiven - 1, end
             continue
-        # Cells a side of the square mesh with as many cells. Between kinks there is a least number of them, so that
-        # coarse levels may share a mesh, which is one answer and not two.
+        # Cells a side of the square mesh with the same number of cells. Kinks require a least number of cells, so that
+        # coarse levels may have the same mesh, which counts once.
         resolution = float(np.sqrt(np.prod(solution.mesh.cells)))
         if resolutions and resolution <= resolutions[-1]:
             continue
-        if values.keys() != quantities.keys():  # a path that comes farther, or less far, than those before
+        if values.keys() != quantities.keys():  # a path that goes farther, or less far, than those before
             values, resolutions, energies, before = {name: [] for name in quantities}, [], [], None
         asked = [q for q in case.quantities if q.name in quantities]
         resolutions.append(resolution)
@@ -196,7 +202,7 @@ def levels(
         seen = observed_rate(energies[-3:], resolutions[-3:]) if len(energies) > 2 else None
         fastest = min(slowest, seen) if seen is not None else slowest if slowest < ASYMPTOTIC else None
         difference = field_difference(solution, before) if before else None
-        # One change may be small by accident, as that of a place at which the field's change passes through zero.
+        # One change may be small by chance, for example at a place where the field's change passes through zero.
         least = ACCIDENT * difference if case.linear and difference is not None and len(resolutions) == 2 else 0.0
         estimates = {}
         for q in asked:
@@ -206,12 +212,12 @@ def levels(
                 within = WITHIN_CELL if case.linear else WITHIN_CUBIC_CELL
                 sure = max(sure, within * cell_along(solution, q))
             estimates[q.name] = replace(found, uncertainty=sure + rounding(equilibrium, q, quantities))
-        # Each is compared with a scale, as a value near zero has no relative error.
+        # Each uncertainty is compared with a scale, since a value near zero has no relative error.
         errors = {q.name: estimates[q.name].uncertainty / scale(solution, q, quantities) for q in asked}
         for q in asked:
             if isinstance(q, ContactPoint) and (left := q.length(case) - quantities[q.name]) < cell_along(solution, q):
-                # Contact at the very end of a line is taken by points within the last cell, and is never sure to less
-                # than they are away from the end. That falls with the cell alone: it is no reason to refine.
+                # Contact at the very end of a line acts at points within the last cell, so that its uncertainty is at
+                # least their distance from the end. This falls with the cell only: it is no reason to refine.
                 estimates[q.name] = replace(estimates[q.name], uncertainty=max(estimates[q.name].uncertainty, left))
         yield Level(equilibrium, quantities, estimates, errors, difference)
         before = solution
@@ -224,7 +230,7 @@ def _path_end(failure: SolveFailure) -> float:
 
 
 def _alike(end: float, other: float) -> bool:
-    """Return whether two paths end at the same load factor; what is not known counts as the same."""
+    """Return True if two paths end at the same load factor; an unknown factor counts as the same."""
     return not abs(end - other) > MOVED * abs(end)
 
 
@@ -234,11 +240,11 @@ def cell_along(solution: FemSolution, quantity: ContactPoint) -> float:
 
 
 def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[str, float]) -> float:
-    """Return the magnitude that the uncertainty of a quantity is compared with.
+    """Return the scale of a quantity's uncertainty.
 
-    It is the value itself, but not less than a small part of the largest displacement, force or moment. Parts of the
-    strain energy are compared with the whole, and with the leeway that they are given; the whole, not less than a small
-    part of what it takes to bend the shell so far. No scale has a size of its own: twice the load makes nothing surer.
+    It is the value itself, but at least a small part of the largest displacement, force or moment. Parts of the strain
+    energy are compared with the whole, with their leeway. The whole is at least a small part of the energy that bends
+    the shell as far. No scale is absolute: doubling the load changes no relative uncertainty.
     """
     value = abs(quantities[quantity.name])
     tiny = float(np.finfo(float).tiny)
@@ -250,7 +256,7 @@ def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[st
             idle = NEGLIGIBLE * _arc_energy(solution, quantity.at)
             return ENERGY_LEEWAY * max(sum(solution.energies(quantity.at)), idle, tiny)
         case FieldError():
-            return 1.0  # it is relative already, and goes to zero
+            return 1.0  # it is already relative, and converges to zero
         case LoadQuantity() | LimitPoint() | CriticalPoint() | PotentialEnergy() | ModeQuantity():
             return max(value, tiny)
         case LargestPenetration():
@@ -274,7 +280,8 @@ def _largest_displacement(solution: FemSolution, at: float | None) -> float:
 def _arc_energy(solution: FemSolution, at: float | None) -> float:
     """Return the energy, J, of the shell's bending by its largest displacement in one arc over its whole size.
 
-    It is B/2 (w / L^2)^2 A, with the least B. Waves, and membrane strains, take more; a shell that is only moved less.
+    It is B/2 (w / L^2)^2 A, with the least B. Waves and membrane strains take more energy, and a rigid motion takes
+    less.
     """
     case, mesh = solution.case, solution.mesh
     points = mesh.domain.wrap(mesh.domain.grid(SIZE_POINTS, SIZE_POINTS).reshape(-1, 2))
@@ -284,13 +291,13 @@ def _arc_energy(solution: FemSolution, at: float | None) -> float:
 
 
 def _unstrained_energy(solution: FemSolution) -> float:
-    """Return the energy, J, that rounding makes of a shell that is only moved."""
+    """Return the energy, J, of a rigidly moved shell by rounding."""
     strain = UNSTRAINED * _largest_displacement(solution, None)
     return solution.case.material.membrane_stiffness * strain**2
 
 
 def rounding(equilibrium: Equilibrium, quantity: QuantityModel, quantities: Mapping[str, float]) -> float:
-    """Return the error that rounding leaves in a quantity.
+    """Return the error of a quantity by rounding.
 
     The last refinement of the linear solve changed the displacements by `correction`, relative to the largest, and the
     change has the energy e = `noise`. A part P of the energy changes by 2 sqrt(P e) + e at most (Cauchy & Schwarz), and

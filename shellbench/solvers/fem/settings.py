@@ -19,14 +19,13 @@ class FemSettings(Settings):
     Attributes
     ----------
     tolerance
-        Relative uncertainty at which every quantity of the case counts as converged. None: 6e-7, or 5e-6 where a
-        force acts at a point (2.5e-5 in degree 3); in the non-linear theory 4e-6, and 5e-4 where a force acts at a
-        point or a load is narrow; 1e-4 of a motion.
-        Strain energies may be ten times less sure, forces and moments in the shell fifty times. What is less sure than
-        that is named by the diagnostic `not_converged` of a shell at rest. What an edge of contact in the last cell of
-        its line is away from the end is stated, and does not count.
+        Relative uncertainty at which every quantity of the case counts as converged. None: 6e-7, or 5e-6 where a force
+        acts at a point (2.5e-5 in degree 3); in the non-linear theory 4e-6, and 5e-4 where a force acts at a point or a
+        load is narrow; 1e-4 of a motion. Strain energies may be ten times less certain, forces and moments in the shell
+        fifty times. The diagnostic `not_converged` of a shell at rest names the quantities that are less certain. The
+        distance of an edge of contact in the last cell of its line from the end is stated, but does not count.
     max_unknowns
-        No mesh is tried on which more degrees of freedom are solved for. None: 165,000, or 40,000 in the non-linear
+        Largest number of degrees of freedom that are solved for on a mesh. None: 165,000, or 40,000 in the non-linear
         theory unless all is prescribed. A motion is bounded by its cells and steps instead.
     cells
         One fixed mesh: along each coordinate the cells from a graded point to the end of its influence, which is
@@ -36,20 +35,21 @@ class FemSettings(Settings):
         2, or 2.5 in degree 5. Unless it is 1, meshes of the linear theory grade besides toward singular corners, as
         their exponents ask, and toward thin layers (`layers`).
     degree
-        Of the basis functions in each coordinate, joined C1: 3 (Bogner, Fox & Schmit), 4 or 5. None: 5, or 3 where no
-        other is taken: of motions, and in the non-linear theory unless the whole field is prescribed.
+        Of the basis functions in each coordinate, joined C1: 3 (Bogner, Fox & Schmit), 4 or 5. None: 5, or 3 if no
+        other is possible: for motions, and in the non-linear theory unless the whole field is prescribed.
     quadrature_order
         Degree to which the Gauss rule of a cell is exact.
     direct_solver
-        "dissection" is our own, "superlu" SciPy's, "pardiso" needs pypardiso; "auto" is "dissection". The non-linear
-        theory always takes "dissection", which counts negative eigenvalues.
+        "dissection" is the project's own, "superlu" is SciPy's, "pardiso" needs pypardiso; "auto" is "dissection". The
+        non-linear theory always takes "dissection", which counts negative eigenvalues.
     symmetry
-        Solve a linear case that is its own mirror image on the part that the rest mirrors: the answer is that on the
-        whole mesh, of which fewer degrees of freedom are solved for.
+        Solve a linear case that is its own mirror image on a part of the mesh: the answer is that on the whole mesh,
+        with fewer degrees of freedom to solve for.
     time_step
-        Of a motion, s: one fixed level, cut only where it must be; loads are taken once a step. None: refine.
+        Of a motion, s: one fixed level, cut only if necessary; loads are evaluated once a step. None: refine.
     spectral_radius
-        Of the generalised-alpha method at infinite frequency: the less, the more it damps what a step does not resolve.
+        Of the generalised-alpha method at infinite frequency: a smaller radius damps unresolved frequencies more
+        strongly.
     """
 
     tolerance: float | None = Field(None, gt=0, lt=1)
@@ -65,13 +65,13 @@ class FemSettings(Settings):
 
 
 def takes_bubbles(case: Case) -> bool:
-    """Return whether a case can be solved in degree 4 and 5."""
+    """Return True if a case can be solved in degree 4 and 5."""
     if case.dynamics is not None:
         return False
-    if case.prescribed:  # interpolated; what follows the deformed shell is known in cubics alone
+    if case.prescribed:  # interpolated; following loads are known in cubics only
         return case.linear or not (case.following or any(isinstance(load, MomentLoad) for load in case.loads))
     if not case.linear:
         return False
-    # The conditions on bubbles know whole edges, and directions that do not turn along them.
+    # The conditions on bubbles support whole edges only, and directions that do not turn along them.
     held = case.supported_places()
     return all(not support.local and (not isinstance(place, Edge) or place.whole) for support, place in held)

@@ -1,4 +1,4 @@
-"""The solver `fem`: refine until every quantity is converged, and say how sure it is."""
+"""The solver `fem`: refine until every quantity is converged, and state its uncertainty."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class FemSolver(ShellSolver):
     takes: ClassVar[frozenset[Beyond]] = frozenset(get_args(Beyond))  # all there is
 
     def declines(self, case: Case) -> str | None:
-        """Return why the solver can't take this case, or None."""
+        """Return the reason that the solver declines this case, or None if it takes it."""
         if refusal := super().declines(case):
             return refusal
         if any(support.holds_slope for support in case.supports):
@@ -48,7 +48,7 @@ class FemSolver(ShellSolver):
         return large_displacement.declined(case)
 
     def declines_quantity(self, case: Case, quantity: Quantity) -> str | None:
-        """Return why a quantity of a case that it takes has no value, or None."""
+        """Return the reason that a quantity of a case that it takes has no value, or None."""
         if not (case.linear and isinstance(quantity, ResultantQuantity)):
             return None
         from shellbench.solvers.fem.mechanics.resultants import why_infinite
@@ -56,7 +56,7 @@ class FemSolver(ShellSolver):
         return why_infinite(case, quantity)
 
     def declines_with(self, case: Case, settings: FemSettings) -> str | None:
-        """Return why the solver can't take this case with these settings, or None."""
+        """Return the reason that the solver declines this case with these settings, or None if it takes it."""
         if settings.degree in (4, 5) and not takes_bubbles(case):
             what = (
                 "shells at rest: in the linear theory with supports of whole edges along fixed directions, or with the"
@@ -70,13 +70,13 @@ class FemSolver(ShellSolver):
     ) -> FemSolution | MotionSolution:
         """Solve a case on ever finer meshes until all its quantities are converged.
 
-        With `start`, an earlier solution of a shell of which the case is an edit (or its file), on meshes like its last
-        ones; a path goes on from its states.
+        `start` is an earlier solution (or its file) of a shell of which the case is an edit. Then the meshes are like
+        its last ones, and a path continues from its states.
 
         Raises
         ------
         SolveFailure
-            If a linear solve fails or the loads are not in balance; the finest mesh's answer so far comes with it.
+            If a linear solve fails or the loads are not in balance; the answer of the finest mesh so far comes with it.
         InputError
             If supports contradict each other, a direct solver is not installed, or the start is
             of another shell.
@@ -87,7 +87,7 @@ class FemSolver(ShellSolver):
         return solving.solve(case, settings, begin, progress)
 
     def load(self, path: Path) -> FemSolution | MotionSolution:
-        """Read a solution that `save` wrote; InputError in one sentence if it is none."""
+        """Read a file of `save`; InputError in one sentence if it is no such file."""
         from shellbench.problems.shell.solution import read_solution
         from shellbench.solvers.fem.mechanics.solution import FORMATS, FemSolution
         from shellbench.solvers.fem.motion.motion_solution import MotionSolution

@@ -1,4 +1,4 @@
-"""Solving a case on ever finer meshes until all its quantities are converged."""
+"""Solution of a case on ever finer meshes until all its quantities are converged."""
 
 from __future__ import annotations
 
@@ -45,28 +45,28 @@ from shellbench.solvers.fem.refinement import Level, balanced_share, first_level
 from shellbench.solvers.fem.settings import FemSettings, takes_bubbles
 from shellbench.solvers.stepping.control import SMALLEST_STEP
 
-# Tolerances: relative uncertainty at which refinement stops, by what limits the rate. Less costs meshes, up to
-# `MOST_UNKNOWNS`. More states answers that a gate may refuse as not sure enough.
+# Tolerances: relative uncertainty at which refinement stops, by the limit of the rate. Smaller ones cost meshes, up to
+# `MOST_UNKNOWNS`. Larger ones give answers that a gate may refuse as too uncertain.
 SMOOTH_TOLERANCE = 6e-7  # of a case whose loads and supports are spread out: the element converges fast
 SINGULAR_TOLERANCE = 2.5e-5  # of a case with forces at points: deflections under a load need many cells
 HIGHER_SINGULAR_TOLERANCE = 5e-6  # the same in degree 4 and 5, which need fewer
-PRESCRIBED_TOLERANCE = 1e-9  # where nothing is solved for: a finer mesh costs little, and no strain at all may be asked
+PRESCRIBED_TOLERANCE = 1e-9  # if nothing is solved for: finer meshes are cheap, and a known strain may be zero
 MOTION_TOLERANCE = 1e-4  # of a motion: its steps in time are of second order
-CONTACT_TOLERANCE = 5e-4  # of what touches obstacles: the edge of contact lies anywhere in a cell, and errors jump
+CONTACT_TOLERANCE = 5e-4  # with obstacles: the edge of contact may lie anywhere in a cell, and errors jump
 LARGE_SMOOTH_TOLERANCE, LARGE_SINGULAR_TOLERANCE = 4e-6, 5e-4  # in the non-linear theory, where narrow loads are forces
 MOST_UNKNOWNS, MOST_LARGE_UNKNOWNS = 165_000, 40_000  # of the finest mesh, in the linear and the non-linear theory
-USUAL_DEGREE: Degree = 5  # where it is taken: reaches 1e-6 soonest (tests/benchmarks/test_time_to_error.py)
-GRADING: dict[Degree, float] = {3: 2.0, 4: 2.0, 5: 2.5}  # toward points, usually: higher degrees gain from more
+USUAL_DEGREE: Degree = 5  # if possible: it reaches 1e-6 soonest (tests/benchmarks/test_time_to_error.py)
+GRADING: dict[Degree, float] = {3: 2.0, 4: 2.0, 5: 2.5}  # toward points, by default: higher degrees gain from more
 FIRST_STEP, TRIAL_STEP = 1 / 8, 1 / 2  # of the path, at first; Newton's method has the last word
 TRIAL_SHARE = 1 / 12  # of the path: its steps by displacement or arc length in a trial
-SHORTEST_TRIAL_STEP = 0.04  # of the path: where a shorter one were needed, the trial ends
+SHORTEST_TRIAL_STEP = 0.04  # of the path: if a shorter step is needed, the trial ends
 FIRST_TOUCH = 8  # most cells along a coordinate, as settings count them, where contact at finite strain begins
-MOST_UNCERTAIN = 0.5  # relative uncertainty beyond which an answer says nothing
+MOST_UNCERTAIN = 0.5  # relative uncertainty beyond which an answer is meaningless
 FEWEST_TO_JUDGE = 3  # meshes after which such an answer is a failure
 MOST_AGAIN = 3  # meshes like the last ones of an earlier solution, with which an edit begins
 LEVEL, SHARE, MADE = "mesh_level", "mesh_share", "meshes"  # diagnostics: of the last mesh, and how many there were
 FORGIVEN = 1  # meshes at the start of a sequence that may be too coarse to follow a path to its end
-SHARE_OUT = EnergyQuantity(name="strain_energy", kind="strain_energy", primary=True)  # all that a trial is asked for
+SHARE_OUT = EnergyQuantity(name="strain_energy", kind="strain_energy", primary=True)  # the only quantity of a trial
 
 Gradings = tuple[Ends, tuple[Breaks, Breaks]]  # toward edges, and toward ends of their parts
 OnMesh = Callable[[Cells], equilibrium.Equilibrium]
@@ -91,8 +91,12 @@ def _moved(case: Case, chosen: FemSettings, progress: ProgressCallback) -> Motio
 
 
 def _refined(case: Case, chosen: FemSettings, start: FemSolution | None, progress: ProgressCallback) -> FemSolution:
+    # 1. Choose gradings, tolerance and the largest mesh, and let trials share out the cells.
+    # 2. Solve on ever finer meshes; record each one in the history.
+    # 3. Stop when the largest uncertainty is within the tolerance, or the next mesh would be too large.
+    # 4. Refuse an answer whose uncertainty exceeds `MOST_UNCERTAIN` after several meshes.
     began = time.perf_counter()
-    # Meshes of the non-linear theory are not graded toward edges: their steps would suffer.
+    # Meshes of the non-linear theory are not graded toward edges: this would slow down their steps.
     graded = case.linear and chosen.grading != 1 and not case.prescribed
     toward, slowest = _gradings(case) if graded else ((UNGRADED, UNBROKEN), ASYMPTOTIC)
     on_mesh, trials = _solves(case, chosen, toward, start, progress)
@@ -115,7 +119,7 @@ def _refined(case: Case, chosen: FemSettings, start: FemSolution | None, progres
             steps.append(Step(len(steps), seconds, potential, unknowns, at, None, level.quantities, iterations=newton))
             if level.difference is not None:
                 differences.append({"cells": cells, "largest_difference": level.difference})
-            # The number of cells along a coordinate is rounded: a mesh that refines the other alone says nothing of it.
+            # The number of cells along a coordinate is rounded: a mesh that refines only the other one does not count.
             coarsest = coarsest or cells
             refined = all(now > then for now, then in zip(cells, coarsest, strict=True))
             converged = level.error <= tolerance and refined
@@ -147,15 +151,16 @@ def _gradings(case: Case) -> tuple[Gradings, float]:
     """Return the gradings toward corners, thin layers and breaks of supports, and the slowest rate of the energy."""
     found = Singularities.of_case(case)
     corners, rate = found.edge_gradings, found.slowest_rate
-    if case.modal:  # waves of modes are as long all over the shell
+    if case.modal:  # waves of modes have the same length all over the shell
         return (corners, found.break_gradings), rate
-    # Edges that end at singular corners are graded as these ask: more would be missing where layers cross the shell.
+    # Edges that end at singular corners are graded for these: stronger grading would lack cells where layers cross the
+    # shell.
     (a, b), (c, d) = np.where(np.array(corners) > 1, corners, layer_gradings(case)).tolist()
     return (((a, b), (c, d)), found.break_gradings), rate
 
 
 def usual_tolerance(case: Case, degree: Degree) -> float:
-    """Return the relative uncertainty at which a case counts as converged, unless a setting says otherwise."""
+    """Return the default relative uncertainty at which a case counts as converged."""
     if case.obstacles:
         return CONTACT_TOLERANCE
     if case.prescribed and degree > CUBIC:
@@ -186,10 +191,14 @@ def _mesh(
 def _solves(
     case: Case, settings: FemSettings, toward: Gradings, start: FemSolution | None, progress: ProgressCallback
 ) -> tuple[OnMesh, tuple[OnMesh, ...]]:
-    """Return how a case is solved on a mesh, and how trials are made that share out the cells.
+    """Return the function that solves a case on a mesh, and those of the trials that share out the cells.
 
-    Where a coarse mesh can't follow the path to its end, a trial in linear theory decides.
+    If a coarse mesh can't follow the path to its end, a trial in linear theory decides.
     """
+    # 1. A case with a prescribed field is interpolated; one for modes is solved for modes; a linear one is solved once.
+    # 2. A non-linear case follows its path on each mesh, guided by the states of the mesh before (`trail`).
+    # 3. Its trial follows the path to the end alone; if that fails, the linear case at full load decides. Contact takes
+    #    the path itself as the trial. Buckling has no trial, since its wave pattern depends on the mesh.
     degree = case_degree(case, settings)
 
     def linear(of: Case) -> OnMesh:
@@ -201,7 +210,7 @@ def _solves(
             order = max(settings.quadrature_order, 2 * mesh.degree + 1)
             folded = folding.fold(mesh, order) if settings.symmetry else None
             how = of.states, order, settings.direct_solver
-            if of.obstacles:  # where they touch is sought from where they did on the mesh before
+            if of.obstacles:  # the search of contact starts from that of the mesh before
                 nonlocal touched
                 found = equilibrium.solve(of, mesh, *how, touched)
                 touched = found.solution
@@ -209,7 +218,7 @@ def _solves(
                 found = equilibrium.solve(of, mesh, *how)
             else:
                 found = folding.unfolded(folded, equilibrium.solve(folded.part.case, folded.mesh, *how))
-            # one step, for the quantity that is an energy of the history
+            # one step, for the quantity that reads the energy of the history
             alone = Step(0, 0.0, found.potential_energy, found.solution.parameters, of.states[-1])
             return replace(found, solution=replace(found.solution, history=(alone,)))
 
@@ -247,7 +256,7 @@ def _solves(
         def follow(cells: Cells) -> equilibrium.Equilibrium:
             nonlocal trail
             if of.obstacles and not (trail or earlier) and max(cells) > FIRST_TOUCH:
-                # points come into contact a few in each iteration: first where there are few of them
+                # in each iteration a few points come into contact: the first mesh has few of them
                 with contextlib.suppress(SolveFailure):
                     follow((max(1, cells[0] // 2), max(1, cells[1] // 2)))
             mesh = _mesh(of, cells, settings, degree)
@@ -267,7 +276,7 @@ def _solves(
 
         return follow
 
-    if case.buckles:  # which wave pattern a shell buckles into is found anew on each mesh
+    if case.buckles:  # the wave pattern of buckling is found again on each mesh
         return (lambda cells: nonlinear(case, FIRST_STEP)(cells)), ()
     if case.obstacles:
         touching = nonlinear(case, FIRST_STEP)
@@ -288,7 +297,7 @@ def _measured(solution: FemSolution) -> Mapping[str, float]:
         return measure_reached(solution)
     try:
         return measure_all(solution)
-    except ValueError as error:  # the path lacks a point that a quantity is asked at
+    except ValueError as error:  # the path lacks the state of a quantity
         raise SolveFailure(str(error), partial=solution) from None
 
 
@@ -299,11 +308,11 @@ class _Meshes:
     Attributes
     ----------
     cells
-        The only ones, if there are any.
+        The only mesh's cells, if given.
     first, share, degree
         See `shellbench.solvers.fem.refinement.level_cells`; levels begin at `first`.
     made
-        How many there have been.
+        Number of meshes so far.
     """
 
     cells: Cells | None
@@ -321,16 +330,17 @@ class _Meshes:
         trials: tuple[OnMesh, ...],
         start: FemSolution | None,
     ) -> _Meshes:
-        """Let trials share out the cells, unless settings give them, or an earlier solution tells of trials."""
+        """Let trials share out the cells, unless settings give the cells, or an earlier solution the shares."""
         degree = case_degree(case, settings)
         if settings.cells:
             return cls(settings.cells, 0, 0, degree)
         known = start.diagnostics if start is not None and start.mesh.degree == degree else {}
         if SHARE in known:
-            # As many meshes as the start has taken, three at most: fewer tell less of the error, and more is done then.
+            # Take as many meshes as the start has taken, at most three: fewer give a worse estimate of the error, which
+            # costs more.
             return cls(None, known[LEVEL] - min(known[MADE], MOST_AGAIN) + 1, known[SHARE], degree)
         first = first_level(lambda cells: _mesh(case, cells, settings, degree, *toward).dof_count, degree)
-        share = 0  # unless a trial on coarse meshes says otherwise; one that fails says nothing of finer ones
+        share = 0  # unless a trial on coarse meshes gives another one; a failed trial is ignored
         for trial in trials:
             with contextlib.suppress(SolveFailure):
                 share = balanced_share(trial, first - 1, degree)
@@ -338,7 +348,7 @@ class _Meshes:
         return cls(None, first, share, degree)
 
     def __iter__(self) -> Iterator[Cells]:
-        """Yield cells, without end unless settings give them."""
+        """Yield cells of ever finer meshes, or only those of the settings."""
         if self.cells is not None:
             yield self.cells
             return
@@ -348,7 +358,7 @@ class _Meshes:
 
     @property
     def told(self) -> dict[str, int]:
-        """What diagnostics say of them, for solutions that start from this one."""
+        """Diagnostics of the meshes, for solutions that start from this one."""
         return {} if self.cells else {LEVEL: self.first + self.made - 1, SHARE: self.share, MADE: self.made}
 
 
@@ -363,7 +373,7 @@ def _finished(
     found = level.equilibrium
     known = {name: e for name, e in level.estimates.items() if len(steps) > 1}
     path = () if found.solution.case.linear else found.solution.history
-    began = steps[-1].seconds - path[-1].seconds if path else 0.0  # when the last mesh was taken up
+    began = steps[-1].seconds - path[-1].seconds if path else 0.0  # when the last mesh was begun
     states = tuple(replace(s, iteration=len(steps) + s.iteration, seconds=began + s.seconds) for s in path)
     return found.solution.told(
         history=(*steps, *states),

@@ -24,7 +24,7 @@ def knots(cells: int, degree: int) -> Array:
 def along(x: Array, cells: int, degree: int, order: int = 0) -> Sparse:
     """Return all splines at x (n,), or their derivatives of an order: sparse, (n, cells + degree).
 
-    Beyond the square the polynomials of its last cells go on.
+    Beyond the square, the polynomials of its last cells continue.
 
     Raises
     ------

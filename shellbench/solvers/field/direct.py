@@ -1,4 +1,4 @@
-"""Grids that are solved for: what a grid without layers displaces is linear in its coefficients.
+"""Grids that are solved for: the displacement of a grid without layers is linear in its coefficients.
 
 A function is matched by least squares along one axis after the other. Losses of local structures are minimised by
 Newton's method: the Hessian is exact for strain, that of Gauss and Newton for bending.
@@ -38,7 +38,7 @@ MOST_FOLDING, SMALL_FOLDING = 200, 1e-10  # of a sheet that meets a body
 DAMPING = 1e-7  # of it, N/m for each square metre: a pinned point alone lets the sheet turn
 FARTHEST, NEAR = 0.1, 3e-4  # m that a coefficient goes in a step; relative slope from which on Hessians are exact
 INDEFINITE = 1e-9  # relative size of a negative pivot that is not rounding
-ANCHOR = 1e-12  # relative stiffness by which what no pin holds is held while pins are extended
+ANCHOR = 1e-12  # relative stiffness that holds free unknowns while pins are extended
 HALVINGS = 30  # of a step that does not lower the energy
 PLAYS = 12  # of the two players: density, then minimiser
 STEADY = 1e-10  # by which the density still moves when they end
@@ -80,7 +80,7 @@ def gauss(cells: int, count: int) -> tuple[Array, Array]:
 
 
 def held(case: FieldCase, cells: int, degree: int) -> tuple[NDArray[np.bool_], Array]:
-    """Return which coefficients (m, 3) are given, and their values (m, 3): those of pinned edges."""
+    """Return a mask of the coefficients (m, 3) that pinned edges prescribe, and their values (m, 3)."""
     side = cells + degree
     given, values = np.zeros((side, side, 3), dtype=bool), np.zeros((side, side, 3))
     for component in case.cloth.confined if case.cloth else ():
@@ -99,10 +99,10 @@ def held(case: FieldCase, cells: int, degree: int) -> tuple[NDArray[np.bool_], A
 def freed(
     case: FieldCase, cells: int, degree: int, given: NDArray[np.bool_], coefficients: Array, span: Sparse
 ) -> Sparse:
-    """Return what free unknowns add to coefficients, component by component of those that are free: sparse.
+    """Return the sparse map from free unknowns to coefficients, by free component in turn.
 
-    `span` is what unknowns would add without pins. A pinned point binds the unknowns whose splines are not zero there:
-    the largest of them follows from the others. Coefficients (m, 3) are changed so that they meet all pins.
+    `span` is the same map without pins. A pinned point binds the unknowns whose splines are not zero there: the unknown
+    of the largest spline follows from the others. Coefficients (m, 3) are changed so that they meet all pins.
     """
     axes = free_axes(case)
     taken = np.asarray(abs(span[given[:, axes].T.ravel()]).sum(axis=0)).ravel() > 0
@@ -134,15 +134,20 @@ def free_axes(case: FieldCase) -> list[int]:
 def least(sampled: Sampled, start: Array, span: Sparse) -> Iterator[tuple[float, Array]]:
     """Yield energy and coefficients after each step of Newton's method, until the energy is least.
 
-    `span` is what `freed` returns. The Hessian is the exact one where that is positive definite, and the convex one,
-    damped, elsewhere. With a body the sheet folds on its way: there steps are short, with the convex Hessian, until
-    they are whole and small.
+    `span` is the map of `freed`. The Hessian is the exact one if that is positive definite, else the convex one,
+    damped. With a body the sheet folds on its way: steps are then short, with the convex Hessian, until they are whole
+    and small.
 
     Raises
     ------
     SolveFailure
-        If steps do not lower it, it has not settled, or it is no minimum where it rests.
+        If steps do not lower the energy, it has not settled, or the final state is no minimum.
     """
+    # 1. Take energy, gradient and Hessian; solve for the Newton step of the free unknowns.
+    # 2. If the exact Hessian is indefinite, take the convex one, damped, instead.
+    # 3. Stop if the predicted gain is at rounding; refuse a saddle.
+    # 4. Limit the step with a body, halve it until the energy falls, and return to the exact Hessian near the minimum.
+    # The textbook shifts the Hessian until it is definite. Here a convex part of the energy's own Hessian replaces it.
     axes, meets = sampled.axes, sampled.body is not None
     convex, coefficients = meets, start
     most, small = (MOST_FOLDING, SMALL_FOLDING) if meets else (MOST_STEPS, SMALL)
@@ -196,7 +201,8 @@ def solved(matrix: Sparse, right: Array) -> tuple[Array, bool]:
 def extended(sampled: Sampled, start: Array, span: Sparse, cells: int, degree: int) -> Array:
     """Return coefficients (m, 3) whose displacement is the harmonic extension of that of moved pins.
 
-    It is affine where that of the pins is, so that Newton's method never begins with cells that pins have torn.
+    If the pins' displacement is affine, so is the extension. Newton's method therefore never starts from cells torn by
+    pins.
     """
     axes = sampled.axes
     if not np.any(start[:, axes]):
@@ -205,7 +211,7 @@ def extended(sampled: Sampled, start: Array, span: Sparse, cells: int, degree: i
     slopes = [matrix(points, cells, degree, orders) for orders in ((1, 0), (0, 1))]
     one = sum(part.T @ diags(areas) @ part for part in slopes)
     whole = block_diag([one] * len(axes), format="csr")
-    # what no pin moves stays where it is
+    # unknowns that no pin moves stay in place
     anchor = ANCHOR * one.diagonal().mean() * identity(span.shape[1], format="csr")
     right = -(span.T @ (whole @ start[:, axes].T.ravel()))
     found, _ = solved(span.T @ whole @ span + anchor, right)
@@ -216,10 +222,10 @@ def extended(sampled: Sampled, start: Array, span: Sparse, cells: int, degree: i
 
 @dataclass(frozen=True)
 class Play:
-    """How samples of a minimisation are weighed: evenly, or by a density that follows the losses.
+    """Weights of the samples of a minimisation: even ones, or a density that follows the losses.
 
-    With `share` above 0 that part of samples follows the density of `cells` along a side. Unless `weighted`, losses
-    count as often as they are sampled, as the paper has it; that is the mean over all draws.
+    With `share` above 0, that share of the samples follows the density of `cells` along a side. Unless `weighted`,
+    losses count as often as they are sampled, as in the paper; that is the mean over all draws.
     """
 
     share: float
@@ -237,11 +243,14 @@ def minimised(
     symmetric: bool = True,
     count: int | None = None,
 ) -> LayeredField:
-    """Return the grid of least energy; with a density that follows the losses, where both players rest.
+    """Return the grid of least energy; with a density that follows the losses, the equilibrium of both players.
 
-    A coarser grid's answer is where it starts, if there is one. `count` are Gauss points of a cell along a side; None
-    for those of its degree.
+    It starts from a coarser grid's answer, if there is one. `count` is the number of Gauss points of a cell along a
+    side; None for that of its degree.
     """
+    # 1. Prepare Gauss points, pinned coefficients, and the map from free (or symmetric) unknowns.
+    # 2. Weigh the samples by the density, and minimise by Newton's method from the last coefficients.
+    # 3. With a density, set it by the new losses, and repeat until it is steady.
     assert case.cloth is not None
     began, history = time.perf_counter(), list[Step]()
     points, areas = gauss(cells, count or GAUSS[degree])

@@ -2,9 +2,9 @@
 
 1. The corners of a structure lie in few cells: the splines that are not zero at any of them form a window, a square of
    as many splines for all structures. `Batch` keeps the splines at corners, densely, by structure.
-2. A loss knows slopes and second derivatives in the places of corners alone. The Hessian is exact for strain and an
-   exact body, that of Gauss and Newton for bending. Asked for a convex one, what compression and contact take away is
-   left out.
+2. A loss has slopes and second derivatives in the places of corners only. The Hessian is exact for strain and an exact
+   body, that of Gauss and Newton for bending. A convex Hessian leaves out the negative parts of compression and
+   contact.
 3. Corners' Hessians become windows' by two small products a structure. Those of one window are summed, row of windows
    by row, and added to a band: for each spline the blocks with its neighbours. No list of entries is sorted.
 """
@@ -132,7 +132,7 @@ class Sampled:
     Attributes
     ----------
     triangles, stars
-        The three corners that strain looks at, and the six that bending and collision do; None of what has no weight.
+        The three corners of strain, and the six of bending and collision; None for a loss without weight.
     middles, heights
         Splines at the points, and their heights at rest.
     """
@@ -166,7 +166,7 @@ class Sampled:
         return [number for number, axis in enumerate(AXES) if axis not in self.cloth.confined]
 
     def rounding(self, coefficients: Array) -> float:
-        """Return the energy that rounding of places leaves in a sheet that is only moved."""
+        """Return the energy of a rigidly moved sheet by rounding of places."""
         if self.triangles is None:
             return 0.0
         far = float(np.abs(self.triangles.places(coefficients)).max())
@@ -218,7 +218,7 @@ class Sampled:
             yield weight * value, [i, j], weight * slopes, weight * seconds
 
     def _of_stars(self, places: Array, rest: Array, convex: bool, order: int) -> Iterator[Any]:
-        """Yield the same of each pair of faces, with four corners, and of each corner that meets the body."""
+        """Yield the same data of each pair of faces, with four corners, and of each corner that meets the body."""
         weight = self.cloth.bend
         for face in OUTER if weight else ():
             numbers = [*MIDDLE, next(corner for corner in face if corner > 2)]

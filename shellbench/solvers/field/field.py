@@ -30,7 +30,7 @@ def encoded(points: Array, frequencies: int) -> Array:
 
 
 def free_factor(points: Array, held: list[str]) -> Array:
-    """Return what a trained displacement is multiplied by at points (n, 2): zero on held edges, one far from them."""
+    """Return the factor of a trained displacement at points (n, 2): zero on held edges, one far from them."""
     factor = np.ones(len(points))
     for edge in held:
         x = points[:, "uv".index(edge[0])]
@@ -41,7 +41,7 @@ def free_factor(points: Array, held: list[str]) -> Array:
 def pin_shares(points: Array, pinned: Array) -> Array:
     """Return the share (n, k) that pinned points (k, 2) have at points (n, 2): by inverse squares of distances.
 
-    A trained displacement less its own at pins, so shared, is zero at each; of one pin it is the same everywhere.
+    A trained displacement less its shared values at the pins is zero at each pin; one pin has the share 1 everywhere.
     """
     apart = np.sum((points[:, None] - pinned) ** 2, axis=2)
     nearest = apart.min(axis=1, keepdims=True)
@@ -72,7 +72,7 @@ class LayeredField(FieldSolution):
         return np.asarray(values)
 
     def decoded(self, points: Array, orders: tuple[int, int] = (0, 0)) -> Array:
-        """Return what the layers make of features, (n, 3); without layers the features."""
+        """Return the output of the layers, (n, 3); without layers, the features themselves."""
         form, values = self.form, self.features(points, orders)
         for number in range(form["layers"]):
             values = values @ self.tensors[f"weight_{number}"] + self.tensors[f"bias_{number}"]

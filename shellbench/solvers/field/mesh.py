@@ -1,14 +1,16 @@
 """The mesh of `vertex-mesh`: a lattice of almost equilateral triangles, and the energy of its edges and hinges.
 
-1. Rows of vertices, every other one shifted by half an edge, with half triangles at two sides. Rows are as far apart as
-   in equilateral triangles, but for what makes their number even.
-2. A triangle is flat: structures within it are strained alike. Their mean over orientations is that of six directions.
+1. Rows of vertices, every other one shifted by half an edge, with half triangles at two sides. The distance of rows is
+   that of equilateral triangles, adjusted so that their number is even.
+2. A triangle is flat: all structures within it have the same strain. Their mean over orientations is that of six
+   directions.
 3. Two faces that share an edge are a pair of a local structure, but of the mesh's size: |n1 - n2|^2 times (s / h)^2 has
-   the limit of structures of side s. This departs from the paper, whose mesh bends as its own edges say.
+   the limit of structures of side s. Departure from the paper, whose mesh bends by its own edges.
 4. A vertex has the mean of six corners' collision over its share of the area, and that share of the weight.
-5. Newton's method as for grids, but written for meshes: the Hessian is clamped and damped until steps are small.
+5. Newton's method as for grids, with an implementation of its own: the Hessian is clamped and damped until steps are
+   small.
 
-Nothing of it is shared with grids: it is what they are held against.
+The mesh shares no code with grids, since it is their reference.
 """
 
 from __future__ import annotations
@@ -34,7 +36,7 @@ DIRECTIONS = 6  # of edges in a triangle: two structures, a sixth of a turn apar
 CORNERS = 6  # of a structure that collide
 DAMPING, FARTHEST, NEAR, SMALL, MOST = 1e-7, 0.1, 3e-4, 1e-10, 200
 EPSILON = 64 * float(np.finfo(float).eps)  # relative error of a place, with a margin
-ANCHOR = 1e-12  # stiffness by which what no pin holds is held while pins are extended
+ANCHOR = 1e-12  # stiffness that holds free vertices while pins are extended
 INDEFINITE = 1e-9  # relative size of a negative pivot that is not rounding
 
 
@@ -199,7 +201,7 @@ class Mesh:
         return met[:, None], (weight * depth[:, None] * normal)[:, None], weight[:, :, None] * outer
 
     def span(self) -> tuple[Sparse, Array]:
-        """Return what free unknowns add to places (3 n, k), and the displacement (n, 3) that pins give."""
+        """Return the sparse map (3 n, k) from free unknowns to places, and the displacement (n, 3) of the pins."""
         points = self.lattice.points
         given, values = np.zeros((len(points), 3), dtype=bool), np.zeros((len(points), 3))
         given[:, ["xyz".index(axis) for axis in self.cloth.confined]] = True
@@ -219,7 +221,7 @@ class Mesh:
     def extended(self, span: Sparse, values: Array) -> Array:
         """Return places (n, 3) whose displacement extends that of moved pins, each edge a spring of its cotangents.
 
-        The extension is harmonic (Pinkall and Polthier 1993), and affine where the pins' displacement is.
+        The extension is harmonic (Pinkall and Polthier 1993), and affine if the pins' displacement is.
         """
         if not np.any(values):
             return self.rest
@@ -233,7 +235,7 @@ class Mesh:
             rows, columns = np.concatenate([i, j, i, j]), np.concatenate([i, j, j, i])
             stiffness = stiffness + coo_matrix((entries, (rows, columns)), shape=(len(points),) * 2)
         whole = kron(stiffness.tocsr(), identity(3))
-        anchor = ANCHOR * identity(span.shape[1])  # of what no pin moves
+        anchor = ANCHOR * identity(span.shape[1])  # of vertices that no pin moves
         found = factorised(span.T @ whole @ span + anchor).solve(-(span.T @ (whole @ values.ravel())))
         return np.asarray(self.rest + values + (span @ found).reshape(-1, 3))
 
@@ -277,7 +279,7 @@ def factorised(matrix: Sparse) -> Any:
 
 
 def indefinite(matrix: Sparse) -> bool:
-    """Tell whether a symmetric matrix has negative eigenvalues beyond rounding: as many as there are such pivots."""
+    """Return True if a symmetric matrix has negative eigenvalues beyond rounding, counted by its pivots."""
     pivots = factorised(matrix).U.diagonal()
     return bool(pivots.min() < -INDEFINITE * pivots.max())
 

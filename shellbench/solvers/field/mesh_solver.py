@@ -1,4 +1,4 @@
-"""The solver `vertex-mesh`: a cloth as a mesh of triangles, the reference of what has no closed form."""
+"""The solver `vertex-mesh`: a cloth as a mesh of triangles, the reference for cases without a closed form."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class MeshField(FieldSolution):
-    """A field by the displacement (n, 3) of `vertices`, linear in triangles; `form` is what the mesh is made with."""
+    """A field by the displacement (n, 3) of `vertices`, linear in triangles; `form` has the data that rebuild it."""
 
     @cached_property
     def mesh(self) -> Any:
@@ -63,13 +63,13 @@ class VertexMeshSolver(FieldSolver):
     settings_type: ClassVar[type[MeshSettings]] = MeshSettings
 
     def refuses(self, case: FieldCase) -> str | None:
-        """Return why it can't take a case: a network is asked for."""
+        """Return the reason that it declines a case, or None: it takes no case that asks for a network."""
         if case.network is not None:
             return f"the case asks for the network '{case.network}'"
         return None
 
     def declines_quantity(self, case: FieldCase, quantity: Any) -> str | None:
-        """Return why it can't give a quantity: derivatives are asked for."""
+        """Return the reason that it can't give a quantity, or None: it has no derivatives."""
         if quantity.kind == "value" and sum(quantity.orders):
             return "a mesh of flat triangles has no derivatives at points"
         return None
@@ -80,14 +80,14 @@ class VertexMeshSolver(FieldSolver):
 
         coarse, fine = (meshed(case, count, progress) for count in (settings.resolution // 2, settings.resolution))
         uncertainty = told_by_levels([measured(case, coarse), measured(case, fine)])
-        # A mean over more directions tells what the mesh's few leave out of its strains.
+        # A mean over more directions estimates the error of the mesh's few directions.
         more = measured(case, replace(fine, form={**fine.form, "directions": 2 * DIRECTIONS}))
         for name, value in measured(case, fine).items():
             uncertainty[name] += abs(value - more[name])
         return replace(fine, uncertainty=uncertainty)
 
     def load(self, path: Path) -> MeshField:
-        """Read what a field has saved; InputError in one sentence if it is none."""
+        """Read the file of a field; InputError in one sentence if it is no such file."""
         return MeshField.load(path)
 
 

@@ -87,6 +87,6 @@ def relaxed_on_a_line(places: Array, steps: int) -> Array:
 
 
 def positive(losses: Array) -> Array:
-    """Return losses shifted so that none is negative: a probability can't be. The paper does not say."""
+    """Return losses shifted so that none is negative, as a probability requires. The paper does not state this step."""
     shifted: Any = losses - min(float(losses.min()), 0.0)
     return np.asarray(shifted if shifted.any() else np.ones_like(shifted))

@@ -2,9 +2,9 @@
 
     Shu et al., "Spatially Adaptive Cloth Regression with Implicit Neural Representations"
 
-`grid` is solved for: a grid without layers is linear in its coefficients. `grid-adaptive` counts losses as often as the
-paper's samples would. `grid-printed` is the paper's grid with its
-four layers and half of the samples where losses are large; `mlp` is what the paper sets beside it. Both are trained.
+`grid` is solved for: a grid without layers is linear in its coefficients. `grid-adaptive` weighs losses by the density
+of the paper's samples. `grid-printed` is the paper's grid with its four layers, and half of the samples where losses
+are large; `mlp` is the paper's comparison. Both are trained.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ VERTICES = 127  # cells of a grid that has as many coefficients as the paper's m
 MATCHING, MINIMISING, FOLDING = 64, 16, 48  # cells along a side
 FEWEST = 12  # of the grids that a sheet folds on first
 HIDDEN = 3  # layers beside the last
-SPENT = {"epochs": 200, "samples": 64}  # by what is trained if the case does not say
+SPENT = {"epochs": 200, "samples": 64}  # by trainings if the case states no limits
 LOOKS = 10  # at the figures of a training
 
 
@@ -106,7 +106,7 @@ class OfFields(FieldSolver):
     """A solver whose answer is a field."""
 
     def load(self, path: Path) -> FieldSolution:
-        """Read what a field has saved; InputError in one sentence if it is none."""
+        """Read the file of a field; InputError in one sentence if it is no such file."""
         from shellbench.solvers.field.field import LayeredField
 
         return LayeredField.load(path)
@@ -122,7 +122,7 @@ class GridSolver(OfFields):
     settings_type: ClassVar[type[GridSettings]] = GridSettings
 
     def refuses(self, case: FieldCase) -> str | None:
-        """Return why it can't take a case: a network with layers is asked for."""
+        """Return the reason that it declines a case, or None: it takes no case that asks for a network with layers."""
         if case.network in (None, "vertices"):
             return None
         return f"its field has no layers, and the case asks for the network '{case.network}'"
@@ -168,7 +168,7 @@ class AdaptiveSettings(GridSettings):
 
 
 class AdaptiveGridSolver(GridSolver):
-    """The same on the mean of all draws of the paper's samples, where both players rest."""
+    """The same grid on the mean of all draws of the paper's samples, at the equilibrium of both players."""
 
     name: ClassVar[str] = "grid-adaptive"
     capabilities: ClassVar[Capabilities] = Capabilities(
@@ -178,7 +178,7 @@ class AdaptiveGridSolver(GridSolver):
 
 
 def by_itself(case: FieldCase, found: FieldSolution) -> dict[str, float]:
-    """Return what a field knows of its figures without another level: its parameters, and its error elsewhere."""
+    """Return uncertainties that need no second level: 0 of parameters; of an RMS error, its value on another grid."""
     known = {q.name: 0.0 for q in case.quantities if q.kind == "parameters"}
     for quantity in case.quantities:
         if quantity.kind == "rms_error":
@@ -196,7 +196,7 @@ class PrintedGridSolver(OfFields):
     settings_type: ClassVar[type[PrintedSettings]] = PrintedSettings
 
     def refuses(self, case: FieldCase) -> str | None:
-        """Return why it can't take a case."""
+        """Return the reason that it declines a case, or None if it takes it."""
         if case.network not in (None, "grid"):
             return f"the case asks for the network '{case.network}'"
         return why_not_trained(case)
@@ -223,7 +223,7 @@ class MlpSolver(OfFields):
     settings_type: ClassVar[type[MlpSettings]] = MlpSettings
 
     def refuses(self, case: FieldCase) -> str | None:
-        """Return why it can't take a case."""
+        """Return the reason that it declines a case, or None if it takes it."""
         if case.network in ("grid", "vertices"):
             return f"the case asks for the network '{case.network}'"
         return why_not_trained(case)
@@ -236,7 +236,7 @@ class MlpSolver(OfFields):
 
 
 def why_not_trained(case: FieldCase) -> str | None:
-    """Return why a case can't be trained: pins that move."""
+    """Return the reason that a case can't be trained, or None: its pins must not move."""
     moved = [value for pin in case.pins for value in pin.displacement if value not in (0.0, "0")]
     return "what is trained can be pinned where it is only, and here pins move" if moved else None
 

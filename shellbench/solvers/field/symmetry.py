@@ -1,7 +1,7 @@
-"""Symmetry of a question: a sheet that is a square over a ball at its middle looks the same from eight sides.
+"""Symmetry of a case: a square sheet over a ball at its middle has eight symmetries.
 
-Then one eighth of the samples and of the coefficients is enough. A symmetric answer is one at rest; whether it is also
-the least among all answers, tests ask.
+Then one eighth of the samples and of the coefficients is enough. A symmetric answer is stationary; tests check that it
+is also the least among all answers.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ MIDDLE = (0.5, 0.5)
 
 
 def maps(case: FieldCase) -> list[tuple[bool, Array]]:
-    """Return the maps under which a question stays the same: whether u and v change places, and signs (2,) after that.
+    """Return the maps that leave a case unchanged: True if u and v change places, and signs (2,) after that.
 
-    Only of what meets a body; the identity alone if there are no others.
+    Only cases with a body are examined; the identity alone is returned if there are no other maps.
     """
     cloth, body = case.cloth, case.body
     plain = cloth is not None and tuple(cloth.rest) == ("u", "v", 0.0) and not cloth.confined
@@ -39,7 +39,7 @@ def maps(case: FieldCase) -> list[tuple[bool, Array]]:
 
 
 def mapped(points: Array, swap: bool, signs: Array) -> Array:
-    """Return where points (n, 2) of the square go."""
+    """Return the images of points (n, 2) of the square."""
     turned = points[:, ::-1] if swap else points
     return np.asarray(MIDDLE + signs * (turned - MIDDLE))
 
@@ -54,7 +54,7 @@ def folded(points: Array, weights: Array, found: list[tuple[bool, Array]]) -> tu
 
 
 def span_of(side: int, axes: list[int], found: list[tuple[bool, Array]]) -> Sparse:
-    """Return what symmetric unknowns make of coefficients (side^2) of the components, component by component."""
+    """Return the sparse map from symmetric unknowns to coefficients (side^2), component by component."""
     count = side**2
     rows, columns = np.divmod(np.arange(count), side)
     numbers, signs = list[NDArray[np.int64]](), list[Array]()

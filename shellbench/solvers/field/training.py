@@ -34,7 +34,7 @@ START = 1e-4  # features of a grid start within this much of zero
 
 @dataclass(frozen=True)
 class Sampler:
-    """How points of an epoch are chosen; see `shellbench.solvers.field.solver.TrainedSettings` for the fields."""
+    """Choice of the points of an epoch; see `shellbench.solvers.field.solver.TrainedSettings` for the fields."""
 
     kind: str
     weighted: bool
@@ -46,7 +46,7 @@ class Sampler:
 
 @dataclass(frozen=True)
 class Choice:
-    """How a field is trained."""
+    """Settings of the training of a field."""
 
     form: Mapping[str, Any]
     features: int
@@ -62,10 +62,10 @@ class Choice:
 
 
 class Weights:
-    """The weights of a field as tensors that learn; `displacement` is what `LayeredField` computes of them.
+    """The weights of a field as tensors that learn; `displacement` is that of `LayeredField` with these weights.
 
-    Gradients go back through the layers by hand, in memory that is used again: PyTorch's graph, and fresh memory for
-    each of its results, cost more than the products. Only losses, of places, are left to the graph.
+    Gradients are propagated through the layers by hand, in reused memory: PyTorch's graph, and fresh memory for each of
+    its results, cost more than the products. Only the losses as functions of places use the graph.
     """
 
     def __init__(self, choice: Choice) -> None:
@@ -99,7 +99,7 @@ class Weights:
 
     @torch.no_grad()
     def displacement(self, points: Array) -> Tensor:
-        """Return the displacement (n, 3) at points (n, 2), and keep what `slopes` needs of the way."""
+        """Return the displacement (n, 3) at points (n, 2), and keep the intermediate values for `slopes`."""
         form = self.form
         if self.pinned is not None:
             shares = self.tensor(pin_shares(points, self.pinned))
@@ -220,9 +220,9 @@ def bends(places: Tensor) -> Tensor:
 
 
 class Losses:
-    """What is asked of a field at points (n, 2), structures turned by angles (n,): the places it needs, and the losses.
+    """Losses of a field at points (n, 2), with structures turned by angles (n,), and the places that they need.
 
-    All places go through the field at once.
+    One call evaluates the field at all places.
     """
 
     def __init__(self, case: FieldCase, weights: Weights, points: Array, angles: Array) -> None:
@@ -289,6 +289,10 @@ def train(case: FieldCase, choice: Choice, progress: ProgressCallback) -> Layere
     SolveFailure
         If the loss is not finite any more.
     """
+    # 1. With the adaptive sampler, sample the losses by cell, and mix them into the density.
+    # 2. Draw points, and take a step of Adam on the losses there.
+    # 3. Record the case's quantities at some epochs, without counting the time.
+    # 4. State the change over the last records as the uncertainty.
     began = time.perf_counter()
     random, weights = np.random.default_rng(choice.seed), Weights(choice)
     optimiser = Adam(list(weights.tensors.values()), choice.rate)
@@ -327,13 +331,13 @@ def train(case: FieldCase, choice: Choice, progress: ProgressCallback) -> Layere
 
 
 def spread(history: list[Step]) -> dict[str, float]:
-    """Return by how much figures moved over the last quarter of what was measured."""
+    """Return the changes of the values over the last quarter of the measurements."""
     last = history[-max(2, len(history) // 4) :]
     return {name: float(np.ptp([step.quantities[name] for step in last])) for name in last[-1].quantities}
 
 
 def known_by_loss(case: FieldCase, recent: list[float]) -> dict[str, float]:
-    """Return the root of the mean of the last losses on fresh samples: how far a field is from what it matches."""
+    """Return the root of the mean of the last losses on fresh samples: the distance of a field from the function."""
     if case.match is None:  # losses may be negative
         return {}
     off = math.sqrt(float(np.mean(recent)))

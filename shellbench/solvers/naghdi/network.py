@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 REACH = 4.0  # of inputs on either side of zero: by certified energy on the roof, against 1 and 2
 ALONG_EDGE = 33  # points of an edge at which its frame is looked at
-STRAIGHT = 1e-9  # by which a frame may miss what a support needs
+STRAIGHT = 1e-9  # allowed error of a frame in a support's condition
 
 
 def held_fields(case: Case) -> list[set[Edge]]:
@@ -82,7 +82,7 @@ def factors(case: Case, xi: Array) -> Array:
 
 
 def units(case: Case) -> Array:
-    """Return the sizes (5,) that fields may have, m and 1: between those of a shell that stretches and that bends."""
+    """Return the scales (5,) of the fields, m and 1: between those of a stretching and of a bending shell."""
     domain, material = case.surface.domain, case.material
     xi = domain.grid(9, 9).reshape(-1, 2)
     frame = Frame.at(case, xi)
@@ -115,7 +115,7 @@ ACTIVATIONS: dict[str, Activation] = {
 
 @dataclass(frozen=True)
 class Shape:
-    """What a network is, beside its weights."""
+    """Shape of a network: everything but its weights."""
 
     layers: int
     width: int
@@ -169,7 +169,7 @@ class Fields:
     inputs
         (N, 2) coordinates in [-REACH, REACH].
     rates
-        At which they grow with xi1 and xi2.
+        Rates of their growth with xi1 and xi2.
     factors
         (N, 3, 5), times units.
     """

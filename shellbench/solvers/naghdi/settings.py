@@ -1,4 +1,4 @@
-"""Settings of the solver `pinn-naghdi`, and what a training depends on."""
+"""Settings of the solver `pinn-naghdi`, and the digest of a training."""
 
 from __future__ import annotations
 
@@ -46,6 +46,6 @@ class NaghdiSettings(SeededSettings):
 
 
 def training_key(case: Case, settings: NaghdiSettings) -> str:
-    """Return what a training is, as a digest: of the case and of all settings that its course depends on."""
+    """Return a digest of a training: of the case and of all settings that its course depends on."""
     facts = {"case": case.digest(), **settings.model_dump(mode="json", exclude={"checkpoint", "device", "iterations"})}
     return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()

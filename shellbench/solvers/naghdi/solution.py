@@ -57,7 +57,7 @@ class Energies(NamedTuple):
 
 @dataclass(frozen=True)
 class Rule:
-    """What energies need at points: z = (q, q,1, q,2) is all that depends on the network.
+    """Quadrature of the energies at points; of their arguments only the jet z = (q, q,1, q,2) depends on the network.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class NaghdiSolution(ShellSolution):
     weights
         (parameters,) all weights.
     mean
-        (3,) the translation that nothing holds, m: it is taken off.
+        (3,) the free translation, m, which is subtracted.
     """
 
     formats: ClassVar[tuple[str | int, ...]] = ("pinn-naghdi, format 1",)
@@ -156,13 +156,13 @@ class NaghdiSolution(ShellSolution):
         return found.membrane, found.bending + found.shear
 
     def kept(self) -> tuple[Words, Arrays]:
-        """Return what a file holds beside the case and the history."""
+        """Return the data that a file holds beside the case and the history."""
         shape = {"layers": self.shape.layers, "width": self.shape.width, "activation": self.shape.activation}
         return {"shape": shape}, {"weights": self.weights, "mean": self.mean}
 
     @classmethod
     def restored(cls, case: Case, words: Words, arrays: Arrays) -> NaghdiSolution:
-        """Make a solution of what a file holds; ValueError or KeyError if it does not fit together."""
+        """Make a solution from the data of a file; ValueError or KeyError if they are inconsistent."""
         shape = Shape(**words["shape"])
         weights, mean = arrays["weights"], arrays["mean"]
         if weights.shape != (shape.parameters,) or mean.shape != (3,):
@@ -172,7 +172,7 @@ class NaghdiSolution(ShellSolution):
 
 @dataclass(frozen=True)
 class Check:
-    """A fine rule, which no network is trained on: energies and mean translations are taken on it."""
+    """A fine rule on which no network is trained, for energies and mean translations."""
 
     case: Case
     fields: Fields

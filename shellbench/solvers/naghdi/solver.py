@@ -31,11 +31,11 @@ class NaghdiSolver(ShellSolver):
     takes: ClassVar[frozenset[Beyond]] = frozenset({"transverse shear"})
 
     def declines(self, case: Case) -> str | None:
-        """Return why the solver can't take this case, as one clause, or None if it can."""
+        """Return the reason that the solver declines this case, as one clause, or None if it takes it."""
         return super().declines(case) or _beyond(case)
 
     def declines_quantity(self, case: Case, quantity: Quantity) -> str | None:
-        """Return why the network can't give a quantity of a case that it takes, as one clause, or None if it can."""
+        """Return the reason that it can't give a quantity of a case that it takes, as one clause, or None if it can."""
         if isinstance(quantity, SupportQuantity):
             return "this solver computes no reactions"
         return super().declines_quantity(case, quantity)
@@ -43,7 +43,7 @@ class NaghdiSolver(ShellSolver):
     def answer(
         self, case: Case, settings: NaghdiSettings, start: Solution | Path | None, progress: ProgressCallback
     ) -> NaghdiSolution:
-        """Train a field; one that was interrupted goes on from its own file in the folder `settings.checkpoint`.
+        """Train a field; an interrupted training continues from its own file in the folder `settings.checkpoint`.
 
         Raises
         ------
@@ -57,14 +57,14 @@ class NaghdiSolver(ShellSolver):
         return training.solve(case, settings, progress)
 
     def load(self, path: Path) -> NaghdiSolution:
-        """Read a solution that `save` wrote; InputError in one sentence if it is none."""
+        """Read a file of `save`; InputError in one sentence if it is no such file."""
         from shellbench.solvers.naghdi.solution import NaghdiSolution
 
         return NaghdiSolution.load(path)
 
 
 def _beyond(case: Case) -> str | None:
-    """Return what a case has beyond what the network can hold, as one clause; None if nothing."""
+    """Return the first property of a case that the network can't represent, as one clause; None if there is none."""
     if any(case.surface.domain.periodic):
         return "its surface closes on itself, and the network is not periodic"
     if not all(isinstance(load, LOADS) for load in case.loads):

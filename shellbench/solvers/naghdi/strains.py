@@ -7,9 +7,8 @@ t_1 along a_1 and t_2 = a3 x t_1. The strains
     2 chi_ab = a_a . d,b + a_b . d,a + a3,a . u,b + a3,b . u,a                of bending
     gamma_a  = a3 . u,a + a_a . d                                             of transverse shear
 
-are the changes of a_a . a_b / 2, of a_a . a3,b and of a_a . a3. Where gamma = 0 they are those of Kirchhoff and Love.
-The energy per area is (D eps : H : eps + B chi : H : chi + k G h gamma . gamma) / 2 with k = 5/6 (Bastek &
-Kochmann 2023).
+are the changes of a_a . a_b / 2, of a_a . a3,b and of a_a . a3. For gamma = 0 they are those of Kirchhoff and Love. The
+energy per area is (D eps : H : eps + B chi : H : chi + k G h gamma . gamma) / 2 with k = 5/6 (Bastek & Kochmann 2023).
 """
 
 from __future__ import annotations
@@ -71,7 +70,7 @@ class Frame:
         length = np.linalg.norm(base[:, 0], axis=-1)[:, None]
         first = base[:, 0] / length
         second = np.cross(normal, first)
-        # t_1,b is what a_1,b / |a_1| has across t_1; t_2 follows by the product rule.
+        # t_1,b is the part of a_1,b / |a_1| across t_1; t_2 follows by the product rule.
         turned = bent[:, 0] / length[:, None]
         first_slopes = turned - np.einsum("nbc,nc->nb", turned, first)[..., None] * first[:, None]
         second_slopes = np.cross(normal_slopes, first[:, None]) + np.cross(normal[:, None], first_slopes)

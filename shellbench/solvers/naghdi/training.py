@@ -1,8 +1,8 @@
 """Training of the five fields on Naghdi's potential energy (Bastek & Kochmann 2023): Adam if asked for, then L-BFGS.
 
-The loss is the energy on fixed points. Every so many iterations the energy is certified on a finer rule; the weights of
-least certified energy are the answer. A checkpoint holds the method's memory too: an interrupted training goes on as if
-it had never stopped.
+The loss is the energy on fixed points. At intervals the energy is certified on a finer rule; the weights of least
+certified energy are the answer. A checkpoint also holds the method's memory, so that an interrupted training continues
+exactly.
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ SMALLEST = 1e-14  # change of the loss below which L-BFGS stops
 
 @dataclass(frozen=True)
 class State:
-    """A training after so many iterations: all that it needs to go on.
+    """A training after so many iterations, with all data that it needs to continue.
 
     Attributes
     ----------
     best, best_energy
         The weights of least certified energy, and that energy, J.
     memory
-        What torch's L-BFGS remembers: past steps, and changes of the gradient along them.
+        Memory of torch's L-BFGS: past steps, and changes of the gradient along them.
     """
 
     weights: Tensor
@@ -67,10 +67,10 @@ class State:
 
 def solve(case: Case, settings: NaghdiSettings, progress: ProgressCallback) -> NaghdiSolution:
     """Train a field; see `shellbench.solvers.naghdi.solver.NaghdiSolver`."""
-    # 1. Points, strains and loads are made once: z of the network is all that changes.
-    # 2. Rounds of `certify_every` iterations; after each, energies on the fine rule, and the state is written down.
-    # 3. It ends when that energy gains next to nothing any more, or after so many iterations.
-    # 4. The answer is the state of least certified energy, less the translation that nothing holds.
+    # 1. Make points, strains and loads once: only z of the network changes.
+    # 2. Iterate in rounds of `certify_every`; after each, compute energies on the fine rule, and save the state.
+    # 3. End when that energy hardly falls any more, or after so many iterations.
+    # 4. Return the state of least certified energy, less the free translation.
     shape = Shape(settings.layers, settings.width, settings.activation)
     if settings.sampling == "gauss":
         xi, at = gauss_points(case, side_of(settings.points))
@@ -127,7 +127,7 @@ def solve(case: Case, settings: NaghdiSettings, progress: ProgressCallback) -> N
         if file:
             _write(file, now)
         progress(Progress(now.iteration, end, f"energy {energies.potential:.8g} J"))
-        # L-BFGS that found no step at all will not find one; and what gains no more has settled.
+        # If L-BFGS found no step it will not find one later; and a training that gains no more has settled.
         if not by_adam and (not moved or _settled(now.history, settings.settle)):
             break
     solution = _solution(check, now, resumed)
@@ -139,7 +139,7 @@ def solve(case: Case, settings: NaghdiSettings, progress: ProgressCallback) -> N
 
 
 def _settled(history: Sequence[Step], settle: float) -> bool:
-    """Whether the certified energy has gained less than a share of itself over the last looks at it."""
+    """Return True if the certified energy gained less than a share of itself over the last evaluations."""
     if len(history) <= LOOKS:
         return False
     before, after = (min(step.energy for step in part) for part in (history[:-LOOKS], history))
@@ -229,7 +229,7 @@ def _write(path: Path, now: State) -> None:
 
 
 def _read(path: Path, shape: Shape) -> State:
-    """Read a checkpoint; InputError in one sentence if it is none."""
+    """Read a checkpoint; InputError in one sentence if it is no such file."""
     try:
         with np.load(path, allow_pickle=False) as data:
             words, weights, best = json.loads(str(data["words"])), data["weights"], data["best"]

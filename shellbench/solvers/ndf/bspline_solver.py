@@ -1,4 +1,4 @@
-"""The solver `bspline-ritz`; what solves is `bspline`, which is imported when it is called."""
+"""The solver `bspline-ritz`; the module `bspline`, which solves, is imported when it is called."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class SplineSolver(FieldSolver):
     )
 
     def declines(self, case: Case) -> str | None:
-        """Return why a grid can't hold this case, as one clause, or None if it can."""
+        """Return the reason that a grid can't represent this case, as one clause, or None if it can."""
         if reason := super().declines(case):
             return reason
         from shellbench.solvers.ndf.bspline.bspline import why_not_held
@@ -44,13 +44,13 @@ class SplineSolver(FieldSolver):
         return why_not_held(case)
 
     def declines_with(self, case: Case, settings: SplineSettings) -> str | None:
-        """Return why the grid that settings ask for can't hold this case, as one clause, or None if it can."""
+        """Return the reason that the grid of these settings can't represent this case, as one clause, or None."""
         if settings.degree == 1:
             return "a bilinear grid has no curvature, so that bending would cost it nothing"
         return self.declines(case)
 
     def load(self, path: Path) -> SplineSolution:
-        """Read a solution of this solver; InputError in one sentence if it is none."""
+        """Read a file of this solver; InputError in one sentence if it is no such file."""
         from shellbench.solvers.ndf.bspline.bspline_solution import SplineSolution
 
         return SplineSolution.load(path)

@@ -1,4 +1,4 @@
-"""The solver `ndf-material`; what trains is `conditioned_published`."""
+"""The solver `ndf-material`; the module `conditioned_published` trains."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class ConditionedPublishedSolver(ConditionedSolver):
     settings_type: ClassVar[type[ConditionedPublishedSettings]] = ConditionedPublishedSettings
 
     def refuses(self, case: ConditionedCase) -> str | None:
-        """Return why the published boundary functions can't hold the shell."""
+        """Return the reason that the published boundary functions can't hold the shell, or None if they can."""
         from shellbench.solvers.ndf.published import published
 
         return published.why_not(case.shell_of(case.middle))
@@ -32,13 +32,13 @@ class ConditionedPublishedSolver(ConditionedSolver):
     def answer(
         self, case: ConditionedCase, settings: ConditionedPublishedSettings, progress: ProgressCallback
     ) -> TrainedField:
-        """Train a field; SolveFailure if the loss stops being finite."""
+        """Train a field; SolveFailure if the loss becomes non-finite."""
         from shellbench.solvers.ndf.published.conditioned_published import solve
 
         return solve(case, settings, progress)
 
     def load(self, path: Path) -> TrainedField:
-        """Read what an answer has saved; InputError in one sentence if it is none."""
+        """Read the file of an answer; InputError in one sentence if it is no such file."""
         from shellbench.solvers.ndf.published.conditioned_published import TrainedField
 
         return TrainedField.load(path)

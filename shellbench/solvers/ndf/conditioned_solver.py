@@ -1,4 +1,4 @@
-"""The solver `ndf-conditioned`; what solves is `conditioned`, which is imported when it is called."""
+"""The solver `ndf-conditioned`; the module `conditioned`, which solves, is imported when it is called."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class ConditionedFieldSolver(ConditionedSolver):
     settings_type: ClassVar[type[ConditionedSettings]] = ConditionedSettings
 
     def refuses(self, case: ConditionedCase) -> str | None:
-        """Return why the field can't hold the shell."""
+        """Return the reason that the field can't represent the shell, or None if it can."""
         if case.moving:
             from shellbench.solvers.ndf.conditioned.plane_motion import refusal
 
@@ -54,7 +54,7 @@ class ConditionedFieldSolver(ConditionedSolver):
         return solve(case, settings, progress)
 
     def load(self, path: Path) -> ConditionedField | ConditionedMotion:
-        """Read what an answer has saved; InputError in one sentence if it is none."""
+        """Read the file of an answer; InputError in one sentence if it is no such file."""
         from shellbench.solvers.ndf.conditioned.conditioned import ConditionedField
         from shellbench.solvers.ndf.conditioned.conditioned_motion import ConditionedMotion, is_motion
 

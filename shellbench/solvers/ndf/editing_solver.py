@@ -1,4 +1,4 @@
-"""The solvers `ndf-edit` and `ndf-ritz-edit`: fields that are asked for a shell and then for an edit of it."""
+"""The solvers `ndf-edit` and `ndf-ritz-edit`: fields for a shell and then for an edit of it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from shellbench.solvers.ndf.training.trainer_settings import TrainerSettings
 
 
 class NdfEditSolver(EditingSolver):
-    """A trained field that keeps its hidden layers over an edit, beside itself from scratch."""
+    """A trained field that keeps its hidden layers over an edit, compared with a training from scratch."""
 
     name: ClassVar[str] = "ndf-edit"
     capabilities: ClassVar[Capabilities] = Capabilities(THEORIES, "ndf, its hidden layers kept over an edit")
@@ -28,7 +28,7 @@ class NdfEditSolver(EditingSolver):
 
 
 class NdfRitzEditSolver(NdfEditSolver):
-    """A field of random features that goes on from the states of an earlier path, beside itself from scratch."""
+    """A field of random features that continues from an earlier path's states, compared with a path from scratch."""
 
     name: ClassVar[str] = "ndf-ritz-edit"
     capabilities: ClassVar[Capabilities] = Capabilities(THEORIES, "ndf-ritz, from the path before an edit")
@@ -36,5 +36,5 @@ class NdfRitzEditSolver(NdfEditSolver):
     shells: ClassVar[type[CheckedSolver]] = RitzSolver
 
     def goes_on(self, case: EditingCase) -> str | None:
-        """Return why it has no use for an earlier solution: in the linear theory nothing is trained."""
+        """Return the reason that an earlier solution is of no use, or None: linear shells need no training."""
         return "it trains nothing that a linear shell's edit could keep" if case.edited.linear else None

@@ -1,4 +1,4 @@
-"""Solvers that hold shells by a field with boundary factors, and the quantities that such a field can't give."""
+"""Solvers whose answer is a field with boundary factors, and the quantities that such a field can't give."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class FieldSolver(ShellSolver):
     """A solver of shells whose answer is a field; see `ShellSolver`."""
 
     def declines_quantity(self, case: Case, quantity: Quantity) -> str | None:
-        """Return why the field can't give a quantity of a case that it takes, as one clause, or None if it can."""
+        """Return the reason that it can't give a quantity of a case that it takes, as one clause, or None if it can."""
         from shellbench.solvers.ndf.linear.declines import why_not_given
 
         return super().declines_quantity(case, quantity) or why_not_given(case, quantity)

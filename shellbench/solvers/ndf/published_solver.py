@@ -1,4 +1,4 @@
-"""The solver `ndf-published`; what trains is `published`, which is imported when it is called."""
+"""The solver `ndf-published`; the module `published`, which trains, is imported when it is called."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ class PublishedSolver(FieldSolver):
     uses_start: ClassVar[bool] = True
 
     def declines(self, case: Case) -> str | None:
-        """Return why the published boundary functions can't hold this case, as one clause, or None if they can."""
+        """Return the reason that the published boundary functions can't hold this case, as one clause, or None."""
         from shellbench.solvers.ndf.published import published
 
         return published.why_not(case)
 
     def declines_quantity(self, case: Case, quantity: Quantity) -> str | None:
-        """Return why the field can't give a quantity of a case that it takes, as one clause, or None if it can."""
+        """Return the reason that it can't give a quantity of a case that it takes, as one clause, or None if it can."""
         if case.dynamics is not None and isinstance(quantity, SupportQuantity) and len(case.supports) > 1:
             return f"it can't tell the reaction of support '{quantity.support}' from that of others"
         return super().declines_quantity(case, quantity)
 
     def load(self, path: Path) -> Solution:
-        """Read a solution of this recipe; InputError in one sentence if it is none."""
+        """Read a file of this recipe; InputError in one sentence if it is no such file."""
         from shellbench.solvers.ndf.published import published
 
         return published.load(path, self.name)
@@ -47,14 +47,15 @@ class PublishedSolver(FieldSolver):
     ) -> Solution:
         """Train a field.
 
-        A checkpoint as `start` is gone on from as if there had been no interruption; an earlier solution of this recipe
-        lends its weights, for this case or another one. Without `start`, a training that was interrupted goes on from
-        its own file in the folder `settings.checkpoint`, which is removed when the training ends.
+        With a checkpoint as `start`, the training continues as if it had not been interrupted. With an earlier solution
+        of this recipe, for this case or another one, it begins with that solution's weights. Without `start`, an
+        interrupted training continues from its own file in the folder `settings.checkpoint`, which is removed when the
+        training ends.
 
         Raises
         ------
         SolveFailure
-            If the loss stops being finite, or the training has collapsed; the field of its last good state, or of its
+            If the loss becomes non-finite, or the training has collapsed; the field of its last good state, or of its
             end, comes with it.
         InputError
             If the case can't be solved with these settings, or `start` does not fit them.

@@ -1,9 +1,9 @@
-"""The recipe `ndf-ritz`: fixed random sine features whose output layer is solved for. It trains nothing.
+"""The recipe `ndf-ritz`: fixed random sine features, and a solve for the output layer. It trains nothing.
 
-The strain energy of a linear shell is quadratic in the output weights, so they follow from one symmetric positive
-definite system, as in Ritz's method; the hidden layer keeps the weights that the seed drew (random features, Rahimi &
+The strain energy of a linear shell is quadratic in the output weights, so that they follow from one symmetric positive
+definite system, as in Ritz's method. The hidden layer keeps the weights drawn by the seed (random features, Rahimi &
 Recht 2007). Widths, scales and quadrature follow from the case. Linear shells at rest are solved in `static`, and
-refined as `refinement` says; paths and motions begin here.
+refined by `refinement`; this module starts paths and motions.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The solver `ndf-ritz`; what solves is `ritz`, which is imported when it is called."""
+"""The solver `ndf-ritz`; the module `ritz`, which solves, is imported when it is called."""
 
 from __future__ import annotations
 
@@ -43,17 +43,17 @@ class RitzSolver(FieldSolver):
     )
 
     def declines(self, case: Case) -> str | None:
-        """Return why the usual field can't hold this case, as one clause, or None if it can."""
+        """Return the reason that the usual field can't represent this case, as one clause, or None if it can."""
         return self.declines_with(case, RitzSettings())
 
     def load(self, path: Path) -> NdfSolution | PathSolution | MotionSolution:
-        """Read a solution of this recipe; InputError in one sentence if it is none."""
+        """Read a file of this recipe; InputError in one sentence if it is no such file."""
         from shellbench.solvers.ndf.motion.motion_solution import load_solution
 
         return load_solution(path, self.name)
 
     def declines_with(self, case: Case, settings: RitzSettings) -> str | None:
-        """Return why the field that settings ask for can't hold this case, as one clause, or None if it can."""
+        """Return the reason that the field of these settings can't represent this case, as one clause, or None."""
         from shellbench.solvers.ndf.linear.declines import why_declined
         from shellbench.solvers.ndf.linear.ritz_field import field_spec
         from shellbench.solvers.ndf.path.modes import why_no_modes
@@ -66,7 +66,7 @@ class RitzSolver(FieldSolver):
     def answer(
         self, case: Case, settings: RitzSettings, start: Solution | Path | None, progress: ProgressCallback
     ) -> NdfSolution | PathSolution | MotionSolution:
-        """Solve a case; with `start`, an earlier path of this recipe (or its file), go on from its states.
+        """Solve a case; with `start`, an earlier path of this recipe (or its file), continue from its states.
 
         Raises
         ------

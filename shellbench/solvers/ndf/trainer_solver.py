@@ -1,4 +1,4 @@
-"""The solver `ndf`; what trains is `trainer`, which is imported when it is called."""
+"""The solver `ndf`; the module `trainer`, which trains, is imported when it is called."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class NdfSolver(FieldSolver):
     )
 
     def declines(self, case: Case) -> str | None:
-        """Return why the boundary factors can't hold this case, as one clause, or None if they can."""
+        """Return the reason that the boundary factors can't hold this case, as one clause, or None if they can."""
         from shellbench.solvers.ndf.linear.declines import why_declined
         from shellbench.solvers.ndf.path.modes import why_no_modes
 
@@ -43,7 +43,7 @@ class NdfSolver(FieldSolver):
         return why_not_plain(case, self.takes) or why_declined(case)
 
     def load(self, path: Path) -> NdfSolution | PathSolution | MotionSolution:
-        """Read a solution of this recipe; InputError in one sentence if it is none."""
+        """Read a file of this recipe; InputError in one sentence if it is no such file."""
         from shellbench.solvers.ndf.motion.motion_solution import load_solution
 
         return load_solution(path, self.name)
@@ -51,7 +51,7 @@ class NdfSolver(FieldSolver):
     def answer(
         self, case: Case, settings: TrainerSettings, start: Solution | Path | None, progress: ProgressCallback
     ) -> NdfSolution | PathSolution | MotionSolution:
-        """Train a field; with `start`, an earlier solution of this recipe (or its file), go on from its weights.
+        """Train a field; with `start`, an earlier solution of this recipe (or its file), continue from its weights.
 
         Raises
         ------
@@ -59,8 +59,8 @@ class NdfSolver(FieldSolver):
             If training breaks down, or the energy on the finest quadrature disagrees by more than the largest
             admissible gap; the last certified state comes with it.
         InputError
-            If the settings or the start can't be used: it must be of a shell of which the case is an edit, and a motion
-            begins at rest.
+            If the settings or the start can't be used. The start must be of a shell of which the case is an edit;
+            motions begin at rest.
         """
         from shellbench.solvers.ndf.training import trainer
 

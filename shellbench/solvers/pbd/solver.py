@@ -3,7 +3,7 @@
     Müller et al. (2007), "Position based dynamics";  Macklin, Müller, Chentanez (2016), "XPBD";
     Macklin et al. (2014), "Unified particle physics", friction;  (2019), "Small steps in physics simulation"
 
-A step of length h moves each mass freely, and then puts right what is wrong with the links, one after another:
+A step of length h moves each mass freely, and then corrects the links, one after another:
 
     v += h F / M,  x* = x + h v;  of each link that is longer than l, so many times:  x_near += w_near p e,
     x_far -= w_far p e,  p = (|x_far - x_near| - l) / (w_near + w_far),  w = 1 / M;  v = (x* - x) / h
@@ -12,12 +12,12 @@ The compliant form keeps the sum P of a link's pulls of the step. With the compl
 
     p = (|x_far - x_near| - l - a P / h^2) / (w_near + w_far + a / h^2).
 
-P / h^2 is the tension. Links with odd numbers are put right at once, and
-then the others: Gauss and Seidel's method in another order, which converges as fast along a chain.
+P / h^2 is the tension. Links with odd numbers are corrected at once, and then the others: this is Gauss and Seidel's
+method in another order, which converges as fast along a chain.
 
-After the links come the obstacles: a mass that is d deep goes d along the gradient, and loses of its way of the step
-along the surface, seen from the obstacle, as much as friction allows: mu d, or all of it. A mass that passes an
-obstacle within a step is not seen. No equation of the scheme in `solvers.rope` occurs here.
+Obstacles follow after the links. A mass at a depth d moves by d along the gradient. Its relative displacement of the
+step along the surface is reduced by friction: by mu d, or to zero. A mass that passes through an obstacle within a step
+is missed. No equation of the scheme in `solvers.rope` occurs here.
 
 Arrays have nodes first and chains after them, (n + 1, C, 3); loose masses are chains of one node without a link.
 """
@@ -46,7 +46,7 @@ FAR = 1e9  # m: a motion that goes so far has diverged
 
 
 class PbdSettings(Settings):
-    """Settings of `PbdSolver`: one step, whose links are put right many times."""
+    """Settings of `PbdSolver`: one step, with many corrections of its links."""
 
     steps_per_second: Finite = Field(240.0, gt=0, le=1e7, description="of the finest of three solves")
     substeps: int = Field(1, ge=1, le=10_000, strict=True, description="parts of a step, each solved by itself")
@@ -55,7 +55,7 @@ class PbdSettings(Settings):
 
 
 class XpbdSettings(Settings):
-    """Settings of `XpbdSolver`: many small steps, whose links are put right once."""
+    """Settings of `XpbdSolver`: many small steps, with one correction of the links each."""
 
     steps_per_second: Finite = Field(240.0, gt=0, le=1e7, description="of the finest of three solves")
     substeps: int = Field(20, ge=1, le=10_000, strict=True, description="parts of a step, each solved by itself")
@@ -64,7 +64,7 @@ class XpbdSettings(Settings):
 
 
 def put_right(nodes: Array, lengths: Array, inverse: Array, pulls: Array, stiffness: float, softness: float) -> None:
-    """Put all links right once, in place, and add to their pulls.
+    """Correct all links once, in place, and add to their pulls.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def put_right(nodes: Array, lengths: Array, inverse: Array, pulls: Array, stiffn
     lengths, pulls
         (n, ...), m, and kg m: sums of the step so far.
     softness
-        Compliance over h^2, 1/kg, of the compliant form; negative of the other one, which does not know of its pulls.
+        Compliance over h^2, 1/kg, of the compliant form; negative for the other form, which ignores its pulls.
     """
     compliant = softness >= 0
     for first in (0, 1):
@@ -124,13 +124,13 @@ class PbdSolver(RopeSolver):
     refinements: ClassVar[tuple[Mapping[str, Any], ...]] = tuple({"steps_per_second": n} for n in (60.0, 240.0, 960.0))
 
     def declines(self, case: Any) -> str | None:
-        """Return why it can't take a problem, as one clause, or None if it can."""
+        """Return the reason that it declines a problem, as one clause, or None if it takes it."""
         if not isinstance(case, RopeCase) or not case.moving:
             return "it solves ropes and loose masses in motion only"
         return None
 
     def declines_quantity(self, case: Any, quantity: Any) -> str | None:
-        """Return why it can't give a quantity, as one clause, or None if it can."""
+        """Return the reason that it can't give a quantity, as one clause, or None if it can."""
         return "it knows a link's pull after a step only, and the start is asked for" if quantity.at == 0 else None
 
     def answer(self, case: RopeCase, settings: Any, progress: ProgressCallback) -> RopeMotion:
@@ -141,7 +141,7 @@ class PbdSolver(RopeSolver):
 
 
 class XpbdSolver(PbdSolver):
-    """Its compliant form, with small steps."""
+    """Position-based dynamics in its compliant form, with small steps."""
 
     name: ClassVar[str] = "rope-xpbd"
     capabilities: ClassVar[Capabilities] = Capabilities(
@@ -151,7 +151,11 @@ class XpbdSolver(PbdSolver):
 
 
 def followed(case: RopeCase, settings: Any, rate: float, watch: Watch) -> list[RopeState]:
-    """Return the states at the case's times; SolveFailure, with those before, if the motion diverges."""
+    """Return the states at the case's times; SolveFailure, with the earlier states, if the motion diverges."""
+    # 1. Move all masses freely by a substep, and the root as prescribed.
+    # 2. Correct the links and push masses out of obstacles, `iterations` times.
+    # 3. Take velocities from the differences of places; record stretch and depth.
+    # 4. Keep a state at each of the case's times; pulls over h^2 are the tensions.
     rope, chains = case.rope, case.chains or len(case.masses)
     nodes, velocities = (np.array(by_node(each, chains)) for each in start_of(case))
     inverse = by_node(1.0 / case.masses, chains)
@@ -200,7 +204,7 @@ def followed(case: RopeCase, settings: Any, rate: float, watch: Watch) -> list[R
 
 
 def by_node(values: Array, chains: int) -> Array:
-    """Return what stands chain after chain, (chains * n, ...), with nodes or links first: (n, chains, ...)."""
+    """Return values of chain after chain, (chains * n, ...), with nodes or links first: (n, chains, ...)."""
     return values.reshape(chains, -1, *values.shape[1:]).swapaxes(0, 1)
 
 

@@ -1,1 +1,1 @@
-"""Chains as many pendulums: angles, and equations of motion that no link can stretch."""
+"""Chains as multiple pendulums: angles as unknowns, so that no link can stretch."""

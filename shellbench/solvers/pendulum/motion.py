@@ -5,8 +5,8 @@ equations, with m_ij the mass beyond both links and q_i the force beyond link i,
 
     sum_j m_ij l_i l_j (cos(a_i - a_j) a_j'' + sin(a_i - a_j) a_j'^2) = l_i e_i' . q_i,
 
-hold relative to the root r, whose acceleration counts as a force. The tension is what the masses beyond a link ask for
-along it. No equation of the scheme in `solvers.rope` occurs here.
+hold relative to the root r, whose acceleration counts as a force. The tension of a link follows from the equation of
+motion of the masses beyond it, along the link. No equation of the scheme in `solvers.rope` occurs here.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Root = Callable[[float], tuple[Array, Array, Array]]
 
 @dataclass(frozen=True)
 class Pendulum:
-    """Lengths (n,), m, masses (n,), kg, gravity, m/s^2, drag, kg/s, wind (2,), m/s, and how the root moves."""
+    """Lengths (n,), m, masses (n,), kg, gravity, m/s^2, drag, kg/s, wind (2,), m/s, and the motion of the root."""
 
     lengths: Array
     masses: Array

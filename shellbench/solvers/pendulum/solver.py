@@ -1,6 +1,6 @@
 """The solver `pendulum-ode`: a chain by the angles of its links, Lagrange's equations and DOP853.
 
-It shares no mechanics with `rope-exact`. Its links can't be slack: a chain that lets go ends the solve.
+It shares no mechanics with `rope-exact`. Its links can't be slack: a link that would push ends the solve.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from shellbench.solvers.pendulum.motion import Pendulum, integrated
 
 Array = NDArray[np.float64]
 
-COARSER = 100.0  # times the tolerance: what the two solves differ by is the uncertainty
+COARSER = 100.0  # times the tolerance: the difference of the two solves is the uncertainty
 
 
 class PendulumSettings(Settings):
@@ -38,7 +38,7 @@ class PendulumSolver(RopeSolver):
     settings_type: ClassVar[type[Settings]] = PendulumSettings
 
     def declines(self, case: Any) -> str | None:
-        """Return why it can't take a problem, as one clause, or None if it can."""
+        """Return the reason that it declines a problem, as one clause, or None if it takes it."""
         return why_not_planar(case)
 
     def answer(self, case: RopeCase, settings: Any, progress: ProgressCallback) -> RopeMotion:
@@ -76,7 +76,7 @@ def in_space(pendulum: Pendulum, at: float, row: Array) -> tuple[Array, Array]:
 
 
 def kept(case: RopeCase, pendulum: Pendulum, rows: Array) -> list[RopeState]:
-    """Return the states; SolveFailure, with those before, where a link would have to push."""
+    """Return the states; SolveFailure, with the earlier states, if a link would have to push."""
     states: list[RopeState] = []
     for at, row in zip(case.states, rows, strict=True):
         tensions = pulling(case, at, pendulum.tensions(at, *np.split(row, 2)), states)

@@ -1,16 +1,16 @@
-"""The same step as `stepping`'s, chain by chain in plain loops, which numba compiles (extra `compiled`).
+"""The step of `stepping`, chain by chain in plain loops, which numba compiles (extra `compiled`).
 
-It is the direct solve without obstacles. Each chain takes these steps by itself, so that all numbers of it stay near:
+It is the direct solve without obstacles. Each chain takes these steps by itself, so that its numbers stay in the cache:
 
     1  directions and lengths of links, and which are taut
     2  rows of tensions or of impulses; one elimination along the links, links that would push let go, links that would
        be stretched are caught, until none is left
     3  half a velocity update, impulses, the position update root to tip, the other half, impulses
 
-Chains know nothing of each other: threads share many of them, a block each (`stepped_together`).
+Chains are independent: each thread takes a block of them (`stepped_together`).
 
-What departs from `pulls.direct`: what counts as a lack is relative to the chain's own largest right side. Answers agree
-to rounding. Without numba the functions are Python's, as slow as they look; tests compare them so.
+Departure from `pulls.direct`: a violation is measured relative to the chain's own largest right side. Answers agree to
+rounding. Without numba the functions run in Python, slowly; tests compare them so.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ Mask = NDArray[np.bool_]
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 HERE = find_spec("numba") is not None
-TAUT_ROUNDING = 1e-12  # relative to a link's length: what is shorter by no more is taut
+TAUT_ROUNDING = 1e-12  # relative to a link's length: a link that is shorter by no more is taut
 TINY = 1e-300
 MOST_ROUNDS = 100_000
-ENOUGH = 2000  # links of a thread: so many take some ten times as long as starting it
+ENOUGH = 2000  # links of a thread: their step takes some ten times as long as starting it
 DIAGONAL, LOWER, UPPER, RIGHT = range(4)  # of a chain's rows, (4, m): see `pulls.Rows`
 
 
@@ -122,7 +122,7 @@ def _pulled(v: Array, e: Array, masses: Array, T: Array, factor: float) -> None:
 
 @fast
 def _rows(e: Array, masses: Array, printed: bool, rows: Array) -> None:
-    """Fill one chain's rows but for the right side: J M^-1 J^T, or those of tensions as printed (4)."""
+    """Fill one chain's rows except the right side: J M^-1 J^T, or those of tensions as printed (4)."""
     diagonal, lower, upper = rows[DIAGONAL], rows[LOWER], rows[UPPER]
     m = len(masses)
     for i in range(m):
@@ -166,12 +166,17 @@ def stepped(
     wind
         (3,), m/s.
     numbers
-        Step, s, gravity, m/s^2, drag, kg/s, and by how much a taut link may be short, m.
+        Step, s, gravity, m/s^2, drag, kg/s, and the largest shortness of a taut link, m.
     choices
-        Whether tensions are the printed ones, nodes turn rather than being projected, impulses are applied again.
+        Three flags: tensions are the printed ones; nodes turn rather than being projected; impulses are applied again.
     block
         First chain, and the one after the last.
     """
+    # For each chain, two halves, with the position update (and impulses if `again`) before the second one:
+    # 1. Find directions, lengths and taut links, and external accelerations.
+    # 2. Fill the rows of tensions and solve them by elimination along the links.
+    # 3. Add half a velocity update by external forces and tensions.
+    # 4. Apply impulses so that no taut link grows.
     (step, gravity, drag, room), (printed, turns, again) = numbers, choices
     m = lengths.shape[1]
     e, found, external = np.empty((m, 3)), np.empty(m), np.empty((m, 3))

@@ -1,12 +1,13 @@
-"""Collisions, section 6 of the paper: masses that a step has put inside an obstacle are pushed out of it.
+"""Collisions, section 6 of the paper: masses inside an obstacle after a step are pushed out of it.
 
-Three pushes. "gradient" goes the depth along the gradient of phi. "reverse" goes it back along the way of the step, as
-the paper proposes. Both may be repeated, and neither sees a mass that has passed an obstacle within one step. "history"
-is ours: it finds where the way enters the obstacle, by steps of the length phi. They can't miss it unless phi comes of
-a formula and exceeds the distance. The rest of the step goes on with the velocity after the impact, and what that
-leaves inside goes out along the gradient.
+There are three pushes. "gradient" moves a mass by its depth along the gradient of phi. "reverse" moves it by its depth
+back along the path of the step, as the paper proposes. Both may be repeated, and both miss a mass that has passed
+through an obstacle within one step. "history" is an extension of the paper: it finds the point where the path enters
+the obstacle, by steps of the length phi. These steps can't miss it unless phi comes from a formula and exceeds the
+distance. The rest of the step continues with the velocity after the impact. A mass that is still inside then moves out
+along the gradient.
 
-All is seen from the obstacle, which moves without turning.
+All positions are relative to the obstacle, which moves without turning.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ class Met:
 
 
 def rebound(velocities: Array, body: Array, normals: Array, friction: float) -> Array:
-    """Return velocities after an impact, eqs. (14) to (16), with the N-hat that (15) lacks in print.
+    """Return velocities after an impact, eqs. (14) to (16), with the factor N-hat that the printed eq. (15) lacks.
 
     Parameters
     ----------
@@ -75,7 +76,7 @@ def pushed(obstacle: Any, offsets: Array, back: Array, push: Push, pushes: int) 
 
 
 def entered(obstacle: Any, start: Array, way: Array) -> Array:
-    """Return the part of each way (C, 3) after which it meets the obstacle, (C,); one if it does not."""
+    """Return the share (C,) of each path (C, 3) before it meets the obstacle; 1 if it does not."""
     length = np.linalg.norm(way, axis=-1)
     moves, near = length > 0, CLOSE * length
     touching = obstacle.distance(start) <= near
@@ -90,7 +91,7 @@ def entered(obstacle: Any, start: Array, way: Array) -> Array:
             break
         part[running] += distance[running] / length[running]
         running &= part < 1.0
-    return np.where(met | running, part, 1.0)  # what still runs has come close at a grazing angle
+    return np.where(met | running, part, 1.0)  # a path that still runs has come close at a grazing angle
 
 
 def collided(
@@ -127,7 +128,7 @@ def collided(
 
 
 def _followed(obstacle: Any, start: Array, end: Array, now: Array, body: Array, velocities: Array, step: float) -> Met:
-    """Follow the way to the obstacle, and on with the velocity after the impact."""
+    """Follow the path to the obstacle, and continue with the velocity after the impact."""
     way = end - start
     part = entered(obstacle, start, way)
     inside = (part < 1.0) | (obstacle.distance(end) < 0)

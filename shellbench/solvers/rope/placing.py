@@ -11,7 +11,7 @@ from shellbench.solvers.rope.pulls import dot
 
 Array = NDArray[np.float64]
 Placing = Literal["rotation", "projection"]
-TINY = 1e-300  # keeps directions of what does not move finite
+TINY = 1e-300  # keeps directions of nodes at rest finite
 
 
 def unit(vectors: Array) -> Array:
@@ -20,10 +20,11 @@ def unit(vectors: Array) -> Array:
 
 
 def placed(places: Array, velocities: Array, before: Array, lengths: Array, step: float, placing: Placing) -> Array:
-    """Return where nodes (C, 3) are after a step, given where the nodes before them now are (eqs. (10) to (13)).
+    """Return the places of nodes (C, 3) after a step, given the new places of the nodes before them: eqs. (10) to (13).
 
-    A node whose free way stays within its link's length goes it. Another goes it until it leaves the sphere for the
-    last time, or is put on the sphere if it is outside all along; the rest of the way is an arc of the great circle.
+    A node whose free path stays within its link's length follows that path. Another node follows it until it leaves the
+    sphere for the last time, or is put on the sphere if it is outside all along. The rest of its path is an arc of the
+    great circle.
     """
     offset = places - before
     free = offset + step * velocities

@@ -4,9 +4,9 @@ Both solve the same inequalities along each chain, for pulls T_i >= 0 of links i
 
     D_i T_i - L_i T_{i-1} - U_i T_{i+1} >= R_i,
 
-with T_i = 0 where link i is slack, and equality where T_i > 0. By sweeps, each T_i in turn is the larger of zero and
-what its row asks for (eqs. (5) and (9) of the paper). Directly, one tridiagonal solve gives all rows as equations;
-links whose pull would be negative then let go, links that would be stretched are caught, until none is left
+with T_i = 0 where link i is slack, and equality where T_i > 0. Sweeps set each T_i in turn to the larger of zero and
+the solution of its row (eqs. (5) and (9) of the paper). The direct method solves all rows as one tridiagonal system.
+Then it releases links whose pull would be negative and adds links that would be stretched, until none is left
 (principal pivoting). The exact matrix J M^-1 J^T has positive minors, so that the answer is unique.
 
 Arrays have links first and chains last: (m, C); vectors are (m, C, 3).
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-ROUNDS = 30  # of pivoting in which all wrong links of a chain change at once; then one by one, which always ends
+ROUNDS = 30  # of pivoting in which all wrong links of a chain change at once; then one by one, which always terminates
 MOST_SWEEPS = 100_000
 FEW = 16  # chains
 SLACK = 1e-13  # relative: a row that lacks no more is met
@@ -45,7 +45,7 @@ def dot(a: Array, b: Array) -> Array:
 
 
 def cosines(directions: Array) -> tuple[Array, Array]:
-    """Return those of each link with the one before it and the one after it, zero where there is none."""
+    """Return the cosines of each link with the link before it and the link after it; zero without such a link."""
     before, after = np.zeros(directions.shape[:-1]), np.zeros(directions.shape[:-1])
     before[1:] = after[:-1] = dot(directions[1:], directions[:-1])
     return before, after
@@ -115,7 +115,7 @@ def eliminated(rows: Rows, active: Mask) -> Array:
 
 
 def densely(rows: Rows, active: Mask) -> Array:
-    """Return what `eliminated` does, by a dense matrix for each chain."""
+    """Return the result of `eliminated`, by a dense matrix for each chain."""
     links, chains = rows.right.shape
     matrices = np.zeros((chains, links, links))
     number = np.arange(links)
@@ -127,7 +127,7 @@ def densely(rows: Rows, active: Mask) -> Array:
 
 
 def lacking(rows: Rows, pulls: Array) -> Array:
-    """Return by how much each row falls short of its right side."""
+    """Return the amount by which each row falls short of its right side."""
     short = rows.right - rows.diagonal * pulls
     short[1:] += rows.lower[1:] * pulls[:-1]
     short[:-1] += rows.upper[:-1] * pulls[1:]

@@ -1,10 +1,10 @@
-"""The solvers `rope-printed` and `rope-exact`: one scheme in time, as the paper prints it and corrected.
+"""The solvers `rope-printed` and `rope-exact`: a scheme in time as printed in the paper, and corrected.
 
     Jin et al., "A Neural-Network-Based Approach for Loose-Fitting Clothing", sections 3 to 6
 
-What is corrected: tensions between unequal masses, links that are taut within what gravity moves in a step, and
-masses that follow an obstacle's surface. Each solve is made with three steps in time, and what halvings change is
-stated as the uncertainty; coarser steps that diverge are left out of it.
+The corrections concern tensions between unequal masses, links that are taut up to the displacement by gravity in a
+step, and masses that follow an obstacle's surface. Each case is solved with three steps in time, and the change by
+halving the step is stated as the uncertainty. Coarser steps that diverge are left out.
 """
 
 from __future__ import annotations
@@ -66,9 +66,9 @@ class RopeSettings(Settings):
 
 
 class PrintedSettings(RopeSettings):
-    """Settings of `PrintedSolver`: the choices that the paper makes, where it says them.
+    """Settings of `PrintedSolver`: the paper's choices, as far as it states them.
 
-    The direct solve gives what its sweeps converge to.
+    The direct solve gives the limit of the paper's sweeps.
     """
 
     taut: Finite = Field(
@@ -82,7 +82,7 @@ class PrintedSettings(RopeSettings):
 
 
 def scheme_of(settings: RopeSettings, *, printed: bool) -> Scheme:
-    """Return the scheme that settings choose."""
+    """Return the scheme of the settings."""
     return Scheme(printed=printed, **settings.model_dump(exclude={"steps_per_second"}))
 
 
@@ -107,7 +107,7 @@ def chains_of(case: RopeCase) -> tuple[Chains, Moving]:
 
 
 def kept(case: RopeCase, stepper: Stepper, moving: Moving, stretch: float, depth: float) -> RopeState:
-    """Return what is kept of an instant."""
+    """Return the state to keep of an instant."""
     tensions = np.zeros(0) if case.particles else stepper.state_tensions(moving).T.ravel()
     root, velocity, _ = stepper.chains.root(moving.time)
     return RopeState(
@@ -116,7 +116,7 @@ def kept(case: RopeCase, stepper: Stepper, moving: Moving, stretch: float, depth
 
 
 def every_node(case: RopeCase, vectors: Array, root: Array) -> Array:
-    """Return a vector of each node, (n, 3): of loose masses as they are, else chain after chain, the root first."""
+    """Return a vector of each node, (n, 3): of loose masses in their order, else chain after chain, the root first."""
     return vectors[0] if case.particles else np.vstack([root[None], vectors]).swapaxes(0, 1).reshape(-1, 3)
 
 
@@ -126,7 +126,7 @@ def followed(case: RopeCase, scheme: Scheme, rate: float, watch: Watch) -> list[
     Raises
     ------
     SolveFailure
-        If the motion diverges; the states before are its `partial`, a list.
+        If the motion diverges; the earlier states are its `partial`, a list.
     """
     chains, moving = chains_of(case)
     far = FAR * max(1.0, float(np.abs(moving.places).max()))
@@ -169,7 +169,7 @@ class ExactSolver(RopeSolver):
     refinements: ClassVar[tuple[Mapping[str, Any], ...]] = tuple({"steps_per_second": n} for n in (60.0, 120.0, 240.0))
 
     def declines(self, case: Any) -> str | None:
-        """Return why it can't take a problem: nothing in it moves."""
+        """Return the reason that it declines a problem, or None: something in it has to move."""
         return None if isinstance(case, RopeCase) and case.moving else "it solves ropes and loose masses in motion only"
 
     def answer(self, case: RopeCase, settings: Any, progress: ProgressCallback) -> RopeMotion:

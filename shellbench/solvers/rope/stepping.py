@@ -5,8 +5,8 @@
     3  collisions and lengths
     4  the other half of the velocity update at the new places, then impulses
 
-`Scheme` says what is printed and what is corrected. Of many chains each array has nodes first: (m, C, 3) without the
-roots, which are (C, 3). Loose masses are chains of one link without end.
+`Scheme` chooses the printed or the corrected variants. Arrays of many chains have nodes first: (m, C, 3) without the
+roots, which are (C, 3). Loose masses are chains of one infinitely long link.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from shellbench.solvers.rope.pulls import dot
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-TAUT_ROUNDING = 1e-12  # relative to a link's length: what is shorter by no more is taut
+TAUT_ROUNDING = 1e-12  # relative to a link's length: a link that is shorter by no more is taut
 Solve = Literal["direct", "sweeps"]
 
 
 @dataclass(frozen=True)
 class Scheme:
-    """How a step is made.
+    """Choices of a time step.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Scheme:
 
 @dataclass(frozen=True)
 class Chains:
-    """What does not change: lengths and masses (m, C), gravity, m/s^2, drag, kg/s, wind (3,), m/s, and obstacles.
+    """Data that do not change: lengths and masses (m, C), gravity, m/s^2, drag, kg/s, wind (3,), m/s, and obstacles.
 
     `root` gives position, velocity and acceleration of the roots, (C, 3) or (3,), at a time.
     """
@@ -86,14 +86,14 @@ class Chains:
         return np.ascontiguousarray(self.lengths.T), np.ascontiguousarray(self.masses.T)
 
     def stretch(self, places: Array, root: Array) -> float:
-        """Return by how much of its length a link is too long, at most; below zero if all are slack."""
+        """Return the largest excess of a link's length, relative to it; below zero if all are slack."""
         along = relative(places, root)
         return float(np.sqrt((dot(along, along) / self.lengths**2).max())) - 1.0
 
 
 @dataclass(frozen=True)
 class Moving:
-    """Where all nodes are, (m, C, 3), m, how fast, m/s, and the time, s."""
+    """Places of all nodes, (m, C, 3), m, their velocities, m/s, and the time, s."""
 
     time: float
     places: Array
@@ -163,21 +163,21 @@ class Stepper:
         return velocities + 0.5 * self.step * (external + self.spread(strengths, directions))
 
     def spread(self, strengths: Array, directions: Array) -> Array:
-        """Return what pulls do to nodes over their masses, (m, C, 3): eqs. (2) and (6)."""
+        """Return the net pulls on nodes over their masses, (m, C, 3): eqs. (2) and (6)."""
         pulled = strengths[..., None] * directions
         net = -pulled
         net[:-1] += pulled[1:]
         return np.asarray(net / self.chains.masses[..., None])
 
     def impelled(self, places: Array, velocities: Array, root: Array, root_velocity: Array) -> Array:
-        """Return velocities by which no taut link grows (eqs. (6) to (9))."""
+        """Return velocities that stretch no taut link (eqs. (6) to (9))."""
         directions, _, taut = self.links(places, root)
         right = dot(relative(velocities, root_velocity), directions)
         rows = pulls.mass_rows(directions, self.chains.masses, right, taut)
         return velocities + self.spread(self.pull(rows, from_tip=False), directions)
 
     def start(self, moving: Moving) -> Moving:
-        """Return the start with velocities that its links allow."""
+        """Return the initial state with velocities that its links allow."""
         root = self.chains.root(moving.time)
         return replace(moving, velocities=self.impelled(moving.places, moving.velocities, root[0], root[1]))
 
@@ -187,7 +187,7 @@ class Stepper:
         return self.tensions(moving.places, moving.velocities, self.external(moving.velocities), root)[0]
 
     def after(self, moving: Moving) -> Moving:
-        """Return what comes one step later."""
+        """Return the state one step later."""
         root, later = self.chains.root(moving.time), self.chains.root(moving.time + self.step)
         if self.scheme.compiled:
             return self.compiled(moving, root, later)
@@ -218,11 +218,11 @@ class Stepper:
         return Moving(moving.time + self.step, places, velocities)
 
     def compiled(self, moving: Moving, root: tuple[Array, Array, Array], later: tuple[Array, Array, Array]) -> Moving:
-        """Return what comes one step later, by plain loops that numba compiles."""
+        """Return the state one step later, by plain loops that numba compiles."""
         from shellbench.solvers.rope.compiled import stepped_together
 
         chains, scheme = self.chains, self.scheme
-        # chains first, so that all of a chain lies together; what is returned is a view, from which this copy is quick
+        # chains first, so that all numbers of a chain lie together; the result is a view, from which this copy is quick
         places, velocities = (np.array(each.swapaxes(0, 1), order="C") for each in (moving.places, moving.velocities))
         lengths, masses = chains.chain_by_chain
         still = np.zeros_like(places[:, 0])

@@ -1,4 +1,4 @@
-"""What trained networks make of frames, in NumPy."""
+"""Evaluation of trained networks at frames, in NumPy."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Given = Callable[[SkinningCase, Clips, Numbers], Array]
 
 
 def pose(case: SkinningCase, clips: Clips, frames: Numbers) -> Array:
-    """Return the body's pose, (n, 3): which way is down, and the stride; nothing of where it came from."""
+    """Return the body's pose, (n, 3): the direction of gravity and the stride, without any history."""
     found = clips.motion.pose
     return found.reshape(-1, found.shape[-1])[frames]
 
@@ -30,7 +30,7 @@ def course(clips: Clips) -> Array:
 
 
 def dense_skin(given: Given) -> Skin:
-    """Return how a perceptron makes displacements of what it is given."""
+    """Return the function by which a perceptron computes displacements from its input."""
 
     def skin(arrays: Arrays, case: SkinningCase, clips: Clips, frames: Numbers) -> Array:
         found = (given(case, clips, frames) - arrays["input_mean"]) / arrays["input_spread"]
@@ -47,7 +47,7 @@ bone_skin, pose_skin = dense_skin(bones), dense_skin(pose)
 
 
 def recurrent_skin(arrays: Arrays, case: SkinningCase, clips: Clips, frames: Numbers) -> Array:
-    """Return how a gated recurrent unit makes displacements, clip by clip from rest (torch's form of the gates)."""
+    """Return displacements of a gated recurrent unit, clip by clip from rest (torch's form of the gates)."""
     given = (course(clips) - arrays["input_mean"]) / arrays["input_spread"]
     into = given @ arrays["weight_ih_l0"].T + arrays["bias_ih_l0"]
     hidden = np.zeros((len(given), arrays["weight_hh_l0"].shape[1]))

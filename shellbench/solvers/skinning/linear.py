@@ -1,6 +1,6 @@
 """Skinning without training: bilinear interpolation, rigid bones with fitted weights, ridge regression, PCA.
 
-All take what a frame's bones tell, places of some vertices in the frame of the neck, but the floor, which is told all.
+All methods use a frame's bones, places of some vertices in the frame of the neck; the floor uses the whole mesh.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Numbers = NDArray[np.int64]
 TINY = 1e-300  # keeps directions finite
 NOTHING = 1e-12  # relative: singular values below are rounding, and no modes
 PENALTIES = tuple(10.0**power for power in range(-10, 3))  # over the mean variance of a bone's coordinate
-RIDGED = 1e-9  # of the mean square: what keeps a vertex that is a bone from a singular matrix
+RIDGED = 1e-9  # of the mean square: it keeps the matrix of a vertex that is a bone from being singular
 
 
 def bone_grid(case: SkinningCase, meshes: Array) -> Array:
@@ -142,7 +142,7 @@ def _unit(vectors: Array) -> Array:
 
 
 def followed(case: SkinningCase, clips: Clips, frames: Numbers, near: Numbers, row: int) -> Array:
-    """Return where each vertex of a row would be if it followed one of its bones, (n, columns, near, 3), m."""
+    """Return the places of each vertex of a row if it followed one of its bones, (n, columns, near, 3), m."""
     rest, now = (bone_grid(case, meshes) for meshes in (clips.rest[None], clips.meshes[frames]))
     turns = bone_frames(now) @ bone_frames(rest).swapaxes(-1, -2)
     turns, now = turns.reshape(len(frames), -1, 3, 3)[:, near], now.reshape(len(frames), -1, 3)[:, near]

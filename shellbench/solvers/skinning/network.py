@@ -1,7 +1,7 @@
 """Networks that skin: the perceptron of Jin et al. (section 7), from bones or from the pose alone, and a recurrent one.
 
-All infer coefficients of PCA modes. Trained in float32, which resolves 1e-7 of a displacement, where errors are 1e-2;
-what is kept makes meshes without torch.
+All networks compute coefficients of PCA modes. They are trained in float32, which resolves 1e-7 of a displacement,
+while errors are 1e-2. The stored arrays give meshes without torch.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 LOOKS = 8  # times at which the course of a training is looked at, evenly spread
-SMALL = 1e-12  # m: a truth that is nearer than that says no direction
+SMALL = 1e-12  # m: below this distance of the truth there is no direction
 
 
 class Training:
-    """What trainings have in common: the modes, what is wanted, the course, and an end if it diverges."""
+    """Base of the trainings: the modes, their target coefficients, the history, and an end if the loss diverges."""
 
     def __init__(self, case: SkinningCase, solver: str, skin: Skin, count: int, progress: ProgressCallback) -> None:
         self.case, self.solver, self.skin, self.progress = case, solver, skin, progress
@@ -46,12 +46,12 @@ class Training:
         self.history: list[Step] = []
 
     def look(self, epoch: int, of: int, loss: float, arrays: Arrays) -> None:
-        """Note how far a training is, now and then.
+        """Record the state of a training at some epochs.
 
         Raises
         ------
         SolveFailure
-            If the loss is not finite; what was noted before comes with it.
+            If the loss is not finite; the earlier records come with it.
         """
         self.progress(Progress(epoch, of, f"loss {loss:.3g}"))
         if not np.isfinite(loss):
@@ -63,7 +63,7 @@ class Training:
         self.last = Skinned(self.case, self.solver, self.skin, self.basis | dict(arrays), tuple(self.history))
         primary = self.case.primary
         found = {primary.name: primary.measure(self.last)}
-        self.began += time.perf_counter() - self.began - seconds  # looking is no part of it either
+        self.began += time.perf_counter() - self.began - seconds  # recording is no part of it either
         self.history.append(Step(epoch, seconds, loss, self.last.parameters, quantities=found, iterations=epoch))
 
     def end(self) -> Skinned:
@@ -74,7 +74,7 @@ class Training:
 def train_dense(
     case: SkinningCase, solver: str, given: Given, settings: NetworkSettings, progress: ProgressCallback
 ) -> Skinned:
-    """Train a perceptron from what a frame gives to coefficients, frames in random order."""
+    """Train a perceptron from the input of a frame to coefficients, with frames in random order."""
     training = Training(case, solver, dense_skin(given), settings.modes, progress)
     inputs = given(case, training.clips, case.seen)
     mean, spread = inputs.mean(axis=0), inputs.std(axis=0)
@@ -117,6 +117,9 @@ def train_recurrent(
     case: SkinningCase, solver: str, settings: RecurrentSettings, progress: ProgressCallback
 ) -> Skinned:
     """Train a gated recurrent unit (Cho et al. 2014) from the body's motion to coefficients, clip by clip."""
+    # 1. Normalise the inputs by mean and spread of the training frames; mask the held-out frames.
+    # 2. Draw the unit's weights from the seed, and train by Adam with a cosine schedule.
+    # 3. Each step takes whole clips; the loss is the mean square over the training frames in them.
     training = Training(case, solver, recurrent_skin, settings.modes, progress)
     frames, count = case.cape.frames, len(training.basis["modes"])
     motion = course(training.clips)
@@ -160,11 +163,11 @@ def train_recurrent(
 
 
 class Collision:
-    """The collision loss: vertices inside the expanded body, held to where a push toward the truth would bring them.
+    """The collision loss: it attracts vertices inside the expanded body to their places after a push toward the truth.
 
-    The push has the length of the depth and the direction r-hat to the truth, and is no function of the weights: so a
-    vertex' gradient is parallel to that of its distance from the truth. A push never passes the truth, for that is
-    outside, and no nearer than the depth.
+    The push has the length of the depth and the direction r-hat to the truth, and does not depend on the weights.
+    Therefore a vertex' gradient is parallel to that of its distance from the truth. A push never passes the truth,
+    which lies outside and no nearer than the depth.
     """
 
     def __init__(self, training: Training, expansion: float) -> None:
@@ -179,7 +182,7 @@ class Collision:
         """Return the loss of coefficients (n, k), m^2, a mean over frames."""
         meshes = (self.rest + self.mean + found @ self.modes).reshape(len(batch), -1, 3)
         number = batch.numpy()
-        with np.errstate(over="ignore", invalid="ignore"):  # the loss tells of a training that diverges
+        with np.errstate(over="ignore", invalid="ignore"):  # the loss shows a training that diverges
             target = pushed_targets(meshes.detach().numpy(), self.truth[number], self.axes[number], self.radii)
         return ((meshes - torch.from_numpy(target)) ** 2).sum() / len(batch)
 

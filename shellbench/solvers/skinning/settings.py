@@ -9,7 +9,7 @@ from pydantic import Field
 from shellbench.problem import SeededSettings, Settings
 from shellbench.protocol.schema import Finite, Positive
 
-MODES = 100  # as the paper has them: "about 100"
+MODES = 100  # as in the paper: "about 100"
 Count = Annotated[int, Field(ge=1, strict=True)]
 
 
@@ -40,7 +40,7 @@ class RidgeSettings(ModeSettings):
 
 
 class TrainingSettings(SeededSettings):
-    """Settings of what trains."""
+    """Settings of solvers that train."""
 
     modes: Count = Field(MODES, description="PCA modes, at most")
     epochs: Count = Field(40, description="passes over the frames that are seen; the paper says nothing")

@@ -32,11 +32,11 @@ class Skinned:
     Attributes
     ----------
     solver
-        Whose it is.
+        Name of the solver.
     skin
-        How it makes meshes.
+        Function that computes meshes.
     arrays
-        From what.
+        Fitted arrays, its input.
     """
 
     case: SkinningCase
@@ -50,7 +50,7 @@ class Skinned:
 
     @cached_property
     def clips(self) -> Clips:
-        """The simulation that it is held against."""
+        """The simulation that it is compared with."""
         return clips_of(self.case)
 
     @cached_property
@@ -70,7 +70,7 @@ class Skinned:
 
     @property
     def parameters(self) -> int:
-        """Numbers that were fitted to frames."""
+        """Number of values that were fitted to frames."""
         return sum(array.size for array in self.arrays.values() if array.dtype.kind == "f")
 
     @property
@@ -87,7 +87,7 @@ class Skinned:
 
     @classmethod
     def load(cls, path: Path, solver: str, skin: Skin) -> Self:
-        """Read what `save` wrote; InputError in one sentence if it is none, or another solver's."""
+        """Read a file of `save`; InputError in one sentence if it is no such file, or another solver's."""
         try:
             with safe_open(path, framework="numpy") as file:
                 told = dict(file.metadata() or {})

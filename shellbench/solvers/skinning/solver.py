@@ -1,4 +1,4 @@
-"""The solvers of capes and their settings; what fits and trains is imported when it is called."""
+"""The solvers of capes; the modules that fit and train are imported when they are called."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ class SkinningSolver(FreshSolver):
     """A solver of capes. A subclass gives `answer` and `skin`."""
 
     def declines(self, case: Any) -> str | None:
-        """Return why it can't take a problem: each takes every cape."""
+        """Return the reason that it declines a problem, or None: it takes every case of kind 'skinning'."""
         return None if isinstance(case, SkinningCase) else "it solves problems of kind 'skinning' only"
 
     @abstractmethod
     def skin(self) -> Skin:
-        """Return how meshes are made of what was fitted."""
+        """Return the function that computes meshes from the fitted arrays."""
 
     def load(self, path: Path) -> Skinned:
-        """Read a solution of this solver; InputError in one sentence if it is none."""
+        """Read a file of this solver; InputError in one sentence if it is no such file."""
         from shellbench.solvers.skinning.solution import Skinned
 
         return Skinned.load(path, self.name, self.skin())
 
     def fitted(self, case: SkinningCase, arrays: Any, began: float, **told: Any) -> Skinned:
-        """Return the solution of what was fitted at once, since a time of `time.perf_counter`, s."""
+        """Return the solution of arrays that were fitted in one step since a time of `time.perf_counter`, s."""
         from shellbench.solvers.skinning.solution import Skinned
 
         seconds = time.perf_counter() - began
@@ -52,7 +52,7 @@ class SkinningSolver(FreshSolver):
 
 
 class FloorSolver(SkinningSolver):
-    """What no skinning by the same modes can be better than."""
+    """Lower bound of the error of any skinning by the same modes."""
 
     name = "skin-floor"
     capabilities = Capabilities(
@@ -70,14 +70,14 @@ class FloorSolver(SkinningSolver):
         return self.fitted(case, modes_of(clips.moved[frames], settings.modes), began)
 
     def skin(self) -> Skin:
-        """Return how meshes are made of modes."""
+        """Return the function that computes meshes from modes."""
         from shellbench.solvers.skinning.linear import floor_skin
 
         return floor_skin
 
 
 class BilinearSolver(SkinningSolver):
-    """Interpolation, nothing fitted."""
+    """Interpolation, without a fit."""
 
     name = "skin-bilinear"
     capabilities = Capabilities(THEORIES, "bones' displacements, interpolated bilinearly over the mesh; nothing fitted")
@@ -87,7 +87,7 @@ class BilinearSolver(SkinningSolver):
         return self.fitted(case, {}, time.perf_counter())
 
     def skin(self) -> Skin:
-        """Return how meshes are interpolated."""
+        """Return the function that interpolates meshes."""
         from shellbench.solvers.skinning.linear import bilinear_skin
 
         return bilinear_skin
@@ -112,14 +112,14 @@ class BlendSolver(SkinningSolver):
         return self.fitted(case, blend_fit(case, clips, count), began)
 
     def skin(self) -> Skin:
-        """Return how vertices follow bones."""
+        """Return the function by which vertices follow bones."""
         from shellbench.solvers.skinning.linear import blend_skin
 
         return blend_skin
 
 
 class RidgeSolver(SkinningSolver):
-    """A linear map from bones to coefficients of PCA modes, where the paper has a network."""
+    """A linear map from bones to coefficients of PCA modes, in place of the paper's network."""
 
     name = "skin-ridge"
     capabilities = Capabilities(
@@ -140,7 +140,7 @@ class RidgeSolver(SkinningSolver):
         return self.fitted(case, basis | found, began, penalty=penalty)
 
     def skin(self) -> Skin:
-        """Return how bones are mapped."""
+        """Return the function that maps bones to meshes."""
         from shellbench.solvers.skinning.linear import ridge_skin
 
         return ridge_skin
@@ -164,14 +164,14 @@ class NetworkSolver(SkinningSolver):
         return train_dense(case, self.name, bones, settings, progress)
 
     def skin(self) -> Skin:
-        """Return how the network makes meshes."""
+        """Return the function by which the network computes meshes."""
         from shellbench.solvers.skinning.forward import bone_skin
 
         return bone_skin
 
 
 class QuasistaticSolver(SkinningSolver):
-    """A network that knows the pose, and nothing of motion."""
+    """A network whose input is the pose, without motion."""
 
     name = "skin-quasistatic"
     capabilities = Capabilities(THEORIES, "quasistatic network: perceptron 2 x 500 from the body's pose alone")
@@ -185,7 +185,7 @@ class QuasistaticSolver(SkinningSolver):
         return train_dense(case, self.name, pose, settings, progress)
 
     def skin(self) -> Skin:
-        """Return how the network makes meshes."""
+        """Return the function by which the network computes meshes."""
         from shellbench.solvers.skinning.forward import pose_skin
 
         return pose_skin
@@ -205,7 +205,7 @@ class RecurrentSolver(SkinningSolver):
         return train_recurrent(case, self.name, settings, progress)
 
     def skin(self) -> Skin:
-        """Return how the unit makes meshes."""
+        """Return the function by which the recurrent unit computes meshes."""
         from shellbench.solvers.skinning.forward import recurrent_skin
 
         return recurrent_skin

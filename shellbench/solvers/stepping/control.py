@@ -1,8 +1,8 @@
-"""The length of a step: where it lands, how it is cut and grows, and how a root of the path is bracketed.
+"""The length of a step: its end, its cuts and growth, and the bracketing of a root of the path.
 
-A step that does not converge is cut to `CUT` of itself, one that was easy grows by `GROWTH`. Easy is what took Newton's
-method at most `EASY` iterations. These three are common to all kinds of steps: by load, by displacement, by arc length,
-and over an edit.
+A step that does not converge is cut to `CUT` of itself, and an easy one grows by `GROWTH`. A step is easy if it took at
+most `EASY` iterations of Newton's method. These three constants are common to all kinds of steps: by load, by
+displacement, by arc length, and over an edit.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ GROWTH, CUT = 2.0, 0.5  # of a step after an easy one, and after one that did no
 ARC_GROWTH, ARC_CUT = GROWTH**0.5, CUT**0.5  # of an arc after an easy step, and after a slow one that converged
 SMALLEST_STEP = 1e-4  # of the whole path: where a shorter one were needed, the path ends
 SAME = 1e-9  # relative difference of two load factors or displacements that is rounding
-UNMOVED = 1e-12  # rate of a displacement, relative to what it could be, that is rounding
+UNMOVED = 1e-12  # rate of a displacement, relative to its bound, that counts as rounding
 LONGEST_ARC = 1.5  # in units of the first one
 STRAIGHT = 0.7  # cosine between a step and the tangent it started along: less may lead to another branch
-CLOSE, CLOSER = 1 / 8, 1 / 4  # of the longest step: one over a turning point, and what it is cut to if it is longer
+CLOSE, CLOSER = 1 / 8, 1 / 4  # of the longest step: largest step over a turning point, and the cut of a longer one
 
 
 class NotConvergedError(ArithmeticError):
@@ -28,7 +28,7 @@ class NotConvergedError(ArithmeticError):
 
 
 class PathEndsError(Exception):
-    """The path can't be followed further; the message is a clause that says why."""
+    """The path can't be followed further; the message is a clause with the reason."""
 
 
 class State(Protocol):
@@ -48,7 +48,7 @@ class State(Protocol):
 
 
 def same(value: float, mark: float) -> bool:
-    """Return True if a value is a mark but for rounding."""
+    """Return True if a value equals a mark up to rounding."""
     return bool(abs(value - mark) <= SAME * abs(mark))
 
 
@@ -73,7 +73,7 @@ def checked_rate(rate: float, largest: float) -> float:
     Raises
     ------
     PathEndsError
-        If it is rounding, beside the `largest` one that its row and the drift could have (Cauchy and Schwarz).
+        If it is rounding, compared with the `largest` rate by its row and the drift (Cauchy and Schwarz).
     """
     if not abs(rate) > UNMOVED * largest:
         raise PathEndsError("the loads do not move the displacement that the path is followed to")

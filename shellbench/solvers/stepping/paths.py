@@ -25,7 +25,7 @@ SHORTEST_EDIT = 1 / 32  # of the way of an edit: where a shorter step were neede
 
 
 class Controlled(Protocol[Found]):
-    """A path that is followed by a displacement, the load factor being an unknown."""
+    """A path that is controlled by a displacement; the load factor is an unknown."""
 
     def rate(self, state: Found) -> float:
         """Return the rate of the displacement in the load factor; NotConvergedError if the tangent is singular."""
@@ -34,7 +34,7 @@ class Controlled(Protocol[Found]):
         """Return the state at a displacement, from one at another; NotConvergedError if it is not found."""
 
     def check_branch(self, state: Found, rises: bool) -> None:
-        """Raise PathEndsError if the path has passed a branch; `rises` says if the load rises along it."""
+        """Raise PathEndsError if the path has passed a branch; `rises` is True if the load rises along it."""
 
 
 def load_steps(
@@ -54,7 +54,7 @@ def load_steps(
     start
         A state to go on from.
     marks
-        Load factors that are landed on; those before the start are left out.
+        Load factors to land on; those before the start are left out.
     first, shortest
         Length of the first step, and of the shortest one.
     easy
@@ -65,9 +65,11 @@ def load_steps(
     PathEndsError
         If a step can't be cut further, or a state is no minimum.
     """
-    # Equal parts of at most `step` up to the next mark. They are longer after an easy step, and half after a failure.
-    # A state that is found but not stable counts as a failure: a shorter step may stay on the stable branch. Growth is
-    # judged by the step made, not by the one wanted. A short one before a mark leaves `step` as it is.
+    # 1. Take equal steps of at most `step` to the next mark.
+    # 2. After a failure, cut the step; a state that is found but not stable counts as a failure, since a shorter step
+    #    may stay on the stable branch.
+    # 3. After an easy step, let `step` grow; the growth is judged by the step made, so that a short step before a mark
+    #    leaves `step` unchanged.
     state, step = start, first
     for mark in marks:
         while state.t < mark:
@@ -91,29 +93,29 @@ def load_steps(
 def displacement_steps(
     path: Controlled[Found], rest: Found, first_rate: float, marks: Sequence[float], end: float, share: float
 ) -> Iterator[Found]:
-    """Yield the states at increasing values of a displacement, the load factor unknown.
+    """Yield the states at increasing values of a displacement; the load factor is unknown.
 
     Parameters
     ----------
     path
-        What is followed.
+        The path to follow.
     rest, first_rate
-        The state that nothing loads, and the rate of the displacement there.
+        The unloaded state, and the rate of the displacement there.
     marks, end
-        Values that are landed on, and the last one.
+        Values to land on, and the last one.
     share
-        Part of the path that no step is longer than.
+        Longest step, as a share of the path.
 
     Raises
     ------
     PathEndsError
         If a step can't be cut further, or the path has passed a branch.
     """
-    # The displacement is given and t unknown, so that limit points of the load are passed.
+    # The displacement is given and t is unknown, so that limit points of the load are passed.
     # 1. Predict along the tangent to the next value, and correct by Newton's method.
-    # 2. Where the load turns between two states, repeat the step shorter: a turning point and a branch that one step
-    #    passes together hide each other. Over a short step that is less likely.
-    # 3. Compare the direction of the load with the tangent's inertia, which tells a branch from a limit point.
+    # 2. If the load turns between two states, repeat the step shorter: a turning point and a branch within one step
+    #    hide each other. Within a short step this is less likely.
+    # 3. Compare the direction of the load with the tangent's inertia, which distinguishes a branch from a limit point.
     state, value, rising = rest, 0.0, True
     step = longest = end * share
     for mark in sorted({*marks, end}):
@@ -137,7 +139,7 @@ def displacement_steps(
 
 
 class Marks(Generic[Found]):
-    """Values of the displacement that a path by arc length lands on, each at its first passage.
+    """Values of the displacement on which a path by arc length lands, each at its first passage.
 
     After a snap-back the same value belongs to another state, which does not count.
     """
@@ -150,7 +152,7 @@ class Marks(Generic[Found]):
     def passed(self, state: Found, value: float, found: Found, reached: float) -> Iterator[Found]:
         """Yield the states at the marks that a step from `value` to `reached` passes, and the step's own after them.
 
-        The step's own state is left out after the last mark, and where it is the one at a mark.
+        The step's own state is left out after the last mark, and if it is the state at a mark.
 
         Raises
         ------
@@ -172,17 +174,17 @@ class Marks(Generic[Found]):
 
 
 def over_edit(find: Callable[[Start, float], tuple[Found, Start]], start: Start) -> tuple[Found, int]:
-    """Return the state at the end of an edit, and the iterations of all on the way.
+    """Return the state at the end of an edit, and the iterations of all states on the way.
 
-    The edit comes in one step where Newton's method takes it easily, else in shorter ones. All states on the way are
-    minima, so that the branch is that of the earlier shell, as far as continuation can tell.
+    The edit is one step if Newton's method converges easily, else several shorter ones. All states on the way are
+    minima, so that the branch is that of the earlier shell, as far as continuation shows.
 
     Parameters
     ----------
     find
-        Returns the state at a share of the edit, and what the next step starts from; or raises NotConvergedError.
+        Returns the state at a share of the edit, and the start of the next step; or raises NotConvergedError.
     start
-        What the first step starts from: the earlier shell's state.
+        Start of the first step: the earlier shell's state.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What docs/cluster.md shows is what works."""
+"""The commands of docs/cluster.md work."""
 
 import ast
 import os

@@ -1,4 +1,4 @@
-"""What every executor does, whether its runs are made on this machine or on a cluster."""
+"""Common behaviour of all executors, on this machine and on a cluster."""
 
 import contextlib
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""What a worker does with an order."""
+"""Execution of an order by a worker."""
 
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -10,7 +10,7 @@ import pytest
 from shellbench.bench.plugins import source
 from shellbench.bench.plugins.process import ServerProcess
 from shellbench.bench.run import remote
-from shellbench.bench.run.remote import standing_by, unfit
+from shellbench.bench.run.remote import reason_unfit, standing_by
 from shellbench.bench.store.store import Store
 from tests.bench.cluster.running import toy_tasks
 
@@ -25,15 +25,15 @@ def with_engine(store: Store, engine: str) -> Any:
 
 def test_an_engine_of_another_version_does_not_fit(store: Store) -> None:
     said = "; install the same version there"
-    assert unfit(with_engine(store, "psutil 0.1")).endswith(said)
-    assert unfit(with_engine(store, "psutil 0.1")).startswith(
+    assert reason_unfit(with_engine(store, "psutil 0.1")).endswith(said)
+    assert reason_unfit(with_engine(store, "psutil 0.1")).startswith(
         "solver 'toy' was planned with psutil 0.1, but it has psutil "
     )
     assert (
-        unfit(with_engine(store, "no-such 1.0"))
+        reason_unfit(with_engine(store, "no-such 1.0"))
         == f"solver 'toy' was planned with no-such 1.0, but it has no no-such{said}"
     )
-    assert unfit(with_engine(store, remote.engine_version("psutil"))) is None
+    assert reason_unfit(with_engine(store, remote.engine_version("psutil"))) is None
 
 
 def test_the_source_is_read_by_one_thread_at_a_time(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -51,7 +51,7 @@ def test_the_source_is_read_by_one_thread_at_a_time(store: Store, monkeypatch: p
 
     monkeypatch.setattr("shellbench.bench.store.identity.source_digest", alone)
     with ThreadPoolExecutor(4) as threads:
-        assert list(threads.map(unfit, [task] * 8)) == [None] * 8
+        assert list(threads.map(reason_unfit, [task] * 8)) == [None] * 8
 
 
 class Loop:

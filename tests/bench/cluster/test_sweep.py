@@ -1,4 +1,4 @@
-"""Which worker gets which run, and which is tried again: the tests play Dask, to say what happens together."""
+"""Distribution of runs over workers, and repetition of lost ones; the tests replace Dask to control the order of events."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def versions(**packages: str) -> dict[str, Any]:
 
 
 class Future:
-    """What a worker has been sent; it ends when the test says how."""
+    """A run that was sent to a worker; the test decides its end."""
 
     def __init__(self, key: str, behaviour: str, worker: str) -> None:
         self.key, self.behaviour, self.worker = key, behaviour, worker
@@ -94,7 +94,7 @@ class Dask:
 
 def played(monkeypatch: pytest.MonkeyPatch, dask: Any) -> Callable[..., list[Event]]:
     """Make runs with a client that the test plays."""
-    monkeypatch.setattr(cluster, "connected", lambda given: nullcontext(dask))
+    monkeypatch.setattr(cluster, "connect_client", lambda given: nullcontext(dask))
     monkeypatch.setattr(cluster, "LOOK", 0.01)
     return lambda store, tasks, jobs=None, threads=1, said=None: list(
         DaskCluster("tcp://here", jobs, threads, None, (said if said is not None else []).append).run(tasks, store)

@@ -1,4 +1,4 @@
-"""Files of ropes in motion: what is wrong with them is one sentence; obstacles and what moves as it is told."""
+"""Files of ropes in motion: faults are reported in one sentence; obstacles and prescribed motions."""
 
 import numpy as np
 import pytest

@@ -20,7 +20,7 @@ APART = 1e-8  # relative: Newton's method ends far below
 
 
 def departs(name=STRIP, settings=COARSE):
-    """Return whether the answer from the start is another one than the edited shell's own from scratch."""
+    """Return True if the answer from the start differs from the edited shell's own answer from scratch."""
     case = catalog.named_case(name)
     found = FemEditSolver().solve(case, settings)
     truth = FemSolver().solve(catalog.named_case(name).edited, settings)

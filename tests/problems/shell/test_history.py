@@ -1,4 +1,4 @@
-"""What a solution says of its uncertainty, beside what each figure says by itself."""
+"""Uncertainties of a solution, together with those of its single values."""
 
 import pytest
 

@@ -23,7 +23,6 @@ from tests.bench.spring import SpringSolution
 
 G, RHO = 9.8, 0.144
 SINGLE = 1e-6  # relative: rounding of single precision
-MS = 1e-3
 
 
 @pytest.fixture(autouse=True)

@@ -111,7 +111,7 @@ def test_a_half_turn_is_found_where_a_quarter_is_not():
 
 @pytest.mark.parametrize("name", ["pinched_cylinder_free", "pinched_cylinder_diaphragm", "hinged_roof_thick"])
 def test_shares_of_point_loads_add_up(name):
-    """What the part carries, reflected into all copies, is the whole load: checked on the sum of magnitudes."""
+    """Compare sums of magnitudes: the loads of the part, reflected into all copies, are the whole load."""
     case = known(name)
     part = part_of(case)
     carried, whole = (sum(np.linalg.norm(f) for _, f in point_forces(c, 1.0)) for c in (part.case, case))

@@ -1,6 +1,6 @@
-"""Variants ask the same question: the same shell in space, the same loads and supports on it, in another guise.
+"""Variants ask the same question: the same shell in space, with the same loads and supports, in another form.
 
-Nothing is solved here. What a variant says is held against the case at the same material points.
+Nothing is solved here. The data of a variant are compared with the case at the same material points.
 """
 
 import numpy as np
@@ -64,7 +64,7 @@ def distances(points):
 
 
 def invariants(case):
-    """Return what no variant changes, up to units: area, and loads in all, summed and squared."""
+    """Return values that no variant changes, up to units: area, and sums of the loads and of their squares."""
     points, weights = area_rule(case)
     at = case.states[-1]
     spread = [load for load in case.loads if isinstance(load, AreaLoad | PressureLoad | GravityLoad)]
@@ -144,7 +144,7 @@ def test_points_of_quantities_stay_where_they_are(name):
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize("make", CHARTS.values(), ids=CHARTS)
 def test_a_chart_and_its_inverse_agree(name, make):
-    """What `to_new` finds is mapped back by the formulas, and the new rectangle is the image of the old one."""
+    """The formulas map the result of `to_new` back, and the new rectangle is the image of the old one."""
     domain = catalog.named_case(name).surface.domain
     try:
         chart = make(domain)

@@ -1,4 +1,4 @@
-"""Modes of the triangle mesh, held against its own energies: those that modes are made of have no part in these."""
+"""Modes of the triangle mesh agree with its own energies, which the computation of modes does not use."""
 
 from dataclasses import replace
 

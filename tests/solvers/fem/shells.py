@@ -4,6 +4,7 @@ import numpy as np
 from numpy.polynomial import polynomial
 
 from shellbench.problems.shell.case import build_case
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 
 PLANE = {"kind": "plane", "xi1": [0, 2], "xi2": [0, 1]}
 CYLINDER = {"kind": "cylinder", "axis": "y", "radius": 2.0, "closed": True, "xi1": [0, 360], "xi2": [0, 3]}
@@ -49,6 +50,13 @@ def surface_points(surface, count, seed=0):
     domain = surface.domain
     unit = np.random.default_rng(seed).uniform(0.02, 0.98, (count, 2))
     return np.asarray(domain.lower) + unit * np.asarray(domain.size)
+
+
+def uniform(case, cells=(8, 3)):
+    """Return the mesh of equal cells on a case's domain."""
+    domain = case.surface.domain
+    lines = [np.linspace(low, high, n + 1) for low, high, n in zip(domain.lower, domain.upper, cells, strict=True)]
+    return TensorMesh(domain, (lines[0], lines[1]))
 
 
 class PolynomialField:

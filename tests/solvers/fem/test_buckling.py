@@ -11,7 +11,6 @@ from shellbench.bench.catalogue import catalog
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.quantities.measure import measure_all
-from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.path import buckling
 from shellbench.solvers.fem.path.buckling import BRACKET, Buckling, following_steps
@@ -20,7 +19,7 @@ from shellbench.solvers.fem.path.newton import equilibrium
 from shellbench.solvers.fem.path.problem import FiniteProblem
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError
-from tests.solvers.fem.shells import shell
+from tests.solvers.fem.shells import shell, uniform
 
 YOUNG, THICKNESS, WIDTH, LENGTH = 1e4, 0.02, 0.2, 1.0
 HALF_WAVES = {True: 2, False: 1}  # of a column that is clamped or hinged at both ends, per length
@@ -66,12 +65,6 @@ def column(clamped, until, marks=(), after="follow", extra=(), **fields):
 
 def solve(case, cells):
     return FemSolver().solve(case, FemSettings(cells=cells))
-
-
-def uniform(case, cells):
-    domain = case.surface.domain
-    lines = [np.linspace(low, high, n + 1) for low, high, n in zip(domain.lower, domain.upper, cells, strict=True)]
-    return TensorMesh(domain, (lines[0], lines[1]))
 
 
 def problem_of(case, cells):

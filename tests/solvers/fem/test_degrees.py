@@ -143,10 +143,7 @@ def test_energies_of_manufactured_shells_converge_with_twice_the_degree_less_two
 @cache
 def clamped_and_hinged(name, degree, cells):
     edges = EVERY_EDGE if name != "cylinder" else ["xi2_min", "xi2_max"]
-    supports = [
-        {"name": "clamp", "on": edges[:1], "clamped": True},
-        {"name": "hinge", "on": edges[1:]},
-    ]
+    supports = [{"name": "clamp", "on": edges[:1], "clamped": True}, {"name": "hinge", "on": edges[1:]}]
     case = shell(name, supports=supports, loads=[PRESSURE])
     return solved(case, cells=(cells, cells), degree=degree, grading=1)
 

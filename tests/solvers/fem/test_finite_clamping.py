@@ -16,7 +16,7 @@ from shellbench.solvers.fem.path.large_displacement import solve
 from shellbench.solvers.fem.path.newton import equilibrium
 from shellbench.solvers.fem.path.problem import FiniteProblem
 from shellbench.solvers.fem.solver import FemSolver
-from tests.solvers.fem.shells import HYPAR, LARGEST, MATERIAL, shell
+from tests.solvers.fem.shells import HYPAR, LARGEST, MATERIAL, shell, uniform
 
 NONLINEAR = "kirchhoff-love-nonlinear"
 AXIS, ANGLE = (0.0, 1.0, 0.0), 50.0  # a turn that neither tube nor hypar is symmetric about
@@ -29,12 +29,6 @@ def turned(axis=AXIS, angle=f"{ANGLE}*t"):
 def clamped(surface, on, motion=None, **fields):
     support = {"name": "clamp", "on": on, "clamped": True} | ({"motion": motion} if motion else {})
     return shell(surface, theory=NONLINEAR, supports=[support], quantities=[LARGEST | {"at": 1.0}], **fields)
-
-
-def uniform(case, cells):
-    domain = case.surface.domain
-    lines = [np.linspace(low, high, n + 1) for low, high, n in zip(domain.lower, domain.upper, cells, strict=True)]
-    return TensorMesh(domain, (lines[0], lines[1]))
 
 
 def problem_of(case, cells):
@@ -175,7 +169,7 @@ def test_between_the_nodes_of_turned_rims_the_gap_closes_with_the_fourth_power()
 
 
 def test_a_rim_whose_normal_stays_behind_is_bent():
-    """What the test above would not see if nothing was clamped: turned rims that keep their normals do cost energy."""
+    """Complement the test above, which would pass without clamping: turned rims that keep their normals do cost energy."""
     case = clamped("cylinder", ["xi2_min", "xi2_max"], turned((1.0, 0.0, 0.0), "20*t"))
     problem = problem_of(case, (8, 2))
     carried = equilibrium(problem, problem.rest(), 1.0)

@@ -71,7 +71,7 @@ def test_the_tangent_is_the_derivative_of_the_forces(surface):
 
 
 def on_rim(mesh):
-    """Return which degrees of freedom (nodes, 12) displace an edge of a plane."""
+    """Return a mask of the degrees of freedom (nodes, 12) that displace an edge of a plane."""
     points, domain = mesh.node_points, mesh.domain
     found = np.zeros((mesh.node_count, COMPONENTS, len(KINDS)), dtype=bool)
     for axis in (0, 1):

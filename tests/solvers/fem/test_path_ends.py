@@ -1,4 +1,4 @@
-"""What the non-linear theory declines, and how paths end: at limit points, where a state is unstable, at their marks."""
+"""Cases that the non-linear theory declines, and ends of paths: limit points, unstable states, marks."""
 
 import json
 import re
@@ -228,7 +228,7 @@ def test_loads_that_push_along_a_free_motion_are_refused():
 
 @pytest.mark.long
 def test_under_a_point_load_the_pulled_cylinder_loses_its_equilibrium_the_earlier_the_finer_the_mesh():
-    """Why `cylinder_pull_out` spreads its loads: a quarter of 40000 at one point is more than this theory carries."""
+    """Show why `cylinder_pull_out` spreads its loads: a quarter of 40000 at one point has no equilibrium in this theory."""
     data = data_of("cylinder_pull_out")
     load = {"kind": "point", "on": ["A"], "force": [0, 0, "10000*t"]}
     case = build_case(data | {"loads": [load]}, "pulled", "test")

@@ -10,16 +10,10 @@ from shellbench.solvers.fem.mechanics.strain_energy import StrainEnergy
 from shellbench.solvers.fem.mesh.grading import graded_mesh
 from shellbench.solvers.fem.mesh.mesh import KINDS, TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
-from tests.solvers.fem.shells import CYLINDER, LARGEST, shell
+from tests.solvers.fem.shells import CYLINDER, LARGEST, shell, uniform
 
 TWIST = catalog.named_case("sleeve_twist")
 RIMS = [{"name": "rims", "on": ["xi2_min", "xi2_max"], "clamped": True}]
-
-
-def uniform(case, cells=(8, 3)):
-    domain = case.surface.domain
-    lines = [np.linspace(low, high, n + 1) for low, high, n in zip(domain.lower, domain.upper, cells, strict=True)]
-    return TensorMesh(domain, (lines[0], lines[1]))
 
 
 def tube(surface=CYLINDER, supports=RIMS, **fields):
@@ -149,7 +143,7 @@ def test_it_is_tangent_to_the_orbit(name):
 
 
 def test_a_turn_by_a_cell_costs_no_energy():
-    """What is turned here node by node is what the direction is the difference of."""
+    """Turn the shell node by node; the direction is the difference of two such turns."""
     found = of(TWIST)
     energy = StrainEnergy(found.mesh, TWIST.surface, TWIST.material, Quadrature.of_order(found.mesh, 7))
     q = np.random.default_rng(0).uniform(-0.02, 0.02, (found.mesh.node_count, 12))

@@ -1,4 +1,4 @@
-"""What `fem` answers: known problems, symmetry, units, balance, and its own estimate of its error."""
+"""Answers of `fem`: known problems, symmetry, units, balance, and its own estimate of its error."""
 
 import numpy as np
 import pytest

@@ -192,7 +192,7 @@ def test_no_step_is_too_long_for_a_linear_oscillator(radius):
 
 
 def imbalance(vector, counts):
-    """Return what energy is lost or gained by .2 s in that many steps, relative to the energy in the end."""
+    """Return the energy lost or gained after .2 s in each number of steps, relative to the final energy."""
     supports = [{"name": "edge", "on": ["xi1_min"], "motion": {"kind": "translation", "vector": vector}}]
     relative = []
     for count in counts:

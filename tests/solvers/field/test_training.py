@@ -1,4 +1,4 @@
-"""What trains: fields and losses of tensors are those of arrays, Adam is Adam, and samples follow their density."""
+"""Training: fields and losses of tensors agree with those of arrays, Adam is Adam, and samples follow their density."""
 
 from dataclasses import replace
 

@@ -1,9 +1,9 @@
-"""The kept records of the published training: held against today's training, and taken over where that is the same.
+"""The stored records of the published training: compared with today's training, and kept if that is the same.
 
-A training takes ten minutes, and any change of the source would cost eight. `python -m tests.solvers.ndf.kept_trainings` trains
-the first iterations of each record anew, of folders that it is told or of both. Loss, samples, weights at the start, Adam and the headline quantity all show
-in them. Where they agree with the record's history, the record is written again as one of today's source, with today's
-verdict on its certified energy and its course; `trained_by_source` keeps the source that did the whole training.
+A training takes ten minutes, and any change of the source would cost eight. `python -m tests.solvers.ndf.kept_trainings` repeats
+the first iterations of each record, in the given folders or in both. They depend on loss, samples, weights at the start, Adam and the headline
+quantity. If they agree with the record's history, the record is written again with today's source, and with today's
+verdict on its certified energy and its course; `trained_by_source` keeps the source of the whole training.
 """
 
 from __future__ import annotations

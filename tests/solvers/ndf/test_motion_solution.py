@@ -73,7 +73,7 @@ def test_a_motion_answers_at_any_time_and_is_continuous(swung):
 
 
 def test_energy_is_conserved_between_steps_as_well(swung):
-    """What is interpolated obeys Newton's law nearly as well as what was computed."""
+    """Interpolated states obey Newton's law nearly as well as computed ones."""
     times = swung.course.times
     middle = (times[len(times) // 2] + times[len(times) // 2 + 1]) / 2
     nodes, w = np.polynomial.legendre.leggauss(24)

@@ -1,4 +1,4 @@
-"""How sure paths are: what challengers change in one linear solve at a state, and what is stated of it."""
+"""Error estimates of paths: changes by challengers in one linear solve at a state, and the stated uncertainty."""
 
 from __future__ import annotations
 

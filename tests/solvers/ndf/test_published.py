@@ -266,7 +266,7 @@ def jolt_after(monkeypatch, good):
 
 
 def test_a_training_that_is_thrown_off_has_failed_and_keeps_its_course(monkeypatch):
-    """What happened to the free cylinder: a jump of the weights, after which the energy stays above rest."""
+    """Repeat the failure on the free cylinder: a jump of the weights, after which the energy stays above rest."""
     every, good = 5, 150
     jolt_after(monkeypatch, good)
     monkeypatch.setattr("shellbench.solvers.ndf.published.published_training.RECORD", every)

@@ -1,4 +1,4 @@
-"""How `ndf-ritz` refines linear shells at rest, and whether what it says of its uncertainty holds."""
+"""Refinement of linear shells at rest by `ndf-ritz`, and the validity of its stated uncertainty."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a field answers does not depend on rounding: not on the processor's, and not on how nearly features agree."""
+"""Answers of a field do not depend on rounding: neither on the processor's, nor on the similarity of features."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ BASELINE = Path(__file__).parents[3] / "reports/baseline.json"
 
 
 def band(case: str, solver: str) -> float:
-    """Return what the regression gate allows the headline, relative: rounding alone must never turn it red."""
+    """Return the relative band of the regression gate for the headline: rounding alone must never turn it red."""
     baseline = read_baseline(BASELINE)
     assert baseline is not None
     name = catalog.named_case(case).primary.name

@@ -170,7 +170,7 @@ def test_slopes_of_the_smoothest_fields_are_small():
 
 @pytest.mark.parametrize("components", [["x", "y", "z"], ["x"]])
 def test_resistance_is_the_derivative_of_the_energy(components):
-    """Whether all components are held alike or not: by central differences along a direction."""
+    """Compare with central differences along a direction, with all components held alike and not."""
     spring = {"name": "pin", "stiffness": "3e4*(1 + xi1)"}
     case = moving("roof", supports=[support("edge", "xi2_min", components=components)], springs=[spring])
     found = motion(case, 4)

@@ -14,8 +14,8 @@ Woinowsky-Krieger, Theory of Plates and Shells, 2nd ed. 1959, art. 28-30):
 
     c_mn = 16 q / (pi^6 B m n (m^2/a^2 + n^2/b^2)^2);   for even m or n zero.
 
-To put a solver of your own here, keep what `Plate` is (the numbers that your discretisation needs of a case) and
-replace what is below it.
+For a solver of your own, keep the role of `Plate` (the numbers that your discretisation needs from a case) and replace
+the code below it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Plate:
-    """What the series needs to know of a case.
+    """The data of a case that the series needs.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Plate:
     load: float
 
     def wave_numbers(self, terms: int) -> tuple[Array, Array]:
-        """Return m pi / a and n pi / b for so many odd m and n, each (terms,), 1/m."""
+        """Return m pi / a and n pi / b for the first odd m and n, each (terms,), 1/m."""
         odd = np.pi * np.arange(1, 2 * terms, 2, dtype=np.float64)
         return np.asarray(odd / self.size[0]), np.asarray(odd / self.size[1])
 
@@ -66,7 +66,7 @@ def solve(plate: Plate, terms: int) -> Array:
 
 
 def bending_energy(plate: Plate, coefficients: Array) -> float:
-    """Return the strain energy of the series, J: exact, for sines are orthogonal."""
+    """Return the strain energy of the series, J: exact, because sines are orthogonal."""
     alpha, beta = plate.wave_numbers(len(coefficients))
     area = plate.size[0] * plate.size[1]
     stiffness = plate.bending_stiffness * area / 4 * (alpha[:, None] ** 2 + beta**2) ** 2
@@ -79,7 +79,7 @@ def derivative(plate: Plate, coefficients: Array, points: Array, orders: tuple[i
     Parameters
     ----------
     orders
-        How many times by xi1 and by xi2; (0, 0) is w itself, m.
+        Orders in xi1 and in xi2; (0, 0) is w itself, m.
     """
     numbers = plate.wave_numbers(len(coefficients))
     first, second = (

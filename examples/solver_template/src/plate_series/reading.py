@@ -1,7 +1,7 @@
-"""From a case of shellbench to the few numbers that the series needs, or a reason why it can't be.
+"""From a case of shellbench to the few numbers that the series needs, or the reason why it is impossible.
 
-`declines` must be honest: it names the first thing in the case that the mechanics does not have. The reason is shown
-as "not applicable: ...", and costs nothing. A case that is solved wrongly is a red row.
+`declines` must be honest: it names the first feature of the case that the mechanics does not have. The reason is shown
+as "not applicable: ...", and has no other effect. A wrong answer is a red row.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ EDGES = {"xi1_min", "xi1_max", "xi2_min", "xi2_max"}
 
 
 def declines(case: Case) -> str | None:
-    """Return why the series can't take a case, as one clause, or None if it can."""
+    """Return the reason why the series can't take a case, as one clause, or None if it can."""
     if reason := why_not_plain(case):  # modes, contact, stress resultants and what else only some solvers answer
         return reason
     if case.dynamics is not None:
@@ -50,7 +50,7 @@ def _declines_loads(case: Case) -> str | None:
 
 
 def plate_of(case: Case) -> Plate:
-    """Return what the series needs of a case that it does not decline."""
+    """Return the data that the series needs from a case that it does not decline."""
     domain = case.surface.domain
     load = sum(
         float(load.vector[2] if isinstance(load, AreaLoad) else load.value)

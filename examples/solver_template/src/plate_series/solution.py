@@ -1,8 +1,8 @@
-"""The answer: a displacement field that can be asked anywhere (the protocol `shellbench.problem.Solution`).
+"""The answer: a displacement field that can be evaluated anywhere (the protocol `shellbench.problem.Solution`).
 
-Everything that shellbench shows of a solver it measures through this class. The base brings points of any shape
-(..., 2), files, rounding, bytes and zero velocity; what is left are the arrays, and the answers at points (N, 2). A
-solver on a mesh interpolates with its own basis.
+shellbench measures a solver only through this class. The base class adds points of any shape (..., 2), files, rounding,
+bytes and zero velocity. This class has the arrays, and the values at points (N, 2). A solver on a mesh interpolates
+with its own basis.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class PlateSolution(ShellSolution):
     Attributes
     ----------
     case
-        The case it answers.
+        The solved case.
     coefficients
         (terms, terms) c_mn of odd m and n, m, along the normal a3 = z.
     """
@@ -40,7 +40,7 @@ class PlateSolution(ShellSolution):
 
     @cached_property
     def plate(self) -> Plate:
-        """What the series needs of the case."""
+        """The data of the case that the series needs."""
         return plate_of(self.case)
 
     @property
@@ -71,8 +71,8 @@ class PlateSolution(ShellSolution):
     def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that the rim exerts on the plate.
 
-        By virtual work: under a rigid motion of plate and rim no strain changes, so that the rim takes the whole
-        load. This is what makes it exact, and why a case with several supports is declined.
+        By virtual work: a rigid motion of plate and rim changes no strain, so that the rim takes the whole load. The
+        result is therefore exact, and a case with several supports is declined.
         """
         (low1, low2), (a, b) = self.plate.lower, self.plate.size
         force = np.array([0.0, 0.0, -self.plate.load * a * b])
@@ -80,5 +80,5 @@ class PlateSolution(ShellSolution):
 
     @classmethod
     def restored(cls, case: Case, words: Words, arrays: Arrays) -> PlateSolution:
-        """Make a solution of what a file holds."""
+        """Make a solution from the content of a file."""
         return cls(case, arrays["coefficients"])

@@ -1,8 +1,8 @@
-"""The solver as shellbench sees it (the protocol `shellbench.problem.Solver`): a name, what it can do, and `answer`.
+"""The solver for shellbench (the protocol `shellbench.problem.Solver`): a name, its capabilities, and `answer`.
 
 shellbench makes one by calling the class without arguments, reads its settings from ``--set plate-series.terms=8``,
 and solves in a process of its own, so that a crash or a leak costs that run only. The base's `solve` validates the
-settings and refuses what `declines` says, then calls `answer`.
+settings, refuses cases by `declines`, then calls `answer`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ MOST_TERMS = 1000  # a direction: a million coefficients; round-off rules the an
 
 
 class PlateSettings(Settings):
-    """Settings of `PlateSeriesSolver`: all that can change its answer, for they are part of a run's identity."""
+    """Settings of `PlateSeriesSolver`: everything that can change its answer, as they are part of a run's identity."""
 
     terms: int = Field(48, ge=1, le=MOST_TERMS, strict=True, description="odd harmonics along each side")
 
@@ -42,16 +42,16 @@ class PlateSeriesSolver(ShellSolver):
     """Settings from coarse to fine (optional): `shellbench check-solver` measures a rate of convergence by them."""
 
     def declines(self, case: Case) -> str | None:
-        """Return why the solver can't take this case, as one clause, or None if it can."""
+        """Return the reason why the solver can't take this case, as one clause, or None if it can."""
         return reading.declines(case)
 
     def answer(
         self, case: Case, settings: PlateSettings, start: Solution | Path | None, progress: ProgressCallback
     ) -> PlateSolution:
-        """Solve the case with half of the terms and with all: the difference is the estimate of the error.
+        """Solve the case with half of the terms and with all; the difference is the error estimate.
 
-        `settings` are of `settings_type`; `start` is refused by the base unless `uses_start` is true; `progress` is told
-        how far the solve is.
+        `settings` are of `settings_type`. The base class refuses `start` unless `uses_start` is true. `progress`
+        receives the state of the solve.
         """
         plate = reading.plate_of(case)
         counts = sorted({max(1, settings.terms // 2), settings.terms})

@@ -1,7 +1,7 @@
-"""Triangle meshes with texture coordinates from OBJ (v, vt, f), ASCII PLY and what meshio reads.
+"""Triangle meshes with texture coordinates from OBJ (v, vt, f), ASCII PLY and the formats of meshio.
 
-Strict: what a surface needs and the file lacks is refused in one sentence, with the line where it is. What a surface
-has no use for (normals, materials, groups, colours) is passed over. Polygons become fans of triangles.
+The reader is strict: if the file lacks something that a surface needs, it is refused in one sentence with the line.
+Data that a surface does not use (normals, materials, groups, colours) are ignored. Polygons become fans of triangles.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ TEXTURE_NAMES = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"))  # of PLY, 
 
 @dataclass(frozen=True)
 class MeshFile:
-    """What a file says, its indices counted from 0.
+    """Content of a mesh file, its indices counted from 0.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ def read_mesh(content: bytes, suffix: str) -> MeshFile:
     Raises
     ------
     InputError
-        As a clause without the file's name: what is wrong, and in which line.
+        As a clause without the file's name: the fault and its line.
     """
     readers: dict[str, Callable[[str], MeshFile]] = {".obj": _read_obj, ".ply": _read_ply}
     suffix = suffix.lower()
@@ -80,9 +80,10 @@ def read_mesh(content: bytes, suffix: str) -> MeshFile:
 
 
 def _without_split_corners(mesh: MeshFile) -> MeshFile:
-    """Return the mesh with one texture vertex for those of a vertex that are at the same (u, v).
+    """Return the mesh with the texture vertices of a vertex merged if they are at the same (u, v).
 
-    Programs write one for each corner of a face. At a true seam a vertex has texture vertices that are apart.
+    Programs write a texture vertex for each corner of a face. At a true seam a vertex has texture vertices at several
+    (u, v).
     """
     count = len(mesh.texture)
     keys, where = np.unique(mesh.triangles.ravel() * count + mesh.corners.ravel(), return_inverse=True)
@@ -99,7 +100,7 @@ def _without_split_corners(mesh: MeshFile) -> MeshFile:
 
 
 def _statements(text: str) -> Iterator[tuple[int, str]]:
-    """Yield the lines of an OBJ with their numbers; one that ends in a backslash goes on, but for a comment."""
+    """Yield the lines of an OBJ with their numbers; lines that end in a backslash continue, except comments."""
     begun, at = "", 0
     for number, line in enumerate(text.splitlines(), 1):
         at = at if begun else number
@@ -116,7 +117,7 @@ def _read_obj(text: str) -> MeshFile:
     positions: list[tuple[float, ...]] = []
     texture: list[tuple[float, ...]] = []
     faces: list[list[tuple[int, int]]] = []
-    known: dict[str, tuple[int, int]] = {}  # corners are there once for each face around them
+    known: dict[str, tuple[int, int]] = {}  # a corner occurs once for each face around it
     for number, line in _statements(text):
         words = line.split()
         try:

@@ -1,16 +1,16 @@
-"""The surface of a mesh: how many spans its spline gets, and how far position and curvature may be off.
+"""The surface of a mesh: the number of spans of its spline, and the errors of position and curvature.
 
-1. A fifth of the inner vertices, drawn by a fixed seed, is left out. Splines of 1, 2, 4, ... spans a side are fitted
-   to the others, up to half as many spans as vertices; how far they miss those left out decides.
-2. Of all that miss by hardly more than the best, the one with the fewest spans is taken, in each direction: more
-   spans would follow the noise, which curvature shows first.
-3. It is fitted to all vertices. A second spline with a third more spans (fewer, where vertices are too few for more) is
-   fitted to half of the inner ones.
+1. A fifth of the inner vertices, drawn by a fixed seed, is left out. Splines of 1, 2, 4, ... spans a side are fitted to
+   the others, up to half as many spans as vertices. Their error at the vertices left out decides.
+2. Among the splines whose error is hardly larger than the least, the one with the fewest spans is taken, in each
+   direction: more spans would follow the noise, which curvature shows first.
+3. This spline is fitted to all vertices. A second spline with a third more spans (fewer, if there are not enough
+   vertices) is fitted to half of the inner vertices.
 
 Stated errors. Position: the largest distance to a vertex that was left out, noise included. Curvature: the largest
-difference of the two splines. Half the vertices move a mean by as much as noise has moved that of all, so that the
-difference shows noise and knots alike. As knots' share falls with the fourth power of a span, the difference is divided
-by 1 - (3/4)^4.
+difference of the two splines. Noise moves the fit to half of the vertices by as much as it moves the fit to all, so
+that the difference contains the errors of noise and of knots. The error of knots falls with the fourth power of a span.
+Therefore the difference is divided by 1 - (3/4)^4.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from shellbench.protocol.schema import Finite, Model
 
 Array = NDArray[np.float64]
 SEED, LEFT_OUT = 21, 0.2
-HARDLY = 1.2  # times the smallest error: what is no worse has fewer spans
+HARDLY = 1.2  # times the smallest error: a spline below it may have fewer spans
 WELL_FITTED = 1e-9  # of the mesh's size: a spline that misses by less is not made finer
 MOST_COEFFICIENTS = 6000  # coefficients of a component
 SUFFICE = 1.5  # vertices for each coefficient of the second spline
@@ -41,14 +41,14 @@ LESS = 1 - 0.75**4
 
 
 class MeshFit(Model):
-    """What has become of a mesh.
+    """Splines fitted to a mesh, with their stated errors.
 
     Attributes
     ----------
     sha256
         Of the mesh file.
     vertices, triangles
-        How many it has; those of a seam count twice.
+        Numbers of vertices and triangles; vertices of a seam count twice.
     position_error
         Stated error of position, m.
     curvature_error
@@ -76,7 +76,7 @@ class MeshFit(Model):
 
     @classmethod
     def of(cls, content: bytes, suffix: str, periodic: tuple[str, ...] | None) -> Self:
-        """Fit the content of a mesh file; InputError, as a clause, if it is no patch that can be one surface."""
+        """Fit the content of a mesh file; InputError, as a clause, if it is not one patch of a surface."""
         patch = patch_of(read_mesh(content, suffix), periodic)
         fitting = _Fitting(patch, tuple(name in (periodic or ()) for name in COORDINATES))  # type: ignore[arg-type]
         spans = fitting.chosen()
@@ -160,7 +160,7 @@ class _Fitting:
 
 
 def _check_normals(spline: Spline, patch: Patch) -> None:
-    """Refuse a surface that folds: where a triangle looks the other way than the spline, or the spline nowhere."""
+    """Raise InputError if the surface folds: a triangle's normal opposes the spline's, or the spline has none."""
     corners = patch.positions[patch.triangles]
     x = spline.derivatives(patch.xi[patch.triangles].mean(axis=1), 1)
     facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -1,7 +1,7 @@
 """Triangle meshes with texture coordinates from files of other programs, read by meshio.
 
-Gmsh, Abaqus, Nastran and STL have no place for texture coordinates. VTK has: point data `u` and `v`, or one array with
-both.
+Gmsh, Abaqus, Nastran and STL files can't hold texture coordinates. VTK files can: as point data `u` and `v`, or as one
+array with both.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ FORMATS = {
 PAIRS = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"), ("xi1", "xi2"))
 BOTH = ("uv", "xi", "tcoords", "texture coordinates", "texturecoordinates", "texcoords")  # in small letters
 CORNERS = {"triangle": 3, "triangle6": 3, "triangle7": 3, "quad": 4, "quad8": 4, "quad9": 4}  # later ones are on edges
-# meshio would read whatever an include names. It takes stars out of keywords, and lines without one for keywords too.
+# meshio would read any file named by an include. It removes stars from keywords, and takes lines without a star as
+# keywords too.
 INCLUDES = re.compile(rb"(?:^|[\r\n])(?!\*\*)[^\w,\r\n]*" + rb"\**".join(b"i n c l u d e".split()), re.IGNORECASE)
 LINES = ("vertex", "line", "line3")  # which bound surfaces, and are none
 
@@ -54,7 +55,7 @@ def read_other(content: bytes, suffix: str) -> tuple[Array, Array, list[list[int
 
 
 def _meshio_mesh(content: bytes, suffix: str) -> Any:
-    """Return the mesh of meshio, which prints what it makes of a file, and ends the program if it can make nothing."""
+    """Return the mesh that meshio reads, without its printing, and without its exit from the program on an error."""
     import meshio
 
     if FORMATS[suffix] == "abaqus" and INCLUDES.search(content):
@@ -65,7 +66,7 @@ def _meshio_mesh(content: bytes, suffix: str) -> Any:
         try:
             with contextlib.redirect_stderr(said), np.errstate(all="ignore"):
                 return meshio.read(path, file_format=FORMATS[suffix])
-        except (Exception, SystemExit) as error:  # a reader can raise anything of what it did not expect
+        except (Exception, SystemExit) as error:  # a reader can raise any exception on unexpected content
             words = said.getvalue() if isinstance(error, SystemExit) else str(error)
             words = " ".join(words.replace(str(path), "it").split()) or type(error).__name__
             raise InputError(f"meshio can't read it as {FORMATS[suffix]}: {without_middle(words)}") from None

@@ -1,9 +1,8 @@
 """One patch of a mesh: its texture coordinates tile a rectangle once, and each of its points has one position.
 
-What is looked for, in this order: a texture vertex with two positions, triangles that fold over in (u, v), edges
-between more than two triangles, a boundary that is not the rectangle's (a hole, a ragged edge, a seam inside), and
-sides that meet in space. A boundary that is the rectangle's, and triangles of one orientation, tile it once if their
-areas sum to its area.
+The checks are, in this order: a texture vertex with two positions, triangles that fold over in (u, v), edges between
+more than two triangles, a boundary that is not the rectangle's (a hole, a ragged edge, a seam inside), and sides that
+meet in space. Triangles of one orientation within the rectangle's boundary tile it once if their areas sum to its area.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from shellbench.problems.shell.mesh.file import ON_A_SIDE, MeshFile
 
 Array = NDArray[np.float64]
 SLIVER = 1e-9  # of the mean area: a triangle as small as this, in (u, v), has none
-MEET = 1e-6  # of the mesh's size: so near to each other sides meet in space
+MEET = 1e-6  # of the mesh's size: sides that are nearer to each other meet in space
 COORDINATES = ("xi1", "xi2")
 
 
@@ -30,7 +29,7 @@ class Patch:
     Attributes
     ----------
     xi, positions
-        (n, 2) and (n, 3) of the vertices. Of a closed patch those of the seam are there twice.
+        (n, 2) and (n, 3) of the vertices. A closed patch has the vertices of its seam twice.
     lower, upper
         Bounds of the rectangle.
     counts
@@ -61,12 +60,12 @@ def patch_of(mesh: MeshFile, periodic: Sequence[str] | None) -> Patch:
     Parameters
     ----------
     periodic
-        Coordinates in which it is said to close; None if nothing is said, and then it must not.
+        Coordinates in which it is stated to close; None if nothing is stated, and then it must not close.
 
     Raises
     ------
     InputError
-        As a clause: what the mesh is not, and where.
+        As a clause: the property that the mesh lacks, and where.
     """
     used, corners = np.unique(mesh.corners, return_inverse=True)
     corners = corners.reshape(-1, 3)

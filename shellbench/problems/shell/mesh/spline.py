@@ -1,7 +1,7 @@
 """Tensor-product splines of degree 5 over a rectangle: evaluation with derivatives, and least squares.
 
-Degree 5 has four continuous derivatives: solvers ask for the third, that of curvature. Knots are even. An open
-direction has the knot of each end six times, and a closed one goes round.
+Degree 5 has four continuous derivatives: solvers need the third, that of curvature. Knots are even. In an open
+direction the knot of each end is sixfold; in a closed one the knots are periodic.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def shape_of(spans: Sequence[int], periodic: Sequence[bool]) -> tuple[int, int]:
 def local_basis(
     x: Array, bounds: tuple[float, float], spans: int, periodic: bool, order: int = 0
 ) -> tuple[NDArray[np.int64], list[Array]]:
-    """Return which six coefficients (n, 6) matter at points (n,), and their weights (n, 6) for each derivative."""
+    """Return the indices (n, 6) of the coefficients that act at points (n,), and weights (n, 6) by derivative."""
     scale = spans / (bounds[1] - bounds[0])
     place = (x - bounds[0]) * scale
     if periodic:
@@ -150,7 +150,7 @@ def fit_spline(
     normal = (design.T @ design).tocsc()
     ridge = RIDGE * normal.diagonal().mean() * identity(normal.shape[0], format="csc")
     factors = splu((normal + ridge).tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-    centre = positions.mean(axis=0)  # B-splines sum to one, so that it can be taken off and put back
+    centre = positions.mean(axis=0)  # B-splines sum to one, so that the centre can be subtracted and added again
     found = np.zeros((normal.shape[0], 3))
     for _ in range(1 + REFINEMENTS):
         found += factors.solve(design.T @ (positions - centre - design @ found))

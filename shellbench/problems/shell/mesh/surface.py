@@ -26,9 +26,9 @@ NO_FORMULAS = "its surface is a mesh, which has no formulas"
 class MeshSurface(AnalyticSurface):
     """A spline of degree 5 fitted to the vertices of a mesh, whose texture coordinates (u, v) are xi1 and xi2.
 
-    The mesh is one patch that fills a rectangle of (u, v). The fit states errors of position and of curvature, and how
-    far an answer moves from one fit to the other is part of its uncertainty. Bounds are those of the mesh where none
-    are given; they are in the units of (u, v), never degrees.
+    The mesh is one patch that fills a rectangle of (u, v). The fit states errors of position and of curvature. The
+    change of an answer from one fit to the other is part of its uncertainty. Bounds default to those of the mesh; they
+    are in the units of (u, v), never degrees.
 
     Attributes
     ----------
@@ -38,9 +38,9 @@ class MeshSurface(AnalyticSurface):
         Coordinates in which the surface closes on itself, smoothly. A mesh whose sides meet is refused without it;
         `[]` says that it is slit there.
     knots
-        Which of the two fits is meant. The second has other knots, and half of the vertices.
+        Choice of one of the two fits. The second has other knots, and half of the vertices.
     fit
-        The fit: made from the mesh, never given in a file.
+        The fit: computed from the mesh, never given in a file.
     """
 
     kind: Literal["mesh"]
@@ -66,7 +66,7 @@ class MeshSurface(AnalyticSurface):
 
     @property
     def formulas(self) -> tuple[str, str, str]:
-        """Refused: there are none."""
+        """Raise InputError: a mesh has no formulas."""
         raise InputError(NO_FORMULAS)
 
     def derivatives(self, points: ArrayLike, order: int = 2) -> dict[tuple[int, int], Array]:

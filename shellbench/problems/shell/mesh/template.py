@@ -1,4 +1,4 @@
-"""A case file to begin with, of a user's own mesh: `shellbench new-case NAME --mesh FILE`."""
+"""A template of a case file for a user's own mesh: `shellbench new-case NAME --mesh FILE`."""
 
 from __future__ import annotations
 
@@ -51,9 +51,9 @@ kind = "largest_displacement"
 
 
 def case_of_mesh(mesh: Path, path: Path) -> str:
-    """Return the text of a case file: the mesh held on one side, asked how far the middle of the other one moves.
+    """Return the text of a case file: the mesh is held on one side, and the quantity is a displacement of the other.
 
-    Where the mesh closes is found. Its path stands in the file as it is given.
+    The function finds where the mesh closes. The mesh's path stands in the file as given.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A shell put together of its parts, and whether its question is well posed: what holds it, and has no limit.
+"""A shell assembled of its parts, and checks that its question is well posed: supports, and values without a limit.
 
-It may import the parts of the question, meshes and quantities; `shellbench.problems.shell.case` stands on it.
+It may import the parts of the question, meshes and quantities; `shellbench.problems.shell.case` builds on it.
 """

@@ -1,4 +1,4 @@
-"""What a case must be like so that its path or its motion begins at rest and can be followed."""
+"""Checks that a path or a motion begins at rest and can be followed."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from shellbench.problems.shell.question.places import Whole
 
 Array = NDArray[np.float64]
 
-COURSE_SAMPLES = 9  # points a side at which loads and motions are looked at
-TIMES, GOLDEN = 32, (5**0.5 - 1) / 2  # further instants, in no rhythm that a formula might have
+COURSE_SAMPLES = 9  # points a side at which loads and motions are sampled
+TIMES, GOLDEN = 32, (5**0.5 - 1) / 2  # further instants, not periodic, so that no periodic formula escapes them
 PROPORTIONAL = 1e-12  # relative departure from proportional loads that is rounding
-INSTANT = 1e-6  # of the whole time, after which a motion from rest has gone next to nowhere
+INSTANT = 1e-6  # of the whole time, after which a motion from rest has hardly moved
 AT_REST = 1e-3  # of a support's mean velocity: the velocity it may have after that instant
 
 
@@ -27,7 +27,7 @@ def check_path(case: Shell) -> None:
     Raises
     ------
     ValueError
-        In one clause that says what is wrong.
+        In one clause that states the fault.
     """
     path = case.path
     if case.springs and not case.linear:
@@ -64,12 +64,12 @@ def check_path(case: Shell) -> None:
 
 
 def check_motion(case: Shell) -> None:
-    """Check that a case with [dynamics] starts from rest and says all that its motion needs.
+    """Check that a case with [dynamics] starts from rest and has all data of its motion.
 
     Raises
     ------
     ValueError
-        In one clause that says what is wrong.
+        In one clause that states the fault.
     """
     assert case.dynamics is not None
     until = case.dynamics.until
@@ -112,13 +112,13 @@ def check_motion(case: Shell) -> None:
 
 
 def is_constant(case: Shell) -> bool:
-    """Whether supports stand still and loads do not depend on time."""
+    """Return True if supports stand still and loads do not depend on time."""
     sample = case.surface.domain.grid(COURSE_SAMPLES, COURSE_SAMPLES)
     return case.steady and not any(np.any(at(float(t))) for _, at in _moves(case, sample) for t in instants(case))
 
 
 def instants(case: Shell) -> Array:
-    """Return the instants at which a motion's supports and loads are looked at, s."""
+    """Return the instants at which a motion's supports and loads are sampled, s."""
     assert case.dynamics is not None
     shares = np.concatenate([np.linspace(0.0, 1.0, COURSE_SAMPLES), (np.arange(1, TIMES) * GOLDEN) % 1])
     return np.asarray(case.dynamics.until * shares)
@@ -131,7 +131,7 @@ def _moves(case: Shell, sample: Array) -> Iterator[Acting]:
     """Yield the motions of supports as functions of t."""
     for support, place in case.supported_places():
         if isinstance(place, Whole):
-            continue  # where everything is prescribed no path leads there from rest
+            continue  # if everything is prescribed, no path leads there from rest
         yield (
             f"the motion of support '{support.name}'",
             lambda t, s=support, p=place: case.motion(s, p, sample, t)[0, 0],  # type: ignore[misc]

@@ -1,12 +1,12 @@
-"""Mirrors of a case: reflections of one coordinate that carry it into itself, found by looking at it.
+"""Mirrors of a case: reflections of one coordinate that carry it into itself, found by sampling.
 
-A reflection of one coordinate, xi_k -> 2 a - xi_k, is a symmetry where it carries the surface, the loads and the
-supports into their mirror images in a Cartesian plane with unit normal e,
+A reflection of one coordinate, xi_k -> 2 a - xi_k, is a symmetry if it carries the surface, the loads and the supports
+into their mirror images in a Cartesian plane with unit normal e,
 
     x(xi') = R x(xi) + 2 d e,    f(xi') = R f(xi),    R = 1 - 2 e e^T.
 
-The solution is then its own mirror image, u(xi') = R u(xi), but for rigid motions that are taken from it. That a case
-is symmetric is never assumed: it is looked at, at points of a solver's own choice and their images (`Sight`).
+The solution is then its own mirror image, u(xi') = R u(xi), except for rigid motions that are removed from it. Symmetry
+is never assumed: it is checked at points of the solver's choice and their images (`Sight`).
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ from shellbench.problems.shell.question.surface import COORDINATES, Domain
 Array = NDArray[np.float64]
 
 SAME = 1e-9  # of the domain's side: points that are no further apart are one
-GOLDEN, PLASTIC = 0.6180339887498949, 0.7548776662466927  # steps of sequences in no rhythm
-LOOKED_AT = 1009  # points of the shell; loads may act on a small part of it
+GOLDEN, PLASTIC = 0.6180339887498949, 0.7548776662466927  # steps of sequences that are not periodic
+LOOKED_AT = 1009  # points of the shell that are compared; loads may act on a small part of it
 EDGE_SAMPLES = 61
-PANEL_SAMPLES = 13  # points between kinks: a load that begins and ends at them may act on next to nothing of the shell
+PANEL_SAMPLES = 13  # points between kinks: a load between two kinks may act on a tiny part of the shell
 IMAGE_ROUNDING = 1e-9  # relative difference of two mirror images that is rounding, unless a solver knows better
-FIRST_LOOK = 64  # points at which a reflection is looked at first: most that are no symmetry show it there
-ON_THE_WAY = 0.37  # of a path's end: where loads and motions are looked at beside the states that a case asks for
+FIRST_LOOK = 64  # points of a first check: most reflections that are no symmetry already fail it
+ON_THE_WAY = 0.37  # of a path's end: a state at which loads and motions are compared, beside those of the case
 
 
 @dataclass(frozen=True)
 class Sight:
-    """Where a case is looked at, and what is taken for rounding there.
+    """Points at which a case is compared with its image, and the allowance for rounding.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Sight:
     order
         Highest derivative of the surface and of supports' motions that is compared.
     rounding
-        Relative difference of two mirror images that is none.
+        Relative difference of two mirror images that counts as rounding.
     """
 
     points: Array
@@ -60,7 +60,7 @@ class Sight:
 
     @classmethod
     def spread(cls, case: Shell) -> Sight:
-        """Return points in no rhythm that a formula might have: over the rectangle, and between all kinks."""
+        """Return points without a period that a formula might share: over the rectangle, and between all kinks."""
         domain, number = case.surface.domain, np.arange(1, LOOKED_AT + 1)
         lower, size = np.asarray(domain.lower), np.asarray(domain.size)
         unit = np.stack([number * GOLDEN % 1, number * PLASTIC % 1], axis=-1)
@@ -91,7 +91,7 @@ class Sight:
         return replace(self, points=points, along=(first, second))
 
     def alike(self, one: Array, other: Array, scale: float | None = None) -> bool:
-        """Whether two arrays differ by rounding only, relative to their largest magnitude unless it is given."""
+        """Return True if two arrays differ by rounding only, relative to `scale` or else their largest magnitude."""
         if scale is None:
             scale = max(float(np.abs(one).max(initial=0.0)), float(np.abs(other).max(initial=0.0)))
         return bool(np.abs(one - other).max(initial=0.0) <= self.rounding * scale)
@@ -104,7 +104,7 @@ class Mirror:
     Attributes
     ----------
     axis, at
-        It leaves the line xi_axis = at where it is (axis 0 or 1; radians for angles).
+        It leaves the line xi_axis = at in place (axis 0 or 1; radians for angles).
     normal, offset
         The plane of symmetry is x_normal = offset, m.
     """
@@ -144,7 +144,7 @@ Ends = tuple[Mirror | None, Mirror | None]  # of a part along a coordinate
 
 
 def mirror_of(case: Shell, axis: int, at: float, sight: Sight) -> Mirror | None:
-    """Return the mirror that leaves a coordinate line where it is, if the case has one."""
+    """Return the mirror that leaves a coordinate line in place; None if the case has none."""
     if case.edge_parts:  # which are not looked at
         return None
     chosen = (np.arange(FIRST_LOOK) * GOLDEN % 1 * len(sight.points)).astype(int)
@@ -185,7 +185,7 @@ def _seen(case: Shell, axis: int, at: float, points: Array, order: int) -> tuple
 
 
 def _reflected_in(x: Derivatives, image: Derivatives, rounding: float) -> tuple[int, float] | None:
-    """Return normal and offset of the plane in which positions are reflected into their images; None if in none."""
+    """Return normal and offset of the plane that reflects positions into their images; None if there is none."""
     gap = np.abs(image[0, 0] - x[0, 0]).max(axis=0)
     normal = int(np.argmax(gap))  # images differ along the normal alone
     twice = image[0, 0][:, normal] + x[0, 0][:, normal]
@@ -267,7 +267,7 @@ def _point_loads_agree(case: Shell, mirror: Mirror, sight: Sight, t: float) -> b
 
 
 def _same(domain: Domain, one: ArrayLike, other: ArrayLike, slack: float) -> bool:
-    """Whether two points (2,) are one, round a closed shell too."""
+    """Return True if two points (2,) coincide; on a closed shell, also across the seam."""
     gap, size = np.subtract(one, other), np.asarray(domain.size)
     gap = np.where(domain.periodic, gap - size * np.round(gap / size), gap)
     return bool(np.all(np.abs(gap) <= slack * size))
@@ -280,7 +280,7 @@ def _coincide(domain: Domain, one: Place, other: Place, slack: float) -> bool:
 
 
 def _supports_agree(case: Shell, mirror: Mirror, sight: Sight) -> bool:
-    """Whether what is held on a place is held on its image, and moves as the image of its motion."""
+    """Return True if each supported place and its image are held alike, and the image moves as the mirrored motion."""
     domain = case.surface.domain
     held: dict[Place, tuple[frozenset[str], bool]] = {}
     for support, place in case.supported_places():
@@ -308,7 +308,7 @@ def _motions_agree(case: Shell, mirror: Mirror, sight: Sight, place: Place, imag
 
 
 def _moved(case: Shell, place: Place, points: Array, t: float, order: int) -> dict[tuple[int, int], Array]:
-    """Return how supports move a place, with derivatives: what they hold, and all of it where they hold the slope."""
+    """Return the motion of a place by its supports, with derivatives: held components; all if they hold the slope."""
     keys = [(i, j) for i, j in product(range(order + 1), repeat=2) if i + j <= order]
     total = {key: np.zeros((len(points), 3)) for key in keys}
     for support, other in case.supported_places():
@@ -320,7 +320,7 @@ def _moved(case: Shell, place: Place, points: Array, t: float, order: int) -> di
 
 
 def mirrored_supports(case: Shell, mirror: Mirror) -> tuple[int, ...] | None:
-    """Return for each support the number of the one that is its mirror image; None if a support has none."""
+    """Return the number of each support's mirror image; None if a support has none."""
 
     def carried(support: Support, other: Support) -> bool:
         alike = set(support.held) == set(other.held) and support.clamped == other.clamped

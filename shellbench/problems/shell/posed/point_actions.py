@@ -1,4 +1,4 @@
-"""Values without a limit: what forces and supports at single points leave undefined.
+"""Values without a limit, which forces and supports at single points leave undefined.
 
 A force F at a point, along the midsurface, moves that point without bound as the cells around it shrink. Each halving
 of the cell adds (G = E / (2 (1 + nu)), all per thickness h)
@@ -8,12 +8,13 @@ of the cell adds (G = E / (2 (1 + nu)), all per thickness h)
     at a corner of angle a  2 F ln 2 / (E h (a - sin a))                Michell; a + sin a along the bisector
 
 to the displacement along F, and half of F times that to the strain energy. The displacement along the normal is finite,
-and so is all that is measured elsewhere. A support that holds a point along the midsurface is such a force: it yields
-without bound, and holds nothing. Where shear deforms the shell (Naghdi) all of this is true of the normal as well.
+and so are all values at other points. A support that holds a point along the midsurface exerts such a force: the point
+yields without bound, so that the support holds nothing in the limit. With shear deformation (Naghdi) all of this is
+true of the normal as well.
 
-A force that leans from the normal by less than 45 degrees is answered all the same, since the shell bends much more
-than that. How far the value drifts from the largest conceivable cell to one of the shell's thickness is part of its
-uncertainty (`drifts`). Nothing else is: such quantities are refused when the case is read (`check_point_actions`).
+A force that leans from the normal by less than 45 degrees is accepted, since bending displaces the shell much more. The
+drift of the value from the largest conceivable cell to one of the shell's thickness is part of its uncertainty
+(`drifts`). All other such quantities are refused when the case is read (`check_point_actions`).
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ class Pull:
     force
         Its magnitude, N.
     steep
-        Whether it is so large a part of what acts there that nothing is answered.
+        Whether it is so large a part of the force there that the case is refused.
     """
 
     spot: Spot
@@ -64,12 +65,12 @@ class Pull:
 
     @property
     def drift(self) -> float:
-        """Distance that the point moves on the way to cells as small as the thickness, m."""
+        """Displacement of the point by refinement to cells as small as the thickness, m."""
         return self.force * self.spot.softness * self.spot.halvings
 
 
 def check_point_actions(case: Shell) -> None:
-    """Check that what a case asks for has a limit as meshes are refined.
+    """Check that the quantities of a case have a limit as meshes are refined.
 
     Raises
     ------
@@ -97,7 +98,7 @@ def check_point_actions(case: Shell) -> None:
 
 
 def drifts(case: Shell, solution: Any) -> dict[str, float]:
-    """Return by how much values move on the way to cells as small as the thickness, by quantity, in SI units."""
+    """Return the change of values by refinement to cells as small as the thickness, by quantity, in SI units."""
     if not _may_drift(case):
         return {}
     found = {}
@@ -115,7 +116,7 @@ def drifts(case: Shell, solution: Any) -> dict[str, float]:
 
 
 def remark(case: Shell) -> str:
-    """Return a clause on values that have no limit and are given all the same; empty if there are none."""
+    """Return a clause on values that have no limit but are given; empty if there are none."""
     if not _may_drift(case):
         return ""
     words = []
@@ -142,7 +143,7 @@ def _may_drift(case: Shell) -> bool:
 
 
 def _share(case: Shell, quantity: ShellQuantity, pull: Pull, solution: Any) -> float:
-    """Return by how much a value moves for each metre that a point does; 0 if it has a limit.
+    """Return the change of a value for each metre that a point moves; 0 if the value has a limit.
 
     The largest displacement takes part along the direction in which the point has moved, if that is known. The energy
     takes half the force. On a curved shell membrane strains bend it, with changes of curvature of at most 2 k times
@@ -166,7 +167,7 @@ def _share(case: Shell, quantity: ShellQuantity, pull: Pull, solution: Any) -> f
 
 
 def _pulls(case: Shell, t: float) -> list[Pull]:
-    """Return the forces at points that have a part without a limit, those on the same point together."""
+    """Return the forces at points with an unlimited part; forces on the same point are added."""
     found = []
     for spot, force in _pulled(case, t):
         free, part = (float(np.linalg.norm(v)) for v in (spot.free(force), spot.unlimited(force)))
@@ -189,7 +190,7 @@ def _pulled(case: Shell, t: float) -> Iterator[tuple[Spot, Array]]:
 
 
 def _check_finite_strain(case: Shell) -> None:
-    """Check that symmetry keeps each force at a point along the normal, as two planes of symmetry through it do."""
+    """Check that two planes of symmetry through each point with a force keep the force along the normal."""
     last = case.dynamics.until if case.dynamics else case.path.until if case.path.quantity is None else 1.0
     for t in (last, ON_THE_WAY * last):
         for spot, force in _pulled(case, t):

@@ -1,9 +1,9 @@
-"""Supports that hold single points: what they hold in the limit of fine meshes, and what they do not.
+"""Supports that hold single points, and the directions that they hold in the limit of fine meshes.
 
-A point that is held along the midsurface yields without bound as the cells around it shrink, as under a force: the
-support holds nothing in the limit, and its force goes to zero like one over the logarithm of the cell. That does no
-harm where it takes nothing but a rigid motion from a shell whose loads are in balance without it. Where shear deforms
-the shell, a point is held along the normal no better.
+A point that is held along the midsurface yields without bound as the cells around it shrink, as under a force. The
+support holds nothing in the limit, and its force goes to zero like one over the logarithm of the cell. This does no
+harm if the support only prevents a rigid motion of a shell whose loads are in balance without it. With shear
+deformation the same is true of a point held along the normal.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ from shellbench.problems.shell.question.places import Edge, Point
 Array = NDArray[np.float64]
 
 LEANING = math.sqrt(0.5)  # largest part along the midsurface of a direction that counts as the normal: 45 degrees
-NEEDED = 1e-3  # of all loads: a support that takes less yields by less than a hundredth of what they move
+NEEDED = 1e-3  # of all loads: a support that bears less yields by less than a hundredth of the loads' displacement
 
 
 @dataclass(frozen=True)
 class Hold:
-    """Components that supports hold of one point beyond what they hold of edges through it.
+    """Components of one point that supports hold beyond those held on edges through it.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ def _holds(case: Shell) -> Iterator[Hold]:
 
 
 def mark_of(case: Shell, quantity: ShellQuantity) -> float:
-    """Return the load factor at which a quantity is asked; 1 of a mode, whose mark is its number."""
+    """Return the load factor of a quantity; 1 for a mode, whose mark is its number."""
     return 1.0 if case.modal else quantity.at
 
 
@@ -88,8 +88,8 @@ def leaning(case: Shell) -> Iterator[tuple[Support, Spot, float]]:
 def check_point_supports(case: Shell) -> None:
     """Check that no point has to be held along the midsurface.
 
-    A support that takes nothing but a rigid motion from the shell has no force, as long as the loads are in balance
-    without it. One that holds more has a force on every mesh, and none in the limit.
+    A support that only prevents a rigid motion has no force, as long as the loads are in balance without it. A support
+    that holds more has a force on every mesh, and none in the limit.
     """
     holds = list(_holds(case))
     soft = [hold for hold in holds if hold.firm < len(hold.rows)]
@@ -123,12 +123,12 @@ def check_point_supports(case: Shell) -> None:
 
 
 def _motions(case: Shell, hold: Hold) -> Array:
-    """Return how rigid motions (6) move a point along the directions in which it is held (k, 6)."""
+    """Return the displacements of a point in the six rigid motions, along the directions in which it is held (k, 6)."""
     return np.asarray(hold.rows @ rigid_modes(case.surface, np.array([hold.spot.xi]))[0, 0][0])
 
 
 def _is_idle_plate(case: Shell, soft: Iterable[Hold]) -> bool:
-    """Tell whether the shell is flat, and nothing that acts on it or moves it is along its midsurface."""
+    """Return True if the shell is flat, and no load or motion of it is along its midsurface."""
     if any(hold.spot.shears and hold.lean <= LEANING for hold in soft):
         return False
     narrow = (feature.division.middles for feature in case.features if feature.of is case.surface)
@@ -147,7 +147,7 @@ def _is_idle_plate(case: Shell, soft: Iterable[Hold]) -> bool:
 
 
 def _forces(case: Shell, t: float) -> Iterator[tuple[Array, Array, bool]]:
-    """Yield forces, or moments, (n, 3) that act at points (n, 2), N or N m, and whether they are moments."""
+    """Yield forces or moments (n, 3) at points (n, 2), N or N m, each with True for moments."""
     yield from ((forces, points, False) for forces, points in spread_forces(case, t))
     for load in case.loads:
         if isinstance(load, PointLoad):

@@ -1,4 +1,4 @@
-"""Rigid motions of a shell, and which of them the supports leave free."""
+"""Rigid motions of a shell, and those of them that the supports leave free."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ def middle_and_size(surface: Surface) -> tuple[Array, float]:
 def motions_of(arms: Array, translated: bool) -> Array:
     """Return the rigid motions (..., 3, 6) of points to which arms (..., 3) lead from the middle, in units of the size.
 
-    They are linear in the arms: what is linear too, such as a derivative of arms, has the same of the motions, but no
-    part of the translations unless they are `translated`.
+    The motions are linear in the arms. Therefore derivatives of the arms give the same derivatives of the motions, in
+    which translations count only if `translated`.
     """
     modes = np.zeros((*arms.shape, len(RIGID_MOTIONS)))
     if translated:
@@ -71,12 +71,12 @@ def motions_of(arms: Array, translated: bool) -> Array:
 
 
 def free_motions(case: Shell) -> Array:
-    """Return an orthonormal basis (6, n) of the rigid motions that no support resists, and at rest no spring."""
+    """Return an orthonormal basis (6, n) of the rigid motions that no support, and at rest no spring, resists."""
     return free_of(rows for _, rows in held_rows(case))
 
 
 def held_rows(case: Shell) -> Iterator[tuple[Place | None, Array]]:
-    """Yield the places that supports hold, and by how much rigid motions (6) move them as they may not (n, 6).
+    """Yield the places that supports hold, and the displacements there of rigid motions in held directions (n, 6).
 
     Springs of a shell at rest come last, with no place.
     """
@@ -119,7 +119,7 @@ def check_held(case: Shell) -> None:
     Raises
     ------
     ValueError
-        If a rigid motion is left free, or one is removed that the supports hold already.
+        If a rigid motion is left free, or a removed one is already held by supports.
     """
     free = free_motions(case)
     removed = np.eye(6)[:, [RIGID_MOTIONS.index(name) for name in case.remove_rigid_motions]]

@@ -1,4 +1,4 @@
-"""Shells: what a case of a shell says, and what follows from it at points and times."""
+"""Shells: the data of a case, and their values at points and times."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ MOTION_VARIABLES = ("xi1", "xi2", "t")  # t is the time, or the load factor of a
 
 
 class Shell(Problem):
-    """A thin shell with its supports, its loads and what is asked of it.
+    """A thin shell with its supports, its loads and the quantities asked of it.
 
     Attributes
     ----------
     theory
-        Which theory the answer is asked for: known values of another theory do not judge it.
+        Theory of the answer: known values of another theory do not judge it.
     surface
         The midsurface.
     material
@@ -60,28 +60,28 @@ class Shell(Problem):
     points
         Named points (xi1, xi2); degrees for angles.
     edge_parts
-        Named parts of edges: places for supports and loads as whole edges are.
+        Named parts of edges; like whole edges, they are places for supports and loads.
     supports
-        What holds the shell.
+        Supports that hold or move the shell.
     springs
         Elastic supports and foundations; in linear theory and in motion.
     obstacles, contact
-        What the shell can't enter, and how it touches that; in linear theory without friction, and in motion.
+        Bodies that the shell can't enter, and the options of contact; in linear theory without friction, and in motion.
     focus
-        Names of points near which the answer varies quickly, though no force acts at them as such: meshes and inputs
-        may be graded toward them.
+        Names of points near which the answer varies quickly although no point force acts there: meshes and inputs may
+        be graded toward them.
     loads
-        What acts on the shell.
+        Loads on the shell.
     path
-        How a non-linear static case is loaded.
+        Path of the load of a non-linear static case.
     dynamics
-        That, and until when, the shell moves by Newton's law; None in a static case.
+        Motion by Newton's law and its final time; None in a static case.
     remove_rigid_motions
-        Rigid motions that nothing holds; the answer is made orthogonal to them in the mean over the area.
+        Rigid motions that are left free; the answer is made orthogonal to them in the mean over the area.
     quantities
-        What is asked of every answer; exactly one is primary.
+        Quantities asked of every answer; exactly one is primary.
     picture
-        How the report draws the shell.
+        Options of the report's picture.
     """
 
     limits: ClassVar[str] = LIMITS
@@ -107,12 +107,12 @@ class Shell(Problem):
 
     @property
     def linear(self) -> bool:
-        """Whether strains are linearised."""
+        """True if the strains are linearised."""
         return self.theory != "kirchhoff-love-nonlinear"
 
     @property
     def modal(self) -> bool:
-        """Whether modes are asked for: frequencies or buckling loads."""
+        """True if the case asks for modes: frequencies or buckling loads."""
         return bool(self.quantities) and isinstance(self.quantities[0], ModeQuantity)
 
     @property
@@ -135,14 +135,14 @@ class Shell(Problem):
         return np.asarray(sum(values, start=np.zeros(xi.shape[:-1])))
 
     def physics(self) -> dict[str, Any]:
-        """Return all that an answer depends on; see `shellbench.problem.Problem.physics`."""
+        """Return all data that an answer depends on; see `shellbench.problem.Problem.physics`."""
         data = super().physics()
         for load in data["loads"]:
-            if not load.get("follows", True):  # as in every case that was recorded before pressures could follow
+            if not load.get("follows", True):  # so that digests of cases without following pressures stay as they were
                 del load["follows"]
-            if load.get("frame") == "global":  # as before there was another one
+            if load.get("frame") == "global":  # the default, left out for the same reason
                 del load["frame"]
-        if not data["edge_parts"]:  # as before there were any
+        if not data["edge_parts"]:  # left out for the same reason
             del data["edge_parts"]
         if not data["obstacles"]:
             del data["obstacles"], data["contact"]
@@ -151,7 +151,7 @@ class Shell(Problem):
                 del data["material"][name]
         if data["material"]["bending_poissons_ratio"] is None:
             del data["material"]["bending_poissons_ratio"]
-        if "fit" in data["surface"]:  # its last digits are the machine's: the mesh is the question
+        if "fit" in data["surface"]:  # its last digits depend on the machine: the mesh stands for it
             del data["surface"]["mesh"]
             data["surface"]["fit"] = data["surface"]["fit"]["sha256"]
         return data
@@ -165,7 +165,7 @@ class Shell(Problem):
         return data
 
     def asked_as_well(self) -> Self | None:
-        """Return the same question of the mesh's other fit; None if its surface is none that was fitted."""
+        """Return the same case with the mesh's other fit; None if its surface is no fit."""
         if not isinstance(self.surface, MeshSurface):
             return None
         knots = "second" if self.surface.knots == "first" else "first"
@@ -184,7 +184,7 @@ class Shell(Problem):
 
     @property
     def prescribed(self) -> bool:
-        """Whether the whole surface is moved as prescribed, so that nothing is left to solve for."""
+        """True if a support prescribes the motion of the whole surface, so that nothing is left to solve for."""
         return any(isinstance(place, Whole) and support.motion for support, place in self.supported_places())
 
     @property
@@ -213,8 +213,8 @@ class Shell(Problem):
     def states(self) -> tuple[float, ...]:
         """Times, load factors or other marks of the path (see `Path`) at which the answer is kept, increasing.
 
-        In the non-linear theory the last one is the end of the path, or of the motion. A path that ends where the shell
-        buckles ends at no mark.
+        In the non-linear theory the last one is the end of the path, or of the motion. A path that ends at buckling has
+        no mark at its end.
         """
         asked = {q.mark for q in self.quantities if q.mark is not None}
         if self.dynamics is not None:
@@ -224,22 +224,22 @@ class Shell(Problem):
 
     @property
     def buckles(self) -> bool:
-        """Whether the path leads to where the shell buckles, and may lead on from there."""
+        """True if the path leads to the buckling of the shell; it may go on from there."""
         critical = any(isinstance(q, CriticalPoint) for q in self.quantities)
         return critical or self.path.after_buckling == "follow"
 
     @property
     def ends_critical(self) -> bool:
-        """Whether the path ends where the shell buckles."""
+        """True if the path ends at the buckling of the shell."""
         return self.buckles and self.path.after_buckling == "stop"
 
     @property
     def path_marks(self) -> tuple[float, ...]:
-        """Load factors that a path under load control is led to, increasing; those beyond buckling may not be met."""
+        """Increasing load factors of the states of a path under load control; buckling may end it before."""
         return tuple(sorted({*self.states, self.path.until}))
 
     def mark_words(self, mark: float) -> str:
-        """Return what a mark means, such as "t = 0.25 s", "deflection = 12 mm" or "mode 2"."""
+        """Return the meaning of a mark, such as "t = 0.25 s", "deflection = 12 mm" or "mode 2"."""
         if self.modal:
             return f"mode {mark:g}"
         if self.dynamics is not None:
@@ -250,7 +250,7 @@ class Shell(Problem):
         return f"{self.path.quantity.replace('_', ' ')} = {mark:.4g} {unit}".rstrip()
 
     def telling_mark(self, quantity: Quantity) -> str:
-        """Return the words for a quantity's mark; empty where all figures belong to the full load."""
+        """Return the words for a quantity's mark; empty if all values belong to the full load."""
         if self.modal:
             return ""  # the quantity's own name tells
         if quantity.mark is None or (self.path.quantity is None and self.dynamics is None):
@@ -258,7 +258,7 @@ class Shell(Problem):
         return self.mark_words(quantity.mark)
 
     def check_state(self, at: float) -> None:
-        """Raise InputError if a solution can't be asked at a mark."""
+        """Raise InputError if a solution has no state at a mark."""
         if self.dynamics is not None and not 0 <= at <= self.dynamics.until:
             raise InputError(f"--at: found {at:g}, but {self.name} moves from 0 to {self.dynamics.until:g} s")
         if self.modal and at not in self.states:
@@ -296,7 +296,7 @@ class Shell(Problem):
         return derivatives_of([self.formula(text) for text in vector], points, order, t)
 
     def formula(self, text: Formula, variables: tuple[str, ...] = MOTION_VARIABLES) -> Expression:
-        """Read a number or formula of a support, load or spring; the surface's constants are known to it."""
+        """Read a number or formula of a support, load or spring, which may use the surface's constants."""
         return Expression(text, variables, self.surface.named_constants, piecewise=True)
 
     @cached_property
@@ -317,17 +317,17 @@ class Shell(Problem):
 
     @cached_property
     def features(self) -> tuple[Feature, ...]:
-        """The formulas that vary, and cells that tell them: where meshes and rules of points have to look."""
+        """The formulas that vary, and cells that resolve them; meshes and quadratures have to be as fine."""
         return features_of(self)
 
     @property
     def undecided(self) -> str | None:
-        """Return which formula no cells tell, and where, as one clause; None if all are told."""
+        """The formula that no number of cells resolves, and its place, as one clause; None if all are resolved."""
         return undecided(self)
 
     @property
     def steady(self) -> bool:
-        """Whether no load depends on t."""
+        """True if no load depends on t."""
         return not any(self.formula(f).depends_on("t") for load in self.loads for f in load.formulas)
 
     def scalar(self, text: Formula, t: float) -> float:
@@ -380,7 +380,7 @@ class Shell(Problem):
     def turn(self, support: Support, t: float = 1.0) -> Array:
         """Return the matrix (3, 3) by which a support turns the normals that it carries.
 
-        In linear theory a turned normal differs by what is of second order, and it is the identity.
+        In linear theory it is the identity, since a turned normal differs by terms of second order.
         """
         if self.linear or not isinstance(support.motion, Rotation):
             return np.eye(3)

@@ -1,4 +1,4 @@
-"""Points of a shell at which something acts: how they are held, and how softly the shell gives way there."""
+"""Points of a shell at which something acts: their held directions, and the softness of the shell there."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from shellbench.problems.shell.question.surface import Domain
 Array = NDArray[np.float64]
 
 NO_PART = 1e-6  # of a vector: a smaller part of it is rounding
-SLACK = 1e-9  # of a side, or of a row: what differs by less is the same
-EFFECTIVE = 4.0  # a force on a cell acts as if spread over something between the cell and its quarter
+SLACK = 1e-9  # of a side, or of a row: a smaller difference counts as none
+EFFECTIVE = 4.0  # a force on a cell acts as if spread over a length between the cell and its quarter
 
 
 @dataclass(frozen=True)
@@ -34,11 +34,11 @@ class Spot:
     softness
         Displacement that a unit force along the midsurface adds with each halving of the cell, m/N.
     halvings
-        How often a cell as large as the shell is halved until it is as small as the thickness.
+        Number of halvings from a cell as large as the shell to one as small as the thickness.
     bent
         Thickness times the largest curvature there.
     shears
-        Whether the theory lets a force along the normal move it without bound, too.
+        Whether, in its theory, a force along the normal too moves it without bound.
     """
 
     name: str
@@ -61,13 +61,13 @@ class Spot:
         return free if self.shears else free - self.normal * (self.normal @ free)
 
     def share(self, direction: ArrayLike) -> float:
-        """Return how large that part of a direction is, from 0 to 1; 0 if it is rounding."""
+        """Return the relative length, from 0 to 1, of the unlimited part of a direction; 0 if it is rounding."""
         share = float(np.linalg.norm(self.unlimited(direction)) / np.linalg.norm(direction))
         return share if share > NO_PART else 0.0
 
 
 def spot_at(case: Shell, place: Point) -> Spot:
-    """Return what is to be known of a point at which something acts."""
+    """Return the data of a point at which something acts: normal, held directions, softness and others."""
     domain, point = case.surface.domain, np.array([place.xi])
     x = case.surface.derivatives(point, order=2)
     normal = local_directions(case.surface, point)[0, 2]
@@ -94,7 +94,7 @@ def spot_at(case: Shell, place: Point) -> Spot:
 
 
 def _angle(domain: Domain, xi: tuple[float, float], first: Array, second: Array) -> float | None:
-    """Return the angle that the shell takes up around a point of its edge; None inside."""
+    """Return the angle of the shell's sector around a point of its edge; None inside."""
     ends = []
     for axis, tangent in enumerate((first, second)):
         at = (xi[axis] - domain.lower[axis]) / domain.size[axis]
@@ -106,7 +106,7 @@ def _angle(domain: Domain, xi: tuple[float, float], first: Array, second: Array)
 
 
 def is_on(case: Shell, place: Place, xi: tuple[float, float]) -> bool:
-    """Tell whether a point lies on a place."""
+    """Return True if a point lies on a place."""
     if isinstance(place, Whole):
         return True
     domain = case.surface.domain
@@ -117,7 +117,7 @@ def is_on(case: Shell, place: Place, xi: tuple[float, float]) -> bool:
 
 
 def held_at(case: Shell, place: Point, points: bool) -> Array:
-    """Return orthonormal directions (k, 3) in which supports hold a point; those on points alone count if asked."""
+    """Return orthonormal directions (k, 3) in which supports hold a point; supports on points count if `points`."""
     rows = [np.zeros((1, 3))]
     for support, other in case.supported_places():
         if (points or not isinstance(other, Point)) and is_on(case, other, place.xi):
@@ -126,6 +126,6 @@ def held_at(case: Shell, place: Point, points: bool) -> Array:
 
 
 def orthonormal(rows: Array) -> Array:
-    """Return an orthonormal basis (k, 3) of what rows (n, 3) of lengths up to 1 span."""
+    """Return an orthonormal basis (k, 3) of the span of rows (n, 3) of lengths up to 1."""
     _, sizes, basis = np.linalg.svd(rows, full_matrices=False)
     return np.asarray(basis[sizes > SLACK])

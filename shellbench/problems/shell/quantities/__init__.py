@@ -1,4 +1,4 @@
-"""What a case asks of every solution, from displacements to modes, and how each is measured.
+"""Quantities of shells, from displacements to modes, and their measurement.
 
-It may import the parts of the question and the protocol of fields, and no solution.
+It may import the parts of the question and the protocol of fields, but no solution.
 """

@@ -1,4 +1,4 @@
-"""Quantities of the displacement field: at points, over the whole shell, and how far it is from a known field."""
+"""Quantities of the displacement field: at points, over the whole shell, and its distance from a known field."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Direction = Annotated[Vector, AfterValidator(_not_zero)]
 
 
 class PointQuantity(ShellQuantity):
-    """What is measured at points, as the mean over them.
+    """Base of quantities that are measured at points, as the mean over them.
 
     Attributes
     ----------
@@ -148,10 +148,10 @@ class LargestDisplacement(ShellQuantity):
 
 
 class FieldError(ShellQuantity):
-    """How far the displacement is from a prescribed one: the norm over the midsurface of u - v, over that of v.
+    """Error of the displacement u against a prescribed one, v: the norm of u - v over the midsurface, over that of v.
 
-    The norm is the root of the integral of the squared magnitude. A case whose load makes v the answer has the known
-    value 0.
+    The norm is the root of the integral of the squared magnitude. If the load of the case makes v the exact solution,
+    the known value is 0.
 
     Attributes
     ----------
@@ -182,7 +182,7 @@ class FieldError(ShellQuantity):
             )
 
     def _division(self, shell: Any) -> Division:
-        """Return cells that tell the prescribed displacement, none larger than panels of the rule of the case."""
+        """Return cells that resolve the prescribed displacement, none larger than panels of the rule of the case."""
         first, second = (tuple(ends) for ends in panel_ends(shell))
         domain = shell.surface.domain
         (low, bottom), (high, top) = domain.lower, domain.upper
@@ -202,7 +202,7 @@ class FieldError(ShellQuantity):
 
 
 def largest_displacement(solution: DisplacementField, at: float | None = None) -> float:
-    """Return the largest magnitude of the displacement, metres; the points of the case are looked at, too."""
+    """Return the largest magnitude of the displacement, metres; the search includes the points of the case."""
     named = [place.xi for place in solution.case.places.values() if isinstance(place, Point)]
 
     def magnitudes(points: Array) -> Array:

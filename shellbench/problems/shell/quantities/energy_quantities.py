@@ -27,10 +27,10 @@ class EnergyQuantity(ShellQuantity):
 class MotionEnergy(ShellQuantity):
     """Kinetic energy of the whole shell, its total energy, or the balance of its energy, J.
 
-    The total energy is kinetic energy, strain energy and that of the springs, less the work of the loads, all of which
-    are constant in time: what starts from rest keeps it at zero. The balance is the solver's own, as its history
-    states it at each step, with the work of whatever loads and supports: how far from zero it has been until the time.
-    Impacts and friction take energy: no case with obstacles has one.
+    The total energy is kinetic energy, strain energy and that of the springs, less the work of the loads. The loads
+    have to be constant in time; a motion from rest then keeps it at zero. The balance is stated by the solver's own
+    history at each step, with the work of all loads and supports. Its value is the largest distance from zero until the
+    time. Impacts and friction take energy: cases with obstacles have neither quantity.
     """
 
     powers: ClassVar[tuple[int, int]] = (1, 1)
@@ -38,11 +38,11 @@ class MotionEnergy(ShellQuantity):
     unit: str = "J"
 
     def check_path(self, shell: Any) -> None:
-        """Raise ValueError: what stands still has none."""
+        """Raise ValueError: a static case has none."""
         raise ValueError(f"quantity '{self.name}' needs a case with [dynamics]")
 
     def check_motion(self, shell: Any, constant: bool) -> None:
-        """Raise ValueError if the total energy is asked for where it is not kept."""
+        """Raise ValueError if the case asks for the total energy, and it is not conserved."""
         kept = constant and not shell.following and all(load.spread for load in shell.loads)
         if self.kind == "total_energy" and not kept:
             raise ValueError(
@@ -72,9 +72,9 @@ class MotionEnergy(ShellQuantity):
 class PotentialEnergy(ShellQuantity):
     """The potential energy of a state of a path, or of a linear shell, J, as the solver's own history states it.
 
-    It is the energy of strains and springs less the work of the loads. Dead loads work on the displacement, a moment on
-    the angle by which the normal has turned about its axis; each with its value at that state. Supports that are moved
-    are no loads. Of a linear shell the last step of the history counts: the state that is asked for last.
+    It is the energy of strains and springs less the work of the loads. Dead loads work on the displacement, and a
+    moment works on the angle by which the normal has turned about its axis; each with its value at that state. Moved
+    supports are no loads. For a linear shell, the last step of the history counts: the state that is asked for last.
     """
 
     series: ClassVar[Literal["motion", "path", ""]] = ""
@@ -83,7 +83,7 @@ class PotentialEnergy(ShellQuantity):
     unit: str = "J"
 
     def check_path(self, shell: Any) -> None:
-        """Raise ValueError if loads have no potential or do not lead the way, or the state is not the last one."""
+        """Raise ValueError if loads have no potential or do not control the path, or the state is not the last one."""
         if shell.linear and (shell.obstacles or shell.prescribed or self.at != max(shell.states)):
             raise ValueError(
                 f"quantity '{self.name}' needs, in linear theory, a shell that loads or supports move without"
@@ -95,7 +95,7 @@ class PotentialEnergy(ShellQuantity):
             )
 
     def check_motion(self, shell: Any, constant: bool) -> None:
-        """Raise ValueError: what moves has a total energy."""
+        """Raise ValueError: a motion has a total energy instead."""
         raise ValueError(f"quantity '{self.name}' belongs to a [path], not to [dynamics]")
 
     def measure(self, solution: DisplacementField) -> float:

@@ -1,4 +1,4 @@
-"""Quantities of what supports and obstacles exert on the shell."""
+"""Quantities of the forces of supports and obstacles on the shell."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from shellbench.protocol.schema import Name, Vector
 
 
 class SupportQuantity(ShellQuantity):
-    """What a support exerts on the shell.
+    """Base of quantities of the forces that a support exerts on the shell.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class SupportQuantity(ShellQuantity):
 class ReactionQuantity(SupportQuantity):
     """The force that a support exerts on the shell, along a direction, N.
 
-    Where supports meet that hold the same direction, each has the force along its own edges, and an equal share of one
+    If supports that hold the same direction meet, each has the force along its own edges, and an equal share of a force
     that is concentrated there, such as at a plate's corner.
 
     Attributes
@@ -53,7 +53,7 @@ class ReactionQuantity(SupportQuantity):
         """Return the force, N."""
         force, _ = solution.reaction(self.support, at=self.at)
         direction = unit(self.direction)
-        asked = direction != 0  # a solver may not know the others, and has NaN there
+        asked = direction != 0  # a solver may not know the other components, which are then NaN
         return float(force[asked] @ direction[asked])
 
 
@@ -81,7 +81,7 @@ class TorqueQuantity(SupportQuantity):
 
 
 class ContactQuantity(ShellQuantity):
-    """What is measured of contact with obstacles."""
+    """Base of quantities of contact with obstacles."""
 
     series: ClassVar[Literal["motion", "path", ""]] = ""
 
@@ -111,7 +111,7 @@ class ContactForce(ContactQuantity):
 
 
 class LargestPenetration(ContactQuantity):
-    """How deep the shell is in an obstacle anywhere, 0 if it is in none."""
+    """Largest depth of the shell in an obstacle; 0 if it is in none."""
 
     is_an_error: ClassVar[bool] = True
 
@@ -123,12 +123,12 @@ class LargestPenetration(ContactQuantity):
 
 
 class ContactPoint(ContactQuantity):
-    """How far it is from a point to where contact begins, along a coordinate line of the shell at rest.
+    """Distance from a point to the start of contact, along a coordinate line of the shell at rest.
 
     Attributes
     ----------
     point
-        Where the line starts: a corner or a named point.
+        Start of the line: a corner or a named point.
     along
         The coordinate that changes on the line.
     toward
@@ -158,7 +158,7 @@ class ContactPoint(ContactQuantity):
         return place.xi, int(self.along == "xi2"), self.toward == "max"
 
     def length(self, case: Any) -> float:
-        """Return how long its line is, m."""
+        """Return the length of its line, m."""
         return line_length(case, *self.line(case))
 
     def measure(self, solution: DisplacementField) -> float:

@@ -1,4 +1,4 @@
-"""Measuring a solution of a shell: what quantities are made of, and integrals over the midsurface."""
+"""Measurement of a shell's solution: its quantities, and integrals over the midsurface."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def measure_all(solution: DisplacementField, case: Any = None) -> Mapping[str, f
 
 
 def measure_reached(solution: DisplacementField) -> Mapping[str, float]:
-    """Return the quantities of the case by name that a path has reached, which may have ended early."""
+    """Return by name the quantities that a path has reached; it may have ended early."""
     found = {}
     for quantity in solution.case.quantities:
         with contextlib.suppress(ValueError):
@@ -44,7 +44,7 @@ def measure_reached(solution: DisplacementField) -> Mapping[str, float]:
 def area_rule(case: Any) -> tuple[Array, Array]:
     """Return points (n, 2) and weights (n,), m^2, that integrate over the midsurface: Gauss's rule on panels.
 
-    They are equal, and cut where loads or stiffnesses have kinks. A case has its own at hand, `Shell.area_rule`.
+    The panels are equal, and cut where loads or stiffnesses have kinks. `Shell.area_rule` caches the rule of a case.
     """
     (first, along), (second, across) = (_on(ends[:-1], ends[1:], PANEL_POINTS) for ends in panel_ends(case))
     points = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -62,7 +62,7 @@ def panel_ends(case: Any) -> tuple[Array, Array]:
 
 
 def cells_rule(case: Any, division: Division, edge: Edge | None = None) -> tuple[Array, Array]:
-    """Return points (n, 2) and weights (n,) of Gauss's rule on the cells that tell a formula, m^2, or m on an edge."""
+    """Return points (n, 2) and weights (n,) of Gauss's rule on cells that resolve a formula, m^2, or m on an edge."""
     low, high = division.low, division.high
     if edge is not None:
         running = 1 - edge.axis
@@ -80,7 +80,7 @@ def cells_rule(case: Any, division: Division, edge: Edge | None = None) -> tuple
 
 
 def rule_of(case: Any, of: Any, edge: Edge | None = None) -> tuple[Array, Array] | None:
-    """Return points and weights that integrate a load or spring of the case that is narrow; None if none is needed."""
+    """Return points and weights that integrate a narrow load or spring of the case; None if it is not narrow."""
     division = narrow_division(case, of, edge)
     return None if division is None else cells_rule(case, division, edge)
 
@@ -115,7 +115,7 @@ def total_energy(solution: DisplacementField, at: float) -> float:
 
 
 def spread_forces(case: Any, t: float) -> Iterator[tuple[Array, Array]]:
-    """Yield the loads that are spread over the area as forces (n, 3), N, at points (n, 2): narrow ones at their own."""
+    """Yield the loads spread over the area as forces (n, 3), N, at points (n, 2); narrow ones have their own points."""
     wide, (points, weights) = [], case.area_rule
     for load in case.loads:
         if (own := rule_of(case, load)) is None:
@@ -126,7 +126,7 @@ def spread_forces(case: Any, t: float) -> Iterator[tuple[Array, Array]]:
 
 
 def load_density(case: Any, points: Array, t: float, loads: Iterable[Any] | None = None) -> Array:
-    """Return loads, or all, that are spread over the area as a force per area (n, 3), N/m^2, at points (n, 2)."""
+    """Return the force per area (n, 3), N/m^2, at points (n, 2) of the given area loads, or of all."""
     density = np.zeros((len(points), 3))
     for load in case.loads if loads is None else loads:
         match load:

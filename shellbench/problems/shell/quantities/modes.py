@@ -1,8 +1,8 @@
-"""Modes as a question: frequencies of small vibrations, and load factors at which a shell buckles.
+"""Modes as quantities: frequencies of small vibrations, and load factors at which a shell buckles.
 
 A case asks for one of the two and for nothing else. Its states are its modes: the mark of a state is the number of the
-mode, and the displacement there is the mode's shape, whose largest magnitude is about 1 m. Modes are numbered from 1
-by their values; a value that occurs twice has two numbers. Rigid motions that nothing holds are no modes.
+mode, and the displacement there is the mode's shape, whose largest magnitude is about 1 m. Modes are numbered from 1 by
+their values; a value that occurs twice has two numbers. Free rigid motions are no modes.
 
 Vibration:  (K + G(S)) u = omega^2 M u, f = omega / 2 pi, about the linear answer to the case's loads with stresses S;
             without loads about the shell at rest.
@@ -27,7 +27,7 @@ class ModeQuantity(ShellQuantity):
     Attributes
     ----------
     number
-        Which mode, from 1, by increasing value. Rigid motions do not count.
+        Number of the mode, from 1, by increasing value. Rigid motions do not count.
     """
 
     series: ClassVar[Literal["motion", "path", ""]] = ""
@@ -41,7 +41,7 @@ class ModeQuantity(ShellQuantity):
         return float(self.number)
 
     def check_path(self, shell: Any) -> None:
-        """Raise ValueError if a case can't be asked for modes, or is asked for something else besides."""
+        """Raise ValueError if a case can't be asked for modes, or also asks for something else."""
         if not shell.linear:
             raise ValueError(f"quantity '{self.name}' needs the theory kirchhoff-love-linear")
         other = next((q for q in shell.quantities if q.kind != self.kind), None)
@@ -56,7 +56,7 @@ class ModeQuantity(ShellQuantity):
             raise ValueError(f"quantity '{self.name}' needs a shell that can move, but its whole surface is prescribed")
 
     def check_motion(self, shell: Any, constant: bool) -> None:
-        """Raise ValueError: what moves by Newton's law has no modes here."""
+        """Raise ValueError: a case in motion has no modes here."""
         raise ValueError(f"quantity '{self.name}' belongs to a case without [dynamics]")
 
     def measure(self, solution: DisplacementField) -> float:
@@ -74,7 +74,7 @@ class Frequency(ModeQuantity):
     unit: str = "Hz"
 
     def check_path(self, shell: Any) -> None:
-        """Raise ValueError if the shell has no mass, or what else `ModeQuantity` finds."""
+        """Raise ValueError if the shell has no mass, or as `ModeQuantity` does."""
         super().check_path(shell)
         density = shell.material.areal_density
         if density <= 0:
@@ -91,7 +91,7 @@ class BucklingLoad(ModeQuantity):
     unit: str = ""
 
     def check_path(self, shell: Any) -> None:
-        """Raise ValueError if nothing loads the shell, if it may turn freely, or what else `ModeQuantity` finds."""
+        """Raise ValueError if nothing loads the shell, if it may turn freely, or as `ModeQuantity` does."""
         super().check_path(shell)
         if not shell.loads and not any(support.motion is not None for support in shell.supports):
             raise ValueError(f"quantity '{self.name}' is a buckling load, but nothing loads the shell")
@@ -104,7 +104,7 @@ class BucklingLoad(ModeQuantity):
 
 
 def why_too_few(asked: int, positive: int, nearest: float | None) -> str:
-    """Return why a shell has fewer buckling loads than were asked for, in one sentence.
+    """Return the reason that a shell has fewer buckling loads than the case asks for, in one sentence.
 
     Parameters
     ----------

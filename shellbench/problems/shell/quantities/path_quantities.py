@@ -1,4 +1,4 @@
-"""Quantities of a path and not of one of its kept states: loads, limit points and the first critical point."""
+"""Quantities of a path as a whole: loads, limit points and the first critical point."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from shellbench.protocol.schema import Finite, Name
 
 
 class PathQuantity(ShellQuantity):
-    """What belongs to a path and not to one of its kept states.
+    """Base of quantities that belong to a path as a whole, not to one of its kept states.
 
     Attributes
     ----------
@@ -61,9 +61,9 @@ class LimitPoint(Unmarked):
     Attributes
     ----------
     turning
-        What has an extremum there: the load at a limit point, the displacement where the path snaps back.
+        The value with an extremum there: the load at a limit point, the displacement where the path snaps back.
     number
-        Which one, from 1.
+        Its number, from 1.
     gives
         Its load, the load factor times `scale` (N), or the path's displacement there (m).
     """
@@ -96,7 +96,7 @@ class CriticalPoint(Unmarked):
     gives: Name = "load"
 
     def check(self, shell: Any) -> None:
-        """Raise ValueError if it gives a quantity that is not there."""
+        """Raise ValueError if it gives a quantity that the case does not have."""
         others = [q.name for q in shell.quantities if q.mark is not None]
         if self.gives not in ("load", *others):
             raise ValueError(f"quantity '{self.name}' gives '{self.gives}'; known are {others}")
@@ -112,7 +112,7 @@ class CriticalPoint(Unmarked):
         return given
 
     def measure(self, solution: DisplacementField) -> float:
-        """Return the load factor of the first critical state, or the value there of the quantity that is named."""
+        """Return the load factor of the first critical state, or the value there of the named quantity."""
         step = next((step for step in solution.history if step.phase == "critical"), None)
         if step is None:
             raise ValueError("the path has no critical state")
@@ -123,7 +123,7 @@ class CriticalPoint(Unmarked):
 
 
 def curve(solution: DisplacementField) -> Curve:
-    """Return the load-displacement curve of a solution, by its case's own path; ValueError if it has none."""
+    """Return the load-displacement curve of a solution along its case's path; ValueError if it has none."""
     quantity = solution.case.path.quantity
     if quantity is None:
         raise ValueError("the case's path has no displacement quantity")

@@ -1,8 +1,9 @@
-"""Quantities of interest of shells: what a case asks of every solution, what each needs, and how it is measured.
+"""Quantities of interest of shells, which a case asks of every solution: their data and their measurement.
 
-A new quantity is one class in a module that is imported here: its `kind` is what case files call it. It measures itself
-in SI units; the field `unit` only names the unit. What treats some classes apart: `records.history` (parts of one
-vector), `posed.point_actions` (values without a limit), `variants.reparametrisation` (what turns with the normal).
+A new quantity is one class in a module that is imported here: its `kind` is its name in case files. It measures itself
+in SI units; the field `unit` only names the unit. Some classes have a special treatment in `records.history` (parts of
+one vector), `posed.point_actions` (values without a limit) and `variants.reparametrisation` (values that turn with the
+normal).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What all quantities of shells have in common."""
+"""Base of all quantities of shells."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from shellbench.problem import Quantity
 
 
 class ShellQuantity(Quantity):
-    """What all quantities of shells have in common.
+    """Base of all quantities of shells.
 
     Attributes
     ----------
@@ -16,11 +16,11 @@ class ShellQuantity(Quantity):
         Time, s, or load factor; on a path that no load factor marks, the value of the path's displacement, m
         (see `shellbench.problems.shell.question.path.Path`).
     series
-        Where it is followed all along the way: "motion", "path" (both), or nowhere.
+        Kind of case in which it is recorded all along: "motion", "path" (both), or none.
     of_field
-        Whether the displacement field at its state defines it.
+        True if the displacement field at its state defines it.
     powers
-        Of length and of force in its unit, where these are the same in every case.
+        Powers of length and of force in its unit, if these are the same in every case.
     """
 
     series: ClassVar[Literal["motion", "path", ""]] = "motion"

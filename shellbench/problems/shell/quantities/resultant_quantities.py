@@ -1,12 +1,13 @@
 """Stress resultants as quantities: membrane forces, moments and transverse shear forces, per length.
 
-They are components in the shell's own orthonormal frame: e_1 along the coordinate line of xi1, e_3 the normal along
-a_1 x a_2, and e_2 = e_3 x e_1 within the surface. With n^ab and m^ab what does work on the strains of the theory,
+They are components in the shell's own orthonormal frame: e_1 along the coordinate line of xi1, e_3 the normal along a_1
+x a_2, and e_2 = e_3 x e_1 within the surface. With n^ab and m^ab conjugate to the strains of the theory,
 
     n_ij = n^ab (a_a . e_i)(a_b . e_j),    m_ij likewise,    q_i = (m^ab|_b)(a_a . e_i).
 
-A positive moment stretches the side to which the normal points. The shear force is what equilibrium of moments asks
-for: on the side to which e_i points it pushes along the normal. All that is mechanics is the solver's own.
+A positive moment stretches the side to which the normal points. The shear force follows from the equilibrium of
+moments: on the side to which e_i points it pushes along the normal. Each solver computes resultants with its own
+mechanics.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ class ResultantQuantity(ShellQuantity):
     Attributes
     ----------
     on
-        Where it is asked for: corners and named points, or edges and parts of them.
+        Its places: corners and named points, or edges and parts of them.
     """
 
     series: ClassVar[Literal["motion", "path", ""]] = ""
@@ -67,7 +68,7 @@ class ResultantQuantity(ShellQuantity):
                     )
 
     def corner_of(self, shell: Any) -> tuple[str, tuple[int, int]] | None:
-        """Return the first corner at which it is asked for, its name and the sides (0 or 1) of both coordinates."""
+        """Return the name of the first corner among its places, and the sides (0 or 1) of both coordinates; or None."""
         domain = shell.surface.domain
         if any(domain.periodic):
             return None
@@ -78,11 +79,11 @@ class ResultantQuantity(ShellQuantity):
         return None
 
     def check_motion(self, shell: Any, constant: bool) -> None:
-        """Raise ValueError: it is asked of shells at rest."""
+        """Raise ValueError: only shells at rest have it."""
         raise ValueError(f"quantity '{self.name}' belongs to a case without [dynamics]")
 
     def rule(self, shell: Any) -> tuple[Array, Array]:
-        """Return points (n, 2) and weights (n,) of the mean that it is."""
+        """Return points (n, 2) and weights (n,) of its mean."""
         places = [shell.places[name] for name in self.on]
         if isinstance(places[0], Point):
             return np.array([place.xi for place in places]), np.full(len(places), 1 / len(places))
@@ -156,7 +157,7 @@ class ShearForce(ResultantQuantity):
 
 
 def _forced_points(shell: Any) -> Iterator[tuple[str, str]]:
-    """Yield what acts at single points, and the names of these points."""
+    """Yield the supports and loads at single points, with the names of these points."""
     for load in shell.loads:
         if isinstance(load, PointLoad):
             yield from (("a point load", name) for name in load.on)

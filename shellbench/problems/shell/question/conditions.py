@@ -1,4 +1,4 @@
-"""Supports and loads: what a case file can say about them, as data. Solvers give them their meaning.
+"""Supports and material as data of a case file. Solvers give them their meaning.
 
 Linear isotropic shell material (Kairanda et al., eqs. (17)-(19)).
 """
@@ -80,7 +80,7 @@ class Translation(Model):
 class Rotation(Model):
     """A rotation of the support about an axis: u = R(angle) (x - centre) - (x - centre).
 
-    In linear theory the rotation is linearised, u = angle axis x (x - centre), as every displacement is.
+    In linear theory the rotation is linearised, like every displacement: u = angle axis x (x - centre).
 
     Attributes
     ----------
@@ -111,20 +111,20 @@ Motion = Annotated[Value | Translation | Rotation, Field(discriminator="kind")]
 
 
 class Support(Model):
-    """What holds the shell at some places.
+    """A support: it holds or moves the shell at some places.
 
-    `components` are held at zero, or moved as `motion` says; the others are free. They are Cartesian ones, or local to
-    the shell at rest: "along" an edge, "across" it within the surface, and "normal" to the surface. `clamped` holds
-    the slope too, on edges only: u,n . a3 = 0 (n the conormal), a rotation carrying a3 along. `symmetry = "x"` says
+    The `components` are held at zero, or moved as `motion` says; the others are free. They are Cartesian, or local to
+    the shell at rest: "along" an edge, "across" it within the surface, and "normal" to the surface. `clamped` holds the
+    slope too, on edges only: u,n . a3 = 0 (n the conormal), where a rotation carries a3 along. `symmetry = "x"` states
     that an edge lies in a plane of symmetry whose normal is x: u_x = 0, and the slope is held.
 
-    In linear theory a point along the midsurface can be held against rigid motions only, and the loads have to be in
-    balance without it: it yields without bound as meshes are refined.
+    In linear theory, a support that holds a point along the midsurface may only prevent rigid motions, and the loads
+    have to be in balance without it. Under a force the point would move without bound as meshes are refined.
 
     Attributes
     ----------
     name
-        What quantities call it.
+        Name by which quantities refer to it.
     on
         Places that it holds: edges and parts of them, corners, named points, or the whole "surface".
     components
@@ -135,7 +135,7 @@ class Support(Model):
     symmetry
         Normal of the plane of symmetry in which the edge lies. It implies components and clamp, and takes neither.
     motion
-        How the held components move; at rest without it.
+        Motion of the held components; at rest without it.
     """
 
     name: Name
@@ -164,27 +164,27 @@ class Support(Model):
 
     @property
     def local(self) -> bool:
-        """Whether these are directions local to the shell."""
+        """True if these are directions local to the shell."""
         return any(name in LOCAL for name in self.held)
 
     @property
     def holds_slope(self) -> bool:
-        """Whether the rotation about the edge is held."""
+        """True if the rotation about the edge is held."""
         return self.clamped or self.symmetry is not None
 
 
 class Spring(Model):
-    """An elastic support spread over the shell: it draws each point back to where it was at rest.
+    """An elastic support spread over the shell: it pulls each point back to its place at rest.
 
     Attributes
     ----------
     name
-        What error messages call it.
+        Name in error messages.
     stiffness
         k, N/m^3: a number or formula in xi1 and xi2. The energy per reference area is k |u|^2 / 2, of the components
         that it holds.
     components
-        Components of the displacement that it draws back.
+        Components of the displacement that it acts on.
     """
 
     name: Name
@@ -202,15 +202,15 @@ class Material(Model):
     """Young's modulus, Poisson's ratio, thickness and density of a shell.
 
     The strain energy per reference area is W = 1/2 (D H eps eps + B H kappa kappa). A homogeneous shell has one H, of
-    its Poisson's ratio; with a `bending_poissons_ratio`, bending has an H of its own. Where the shell is not the same
-    everywhere, modulus and thickness are `youngs_modulus` and `thickness` times their factors. The factors vary the
-    stiffness D and B alone: an areal density is what it is.
+    its Poisson's ratio; with a `bending_poissons_ratio`, bending has an H of its own. In a shell that varies, modulus
+    and thickness are `youngs_modulus` and `thickness` times their factors. The factors vary the stiffnesses D and B
+    alone, not the areal density.
 
     Attributes
     ----------
     modulus_factor, thickness_factor
-        Number or formula in xi1 and xi2 by which it is multiplied; positive on the shell. They may have kinks along
-        coordinate lines, but can't jump.
+        Factor: a number or formula in xi1 and xi2; positive on the shell. It may have kinks along coordinate lines, but
+        can't jump.
     """
 
     limits: ClassVar[str] = LIMITS
@@ -235,13 +235,13 @@ class Material(Model):
 
     @property
     def uniform(self) -> bool:
-        """Whether the shell has one modulus and one thickness."""
+        """True if modulus and thickness are constant over the shell."""
         return self.modulus_factor == 1.0 and self.thickness_factor == 1.0
 
     def factors(
         self, points: ArrayLike, constants: Mapping[str, float]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the factors (...) of modulus and thickness at points (..., 2); the surface's constants are known."""
+        """Return the factors (...) of modulus and thickness at points (..., 2), with the surface's constants."""
         xi = np.asarray(points, dtype=float)
         formulas = (
             Expression(f, ("xi1", "xi2"), constants, piecewise=True)

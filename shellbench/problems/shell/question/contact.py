@@ -1,8 +1,8 @@
-"""Contact of shells with obstacles: what the gap is, what presses, and what is measured of both.
+"""Contact of shells with obstacles: the gap, the contact forces, and their measurement.
 
-At rest contact is without friction. Obstacles are asked where the deformed midsurface is, x + u, in the linear theory
-too. With `thickness` it is a face that touches: the midsurface keeps half a thickness from the obstacle, along the
-obstacle's normal.
+Static contact is without friction. The gap is that of the deformed midsurface, x + u, in the linear theory too. With
+`thickness` a face of the shell touches: the midsurface keeps half a thickness from the obstacle, along the obstacle's
+normal.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from shellbench.protocol.schema import Flag, Model
 Array = NDArray[np.float64]
 
 STARTS_INSIDE = 1e-9  # of the shell's size: a depth at rest that is more than rounding
-REST_SAMPLES = 41  # points a side at which a shell at rest is looked at
+REST_SAMPLES = 41  # points a side at which the gap of a shell at rest is checked
 LINE = 512  # panels of a coordinate line, whose length is measured by two Gauss points each
 
 
 class Contact(Model):
-    """How the shell touches obstacles."""
+    """Options of the contact of the shell with obstacles."""
 
     thickness: Flag = Field(False, description="whether a face touches, half a thickness from the midsurface")
 
 
 @dataclass(frozen=True)
 class Touch:
-    """What obstacles exert on a shell, at the points where its solver has it.
+    """Contact forces of obstacles on a shell, at the points where its solver computes them.
 
     Attributes
     ----------
@@ -42,9 +42,9 @@ class Touch:
     forces
         (n, 3) on the shell, N.
     lengths
-        (n, 2) of the shell at rest that a point stands for in its row along either coordinate, m.
+        (n, 2) lengths of the shell at rest that a point stands for in its row, by coordinate, m.
     reach
-        (2,) length along either coordinate, m, over which forces make a pressure: less is the solver's own noise.
+        (2,) length along either coordinate, m, over which forces make a pressure; below it they are numerical noise.
     """
 
     points: Array
@@ -54,7 +54,7 @@ class Touch:
 
 
 def touch_at_vertices(case: Any, points: Array, steps: Array, forces: Array) -> Touch:
-    """Return forces (v, 3), N, at the vertices (v, 2) of an even grid with steps (2,), with what they act on."""
+    """Return forces (v, 3), N, at the vertices (v, 2) of an even grid with steps (2,), as contact."""
     x = case.surface.derivatives(points, order=1)
     speeds = np.stack([np.linalg.norm(x[order], axis=-1) for order in ((1, 0), (0, 1))], axis=-1)
     domain = case.surface.domain
@@ -64,7 +64,7 @@ def touch_at_vertices(case: Any, points: Array, steps: Array, forces: Array) -> 
 
 
 def kept_touch(touching: Sequence[Touch]) -> dict[str, Array]:
-    """Return what a file keeps of contact at some states, by name; nothing where nothing was touched."""
+    """Return the arrays that a file keeps of contact at some states, by name; empty if nothing was touched."""
     if not touching:
         return {}
     first = touching[0]
@@ -78,7 +78,7 @@ def kept_touch(touching: Sequence[Touch]) -> dict[str, Array]:
 
 
 def restored_touch(arrays: Mapping[str, NDArray[Any]]) -> tuple[Touch, ...]:
-    """Return what `kept_touch` kept."""
+    """Return the contact at each state from the arrays of `kept_touch`."""
     if "touch_points" not in arrays:
         return ()
     points, lengths, reach = (arrays[f"touch_{name}"] for name in ("points", "lengths", "reach"))
@@ -86,7 +86,7 @@ def restored_touch(arrays: Mapping[str, NDArray[Any]]) -> tuple[Touch, ...]:
 
 
 def gaps(case: Any, points: Array, displacement: Array, t: float = 1.0) -> tuple[Array, Array]:
-    """Return how far a shell is from the nearest obstacle (n,), m, and the direction (n, 3) in which that grows.
+    """Return the gap (n,) to the nearest obstacle, m, and the direction (n, 3) in which it grows.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def gaps(case: Any, points: Array, displacement: Array, t: float = 1.0) -> tuple
 def nearest_obstacle(
     case: Any, points: Array, displacement: Array, t: float, rest: Array | None = None
 ) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Return what `gaps` does, and the numbers (n,) of the nearest obstacles; `rest` (n, 3) are points at rest."""
+    """Return the results of `gaps`, and the numbers (n,) of the nearest obstacles; `rest` (n, 3) are points at rest."""
     places = (case.surface.position(points) if rest is None else rest) + displacement
     offsets = [places - obstacle.at(t)[0] for obstacle in case.obstacles]
     distances = [obstacle.distance(o) for obstacle, o in zip(case.obstacles, offsets, strict=True)]
@@ -122,7 +122,7 @@ def check_contact(case: Any) -> None:
     Raises
     ------
     ValueError
-        In one clause that says what is wrong.
+        In one clause that states the fault.
     """
     if not case.obstacles:
         if case.contact != type(case.contact)():  # a record has the defaults, too
@@ -153,8 +153,8 @@ def check_contact(case: Any) -> None:
 
 
 def deepest(solution: Any, at: float | None) -> float:
-    """Return how deep the displaced shell is in obstacles anywhere, m; 0 where it is in none."""
-    # Where forces act the search looks, too.
+    """Return the largest depth of the displaced shell in obstacles, m; 0 if it is in none."""
+    # The search includes the points where forces act.
     case, t = solution.case, at
     if t is None:
         t = 1.0 if case.dynamics is None else case.dynamics.until
@@ -167,17 +167,18 @@ def deepest(solution: Any, at: float | None) -> float:
 
 
 def edge_of_contact(case: Any, touch: Touch, start: tuple[float, float], axis: int, forward: bool) -> float:
-    """Return how far it is from a point to where contact begins, along a coordinate line, m; ValueError if nowhere.
+    """Return the distance from a point to the start of contact along a coordinate line, m; ValueError if none.
 
-    The edge lies within a cell: it is where a line force and a pressure after it have the resultant and the moment of
+    The edge lies within a cell: a line force at the edge and a pressure behind it have the resultant and the moment of
     the forces that the solver found.
     """
-    # 1. The row of points nearest to the line, and their distances from the start.
-    # 2. From the first force on, over the reach: the resultant T, and the moment M about the reach's end X.
-    # 3. The pressure p from the reach after that one.
+    # 1. Find the row of points nearest to the line, and their distances from the start.
+    # 2. From the first force on, over the reach, sum the resultant T, and the moment M about the reach's end X.
+    # 3. Take the pressure p from the next reach.
     # 4. A line force P at the edge and p from there on have T = P + p s and M = P s + p s^2 / 2, with s from the edge
-    #    to X: T s - p s^2 / 2 = M, so that s = 2 M / (T + sqrt(T^2 - 2 p M)).
-    # The last active point, or the place where the gap opens, is known to a cell only.
+    #    to X. This gives T s - p s^2 / 2 = M, so that s = 2 M / (T + sqrt(T^2 - 2 p M)).
+    # Departure from the usual choices: the last active point, or the place where the gap opens, is accurate to a cell
+    # only.
     domain, other = case.surface.domain, 1 - axis
     rows = touch.points[:, other]
     nearest = rows[np.argmin(np.abs(rows - start[other]))]
@@ -205,7 +206,7 @@ def edge_of_contact(case: Any, touch: Touch, start: tuple[float, float], axis: i
 
 
 def line_length(case: Any, start: tuple[float, float], axis: int, forward: bool) -> float:
-    """Return how long a coordinate line is from a point to the end of the domain, m."""
+    """Return the length of a coordinate line from a point to the end of the domain, m."""
     domain = case.surface.domain
     end = (domain.upper if forward else domain.lower)[axis]
     return abs(float(_distances(case, start, axis)(np.array([end]))[0]))

@@ -1,4 +1,4 @@
-"""Directions that go with the surface: along an edge, across it within the surface, and normal to the surface."""
+"""Directions local to the surface: along an edge, across it within the surface, and normal to the surface."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a case wants to be drawn."""
+"""Options of a case for its pictures."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from shellbench.protocol.schema import Finite, Model
 
 
 class Picture(Model):
-    """How the report draws the deformed shell.
+    """Options of the report's picture of the deformed shell.
 
     Without a `scale` the report chooses one by which the largest displacement can be seen.
 

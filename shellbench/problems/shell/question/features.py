@@ -1,4 +1,4 @@
-"""What varies quickly in the formulas of a case, and where: see `shellbench.problems.features`."""
+"""Places where the formulas of a case vary quickly; see `shellbench.problems.features`."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from shellbench.problems.smoothness import bad_place
 from shellbench.protocol.schema import LARGEST, SMALLEST
 
 Role = Literal["load", "stiffness", "obstacle"]
-ON_THE_WAY = 0.37  # of a motion: where formulas of t are looked at beside its end
+ON_THE_WAY = 0.37  # of a motion: a time at which formulas of t are examined beside its end
 
 
 @dataclass(frozen=True)
@@ -43,16 +43,16 @@ class Feature:
     Attributes
     ----------
     of
-        What it belongs to: a load, spring, support, material or surface of the case.
+        Its owner: a load, spring, support, material or surface of the case.
     what
-        What the case calls it.
+        Its name in the case.
     role
-        Loads need to be integrated; what resists or moves the shell needs fields that vary as quickly. Contact with an
-        obstacle is looked for at points, which miss what is narrow.
+        Loads need to be integrated. Stiffnesses and motions need fields that vary as quickly. Contact with an obstacle
+        is searched at points, which miss narrow features.
     edge
         The edge that it acts on; None of the whole surface.
     division
-        Cells that tell the formula.
+        Cells that resolve the formula.
     """
 
     of: Any
@@ -63,13 +63,13 @@ class Feature:
 
     @cached_property
     def peaks(self) -> list[Place]:
-        """Where it is as good as a force at a point; of loads."""
+        """Places where a load is equivalent to a force at a point."""
         axes = (0, 1) if self.edge is None else (1 - self.edge.axis,)
         return [at for at, _ in self.division.peaks(axes, POINTLIKE)] if self.role == "load" else []
 
 
 def quick_lines(case: Any, axis: int) -> list[tuple[float, float]]:
-    """Return where along a coordinate the stiffness of a case varies quickly, and the length over which it does."""
+    """Return the places on a coordinate where the stiffness of a case varies quickly, and the lengths of variation."""
     found: list[tuple[float, float]] = []
     stiff = (feature.division for feature in case.features if feature.role == "stiffness")
     for at, length in sorted((at for d in stiff for at in d.peaks((axis,), NARROW)), key=lambda one: one[1]):
@@ -79,7 +79,7 @@ def quick_lines(case: Any, axis: int) -> list[tuple[float, float]]:
 
 
 def narrow_division(case: Any, load: Any, edge: Edge | None = None) -> Division | None:
-    """Return the cells that tell a load, on an edge or on the surface, if any is narrow; None otherwise."""
+    """Return the cells that resolve a load, on an edge or on the surface, if any is narrow; None otherwise."""
     found = (f.division for f in case.features if f.of is load and f.edge == edge)
     return next((d for d in found if d.undecided is None and d.narrow.any()), None)
 
@@ -113,7 +113,7 @@ def check_formulas(case: Any) -> None:
     Raises
     ------
     ValueError
-        In one clause that says which is not, and where.
+        In one clause that names the formula and the place.
     """
     material, everywhere = case.material, _box(case, None)
     for name in ("modulus_factor", "thickness_factor"):
@@ -157,7 +157,7 @@ def _read(case: Any, what: str, text: Any, variables: tuple[str, ...]) -> Expres
 
 
 def undecided(case: Any) -> str | None:
-    """Return the formula that no cells tell, or no contact, and its place, as one clause; None if all are told."""
+    """Return the formula that no cells or no contact search resolves, and its place, as one clause, or None."""
     for feature in case.features:
         if (at := feature.division.undecided) is not None:
             return f"{feature.what} varies more quickly than {MOST_CELLS} cells tell, at {shown_place(case, at)}"
@@ -168,7 +168,7 @@ def undecided(case: Any) -> str | None:
 
 
 def narrowest(case: Any) -> str | None:
-    """Return which formula varies within less than samples resolve, and where, as one clause; None if none does."""
+    """Return a formula that varies within less than samples resolve, with its place, as one clause, or None."""
     for feature in case.features:
         axes = (0, 1) if feature.edge is None else (1 - feature.edge.axis,)
         for axis in axes:
@@ -179,7 +179,7 @@ def narrowest(case: Any) -> str | None:
 
 
 def quickness(case: Any, feature: Feature, axis: int) -> str:
-    """Return within what length of a coordinate a formula varies at most quickly, and where, in words."""
+    """Return in words the shortest length of a coordinate over which a formula varies, and its place."""
     division = feature.division
     size = np.where(division.narrow[:, axis], (division.high - division.low)[:, axis], np.inf)
     at, length = place((division.low + division.high)[size.argmin()] / 2), float(size.min())
@@ -204,7 +204,7 @@ def _box(case: Any, edge: Edge | None) -> Box:
 
 
 def _at_rest(case: Any, obstacle: FormulaBody, t: float) -> Expression:
-    """Return the formula of an obstacle on the shell at rest, where the obstacle is at a time."""
+    """Return the formula of an obstacle at its place at a time, on the shell at rest."""
     moved = zip("xyz", case.surface.formulas, obstacle.at(t)[0].tolist(), strict=True)
     place = {name: f"(({formula}) - ({centre!r}))" for name, formula, centre in moved}
     found: Expression = case.formula(re.sub(r"\b[xyz]\b", lambda name: place[name[0]], obstacle.phi))
@@ -240,7 +240,7 @@ def _formulas(case: Any) -> Iterator[Formulas]:
         if isinstance(load, AreaLoad | PressureLoad | GravityLoad):
             yield load, what, "load", None, formulas, "integral"
         for name in load.on if isinstance(load, EdgeLoad | MomentLoad) else ():
-            # a moment acts on slopes, which fields have to follow
+            # a moment acts on slopes: fields have to vary as quickly
             yield (
                 load,
                 what,

@@ -1,4 +1,4 @@
-"""Loads: what a case file can say about them, as data. Solvers give them their meaning."""
+"""Loads as data of a case file. Solvers give them their meaning."""
 
 from __future__ import annotations
 
@@ -114,8 +114,8 @@ class PointLoad(Model):
 
     A force along the midsurface moves its point without bound as meshes are refined: displacements along the midsurface
     there, the largest displacement and energies have no limit. They can't be asked for, unless the force leans from the
-    normal by less than 45 degrees: then the drift down to cells as small as the thickness is part of the stated
-    uncertainty, and above a hundredth of the value the answer has not settled. At finite strain, two planes of symmetry
+    normal by less than 45 degrees. Then the drift down to cells as small as the thickness is part of the stated
+    uncertainty; above a hundredth of the value the answer has not settled. At finite strain, two planes of symmetry
     have to keep the force along the normal.
 
     Attributes

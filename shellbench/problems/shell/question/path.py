@@ -1,6 +1,6 @@
-"""Paths: how a static case is loaded from rest, and which of its states are kept.
+"""Paths: the load of a static case from rest, and the states that are kept.
 
-Dynamics: that a case is one of motion, and until when.
+Dynamics: the motion of a case, and its final time.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from shellbench.protocol.schema import Finite, Model, Name, Positive
 
 
 class Path(Model):
-    """How the load factor t goes from rest, where t = 0, and which states are kept.
+    """Path of the load factor t from rest, where t = 0, and the states that are kept.
 
     Attributes
     ----------
@@ -29,8 +29,8 @@ class Path(Model):
         Under load control, at a state that is no minimum of the energy: "stop" there, or "follow" the shell to a stable
         state and go on from it. A path that stops ends there if critical points are asked for, and fails otherwise.
     states
-        Marks on the path of states that are kept beside those that quantities ask for: load factors, or values of
-        the displacement quantity at its first passage.
+        Marks of further states to keep, beside those of the quantities: load factors, or values of the displacement
+        quantity at its first passage.
     """
 
     control: Literal["load", "displacement", "arc_length"] = "load"
@@ -50,20 +50,20 @@ class Path(Model):
         return self
 
 
-SHORTEST, LONGEST = 1e-9, 1e9  # seconds: what is beyond is a slip of the pen
+SHORTEST, LONGEST = 1e-9, 1e9  # seconds: a time outside is taken as a mistake in the file
 
 
 class Dynamics(Model):
     """A motion by Newton's law, from rest at t = 0.
 
-    The areal density times the acceleration is the load less the derivative of the strain energy, and nothing damps it.
+    The areal density times the acceleration is the load less the derivative of the strain energy. There is no damping.
 
     Attributes
     ----------
     until
         Final time, s.
     states
-        Times that are kept beside those that quantities ask for, s.
+        Further times to keep, beside those of the quantities, s.
     """
 
     until: Annotated[Finite, Field(ge=SHORTEST, le=LONGEST)]

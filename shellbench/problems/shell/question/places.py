@@ -16,7 +16,7 @@ from shellbench.protocol.schema import Finite, Model
 
 Side = Literal["min", "max"]
 SIDES: tuple[Side, Side] = ("min", "max")
-SLACK = 1e-9  # of a side: coordinates that differ by less are the same
+SLACK = 1e-9  # of a side: a smaller difference of coordinates counts as none
 SHORTEST = 1e-6  # of an edge: no part of it is shorter
 
 
@@ -28,7 +28,7 @@ class EdgePart(Model):
     edge
         Name of the edge.
     between
-        Where the part begins and ends, the first the smaller; degrees for angles.
+        Start and end of the part, the smaller value first; degrees for angles.
     """
 
     edge: str
@@ -42,7 +42,7 @@ class Edge:
     Attributes
     ----------
     between
-        Where a part of an edge begins and ends in the running coordinate, angles in radians; None of a whole edge.
+        Start and end of a part in the running coordinate, angles in radians; None for a whole edge.
     """
 
     name: str
@@ -52,7 +52,7 @@ class Edge:
 
     @property
     def whole(self) -> bool:
-        """Whether it is all of the edge."""
+        """True if it is the whole edge."""
         return self.between is None
 
     def coordinate(self, domain: Domain) -> float:
@@ -60,7 +60,7 @@ class Edge:
         return (domain.lower if self.side == "min" else domain.upper)[self.axis]
 
     def bounds(self, domain: Domain) -> tuple[float, float]:
-        """Return where it begins and ends in the running coordinate."""
+        """Return its start and end in the running coordinate."""
         return self.between or (domain.lower[1 - self.axis], domain.upper[1 - self.axis])
 
     def samples(self, domain: Domain, count: int) -> NDArray[np.float64]:
@@ -68,7 +68,7 @@ class Edge:
         return self.points(domain, np.linspace(*self.bounds(domain), count))
 
     def covers(self, domain: Domain, running: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell at which values of the running coordinate, in any period of a closed one, it is; both ends included."""
+        """Return a mask of values of the running coordinate, in any period of a closed one, on it or at its ends."""
         if self.between is None:
             return np.ones(np.shape(running), dtype=bool)
         start, stop = self.between
@@ -79,7 +79,7 @@ class Edge:
         return np.asarray((beyond >= 0) & (beyond <= stop - start + 2 * slack))
 
     def overlaps(self, other: Edge, domain: Domain) -> bool:
-        """Whether they have more than a point in common."""
+        """Return True if the two edges have more than a point in common."""
         if (self.axis, self.side) != (other.axis, other.side):
             return False
         (start, stop), (first, last) = self.bounds(domain), other.bounds(domain)

@@ -1,4 +1,4 @@
-"""Where a function on the parameter domain is largest."""
+"""Search for the largest value of a function on the parameter domain."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ def largest(domain: Domain, value: Callable[[Array], Array], starts: Array) -> f
     """Return the largest value (n,) of a function of points (n, 2), which lie in the domain.
 
     It climbs from the best point of a grid and of `starts` (m, 2). A peak that is narrower than a hundredth of a side
-    is found only where one of these points is on it, and is the best of all.
+    is found only if one of these points lies on it and is the best of all.
     """
-    # A regular grid and the starts, then ever closer looks around the best point so far.
+    # Departure from a gradient search: a regular grid and the starts, then ever finer grids around the best point so
+    # far.
     lower, upper = np.asarray(domain.lower), np.asarray(domain.upper)
     offsets = np.linspace(-1.0, 1.0, ZOOM)
     window = np.stack(np.meshgrid(offsets, offsets, indexing="ij"), axis=-1).reshape(-1, 2)

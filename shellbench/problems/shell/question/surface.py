@@ -1,8 +1,8 @@
 """Midsurfaces: position and exact derivatives at curvilinear coordinates (xi1, xi2).
 
-Every surface of a case file ends as three formulas, one for each Cartesian component; planes and cylinders
-are short names for common formulas. Geometry beyond position and its derivatives (metric, curvature, normal)
-is left to the solvers, which write it down independently of each other.
+Every surface of a case file becomes three formulas, one for each Cartesian component; planes and cylinders are short
+names for common formulas. Geometry beyond position and its derivatives (metric, curvature, normal) is left to the
+solvers, which implement it independently of each other.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ FULL_TURN = 360.0  # degrees
 DEGENERACY_SAMPLES = 33  # points a side of the grid on which a surface is checked for degeneracy
 FLAT = 1e-8  # smallest admissible |a1 x a2| / (|a1| |a2|): the sine of the angle between the base vectors
 POLE = 1e-9  # smallest admissible |a1 x a2|, relative to its largest on the surface
-SUSPECT = 0.2  # of that: where |a1 x a2| is less on the grid, one looks closer
+SUSPECT = 0.2  # of that: where |a1 x a2| is less on the grid, a finer grid is used
 CLOSER, LOOKS, SUSPECTS = 9, 18, 4  # points a side of a closer look, looks at a place, and places
 GAP = 1e-9  # largest admissible gap of a periodic surface, relative to its size
 
@@ -69,7 +69,7 @@ class Domain:
         return xi
 
     def contains(self, points: ArrayLike, slack: float = 1e-9) -> NDArray[np.bool_]:
-        """Tell which points (..., 2) lie in the rectangle, up to `slack` of its side."""
+        """Return a mask (...) of the points (..., 2) in the rectangle, up to `slack` of its side."""
         xi = self.wrap(points)
         margin = slack * np.asarray(self.size)
         inside = (xi >= np.asarray(self.lower) - margin) & (xi <= np.asarray(self.upper) + margin)
@@ -83,7 +83,7 @@ class Domain:
 
 
 class Surface(Protocol):
-    """What the solvers need of a midsurface."""
+    """Protocol of a midsurface, as solvers use it."""
 
     @property
     def domain(self) -> Domain:
@@ -105,7 +105,7 @@ class Surface(Protocol):
 
 
 class AnalyticSurface(Model):
-    """A surface by formulas: what the named kinds have in common.
+    """Base of the surfaces by formulas.
 
     It has no poles: a surface on which |a1 x a2| vanishes anywhere, as at the apex of a cone, is refused.
     """
@@ -184,7 +184,7 @@ class AnalyticSurface(Model):
         x = self.derivatives(self.domain.grid(DEGENERACY_SAMPLES, DEGENERACY_SAMPLES), order=2)
         if not np.all(np.abs(x[0, 0]) <= LARGEST):
             raise ValueError(f"the surface is not finite, or above {LARGEST:g}, on the domain")
-        if isinstance(self, ExpressionSurface):  # the named kinds, and meshes that were fitted, are smooth
+        if isinstance(self, ExpressionSurface):  # the named kinds and fitted meshes are smooth
             self._check_smoothness()
         if not all(np.all(np.abs(value) <= LARGEST) for value in x.values()):
             raise ValueError(f"the surface or its derivatives are not finite, or above {LARGEST:g}, on the domain")
@@ -224,7 +224,7 @@ class AnalyticSurface(Model):
 
     def _pole(self, areas: Array) -> Array | None:
         """Return a point (2,) where |a1 x a2| vanishes, from its values on the grid; None if there is none."""
-        # A grid misses zeros between its points. Around its smallest values one looks again, ever closer.
+        # A grid misses zeros between its points. Therefore ever finer grids follow around its smallest values.
         domain, largest = self.domain, float(areas.max())
         grid = domain.grid(DEGENERACY_SAMPLES, DEGENERACY_SAMPLES).reshape(-1, 2)
         size = np.asarray(domain.size)

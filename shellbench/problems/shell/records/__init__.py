@@ -1,4 +1,4 @@
-"""What records keep of a solution: history, states of a path, series, samples; and how a shell is drawn.
+"""Records of a solution: history, states of a path, series, samples; and the pictures of a shell.
 
-It may import `shellbench.problems.shell.solution` and all that is below it.
+It may import `shellbench.problems.shell.solution` and everything below it.
 """

@@ -1,4 +1,4 @@
-"""How a solution came about, as its history tells it, and what is kept of a solve that fails."""
+"""Uncertainty from the history of a solution, and the partial results of a solve that fails."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from shellbench.problems.shell.solution import S, ShellSolution
 
 @dataclass
 class Log:
-    """The history of a solve so far, and what is told of it while it runs.
+    """The history of a solve so far, and its progress reports.
 
     Attributes
     ----------
     case, progress
-        What is solved, and who is told.
+        The case, and the callback of progress.
     began
         Time of `time.perf_counter` when the solve began.
     steps
@@ -45,7 +45,7 @@ class Log:
     def add_state(
         self, at: float, energy: float, unknowns: int, iterations: int, quantities: Callable[[], Mapping[str, float]]
     ) -> None:
-        """Add a state of equilibrium at a load factor; one of a path with the quantities that are asked for there."""
+        """Add a state of equilibrium at a load factor; a state of a path with the quantities asked there."""
         step = Step(len(self.steps), time.perf_counter() - self.began, energy, unknowns, at, iterations=iterations)
         if not self.case.linear:
             step = replace(step, phase="path", quantities=quantities())
@@ -60,20 +60,20 @@ class Log:
 
 
 def displacements(solution: ShellSolution, at: float) -> Mapping[str, float]:
-    """Return the displacement quantities of the case at a state of a path, whatever state they are asked for."""
+    """Return the displacement quantities of the case at a state of a path, whatever their own states."""
     asked = [q for q in solution.case.quantities if isinstance(q, DisplacementQuantity)]
     return {q.name: measure(solution, q.model_copy(update={"at": at})) for q in asked}
 
 
 def with_answer_first(solution: S, began: float) -> S:
-    """Return a solution whose history begins with the whole answer; the states of a path follow, those of statics go.
+    """Return a solution whose history begins with the whole answer; states of a path follow, static ones are dropped.
 
     `began` is the time of `time.perf_counter` when the solve began.
 
     Raises
     ------
     SolveFailure
-        If the path lacks a point that a quantity is asked at.
+        If the path lacks the state of a quantity.
     """
     try:
         quantities = measure_all(solution)
@@ -87,7 +87,7 @@ def with_answer_first(solution: S, began: float) -> S:
 
 @contextmanager
 def failing_with(partial: Callable[[], Solution | None], too_large: str) -> Iterator[None]:
-    """Give a failure what was reached before it; `too_large` is what does not fit into memory, such as "the mesh"."""
+    """Attach the partial solution to a failure; `too_large` names the object that exceeds memory: "the mesh"."""
     try:
         yield
     except SolveFailure as failure:
@@ -128,17 +128,17 @@ COMPONENT = 0.5  # of the largest component of a vector: in a plane, one directi
 
 
 def moving_uncertainty(case: Case, values: Mapping[str, float], apart: Mapping[str, float]) -> dict[str, float]:
-    """Return how sure a motion is of its quantities, from how sure each of them seems by itself.
+    """Return the uncertainty of a motion's quantities, from that of each quantity by itself.
 
-    Two things are known beside that. A place errs by a vector, which turns as the shell moves: one component of it may
-    change little by chance. And what starts from rest keeps a total energy of zero: what it shows instead is an error.
+    Two facts enlarge it. The error of a place is a vector, which turns as the shell moves: one component may change
+    little by chance. And a motion from rest keeps a total energy of zero, so that any other value is an error.
 
     Parameters
     ----------
     values
-        Of the quantities.
+        Values of the quantities.
     apart
-        How much each of them may be off, as its own changes tell.
+        Uncertainty of each of them, from its own changes.
     """
     known = {q.name: q for q in case.quantities if q.name in apart}
     sure = dict(apart)
@@ -153,7 +153,7 @@ def moving_uncertainty(case: Case, values: Mapping[str, float], apart: Mapping[s
 
 
 def _place(quantity: QuantityModel) -> tuple[object, ...] | None:
-    """Return what a quantity is a component of: a kind, where and when; None if it is no component."""
+    """Return the vector of which a quantity is a component: its kind, place and time; None if it is no component."""
     match quantity:
         case DisplacementQuantity() | PositionQuantity():
             return ("place", quantity.points, quantity.at)

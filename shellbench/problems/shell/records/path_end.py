@@ -1,4 +1,4 @@
-"""A path that ends before all that was asked of it: what it reached is kept, and the rest is named."""
+"""A path that ends early: the states that it reached are kept, and the missing quantities are named."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ Solved = TypeVar("Solved", bound=ShellSolution)
 
 
 def cut_short(solution: Solved, why: str) -> Solved:
-    """Return a path that ended early as what it is: not settled, if it lacks anything that was asked of it.
+    """Return a path that ended early, marked as not settled if it lacks an asked quantity.
 
     Parameters
     ----------
     solution
         The path as far as it came.
     why
-        Why it ended there, as a clause.
+        Reason for its end, as a clause.
 
     Raises
     ------
@@ -43,9 +43,9 @@ def cut_short(solution: Solved, why: str) -> Solved:
 
 
 def branch_passed(case: Case, factor: float) -> str:
-    """Return how a path ends at a branch of other equilibria before a load factor, and how to go on if that is known.
+    """Return a sentence on the branch that a path passed before a load factor, with the way to go on if one is known.
 
-    A branch that breaks a symmetry of the case is not there in a model of the part between its mirrors.
+    A model of the part between the mirrors does not have a branch that breaks a symmetry of the case.
     """
     found = f"a branch of other equilibria was passed before load factor {factor:.6g}"
     planes = sorted({f"{COMPONENTS[m.normal]} = {m.offset:.6g}" for m in part_of(case).mirrors})

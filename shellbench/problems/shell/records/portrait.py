@@ -1,4 +1,4 @@
-"""Portraits of shells: what a report can draw of one, and which of its quantities belong together."""
+"""Portraits of shells: the data that a report draws, and the grouping of quantities."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ ENERGIES = ("kinetic_energy", "membrane_energy", "bending_energy", "total_energy
 
 
 class ShellPortrait(Portrait):
-    """What a report can ask of a shell."""
+    """Portrait of a shell: the data that a report draws and names."""
 
     def __init__(self, case: Case) -> None:
         super().__init__(case)
         self.case = case
 
     def mark_words(self, mark: float) -> str:
-        """Return what a mark of the case means, such as "t = 0.25" or "deflection = 12 mm"."""
+        """Return the meaning of a mark of the case, such as "t = 0.25" or "deflection = 12 mm"."""
         case = self.case
         if case.dynamics is not None:
             return f"t = {mark:.4g} s"
@@ -73,7 +73,7 @@ class ShellPortrait(Portrait):
 
     @property
     def ends(self) -> float | None:
-        """Time, s, at which a motion ends; None of what does not move."""
+        """Time, s, at which a motion ends; None without a motion."""
         return None if self.case.dynamics is None else self.case.dynamics.until
 
     @property
@@ -83,17 +83,17 @@ class ShellPortrait(Portrait):
 
     @property
     def buckles(self) -> bool:
-        """Whether the path is followed through buckling."""
+        """True if the path is followed through buckling."""
         return self.case.path.after_buckling == "follow"
 
     @property
     def controlled_by(self) -> str | None:
-        """Displacement quantity that grows along the path; None where the load does."""
+        """Displacement quantity that controls the path; None under load control."""
         return self.case.path.quantity
 
     @property
     def scene(self) -> Scene:
-        """How the shell is drawn: whole edges that are held; planes of symmetry hold none."""
+        """Scene of the shell: with the whole edges that are held, except those in planes of symmetry."""
         case, picture = self.case, self.case.picture
         held = [place for support, place in case.supported_places() if not support.symmetry]
         forces: list[tuple[Array, Array]] = []
@@ -116,9 +116,9 @@ class ShellPortrait(Portrait):
         )
 
     def ways_to_obstacles(self, position: Array) -> tuple[Array, ...]:
-        """Return the ways (n1, n2, 3) from points (n1, n2, 3) at rest to where they would touch each obstacle.
+        """Return the vectors (n1, n2, 3) from points (n1, n2, 3) at rest to their contact with each obstacle.
 
-        One that moves is where it ends.
+        A moving obstacle is taken at its final place.
         """
         case, ways = self.case, []
         t = 1.0 if case.dynamics is None else case.dynamics.until
@@ -133,7 +133,7 @@ class ShellPortrait(Portrait):
 
     @property
     def along(self) -> tuple[Along, ...]:
-        """What is measured all along the way and is no energy: where the shell is, and what holds it."""
+        """Quantities measured all along the path or motion, except energies: positions, and forces of supports."""
         kinds = EnergyQuantity | MotionEnergy
         asked = asked_series(self.case)
         return tuple(Along(o.name, o.quantity, o.quantities) for o in asked if not isinstance(o.quantity, kinds))
@@ -162,7 +162,7 @@ class ShellPortrait(Portrait):
 
     @property
     def load_axis(self) -> LoadAxis:
-        """How loads are shown: in the unit in which the case's own load quantities give them."""
+        """Axis of the load: in the unit of the case's own load quantities."""
         for quantity in self.case.quantities:
             if isinstance(quantity, LoadQuantity) or (isinstance(quantity, LimitPoint) and quantity.gives == "load"):
                 return LoadAxis(quantity.scale, f"load ({quantity.unit})")
@@ -170,7 +170,7 @@ class ShellPortrait(Portrait):
 
     @property
     def load_words(self) -> str:
-        """What the path's load factor is, with its unit, as its critical point says."""
+        """Name of the path's load factor with its unit, from the critical point."""
         for quantity in self.case.quantities:
             if isinstance(quantity, CriticalPoint) and quantity.gives == "load" and quantity.scale == 1:
                 return f"{readable(quantity.name.removeprefix('critical_'))} ({quantity.unit})"
@@ -194,7 +194,7 @@ class ShellPortrait(Portrait):
 
     @property
     def thinness(self) -> Thinness:
-        """How thin the shell is, with all that it has in common with thinner ones: all but its thickness and loads."""
+        """Ratio of thickness to extent; the family of shells that differ in thickness and loads only, as a digest."""
         material = self.case.material.model_copy(update={"thickness": 1.0})
         names = {quantity.kind: quantity.name for quantity in self.case.quantities}
         return Thinness(
@@ -206,7 +206,7 @@ class ShellPortrait(Portrait):
 
     @property
     def gravity(self) -> Array | None:
-        """Acceleration (3,), m/s2, of a case in which nothing else acts and nothing holds; None in any other."""
+        """Acceleration (3,), m/s2, of a case with gravity alone and without supports; None for any other case."""
         case = self.case
         if case.dynamics is None or case.supports or case.springs or len(case.loads) != 1:
             return None
@@ -216,7 +216,7 @@ class ShellPortrait(Portrait):
         return np.array(load.acceleration, dtype=float)
 
     def direction_of(self, series: str) -> Array | None:
-        """Return the one direction (3,) of the displacement that a series is; None of anything else."""
+        """Return the one direction (3,) of a series of displacements; None for any other series."""
         quantity = next((one.quantity for one in asked_series(self.case) if one.name == series), None)
         if not isinstance(quantity, DisplacementQuantity) or len(quantity.directions) != 1:
             return None
@@ -230,7 +230,7 @@ class ShellPortrait(Portrait):
 
 
 def _common_description(quantities: Sequence[DisplacementQuantity]) -> str:
-    """Return what the descriptions have in common, up to the words on the mark."""
+    """Return the words that the descriptions have in common, up to those on the mark."""
     words = zip(*(quantity.description.split() for quantity in quantities), strict=False)
     common = " ".join(word[0] for word in itertools.takewhile(lambda word: len(set(word)) == 1, words))
     return common if len(quantities) == 1 else f"{common} ".partition(" at ")[0].strip()

@@ -2,11 +2,11 @@
 
 Probes: material points that are the same in every run of a case and lie on no regular grid.
 
-Samples on a grid flatter a solver whose nodes or training points lie on it too. The probes are the quasi-random
-sequence R2 (M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018): the multiples, modulo one, of
-1/p and 1/p^2, where p solves p^3 = p + 1 as the golden ratio solves p^2 = p + 1.
+Samples on a grid favour a solver whose nodes or training points lie on it too. The probes are the quasi-random sequence
+R2 (M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018): the multiples, modulo one, of 1/p and
+1/p^2, where p solves p^3 = p + 1 as the golden ratio solves p^2 = p + 1.
 
-A study of precision: what is left of a solution whose stored numbers are rounded to a shorter format.
+A study of precision: the error of a solution whose stored numbers are rounded to a shorter format.
 
 A study of frame rates: one motion, seen through frames from few to many.
 """
@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 
 PROBES = 256
 PLASTIC = 1.324717957244746  # the real root of p^3 = p + 1
-SHIFT = 0.5  # of the whole sequence, as its author has it
+SHIFT = 0.5  # of the whole sequence, as chosen by its author
 
 
 def probes_of(domain: Domain, count: int = PROBES) -> Array:
@@ -82,8 +82,8 @@ INNER_POINTS = ((0.5, 0.5), (0.25, 0.25), (0.37, 0.81), (0.7, 0.2), (0.93, 0.61)
 def kept_fields(solution: DisplacementField, case: Shell) -> dict[str, NDArray[Any]] | None:
     """Return points, positions and displacements on a regular grid, see `Record.fields_file`.
 
-    None if there is no finite field to keep: a path that failed at once has no state. What else a solution can't tell,
-    such as energy densities, is left out.
+    None if there is no finite field to keep: a path that failed at once has no state. Fields that the solution does not
+    provide, such as energy densities, are left out.
     """
     xi = case.surface.domain.grid(PICTURE, PICTURE)
     displacement = state_at(solution, xi, None)
@@ -99,14 +99,14 @@ def kept_fields(solution: DisplacementField, case: Shell) -> dict[str, NDArray[A
 
 def energy_densities(solution: DisplacementField, xi: Array) -> dict[str, NDArray[Any]]:
     """Return the finite energy densities (n, n) of the last state by name, in single precision, J/m^2."""
-    if not hasattr(solution, "evaluate"):  # as in plug-ins that know displacements alone
+    if not hasattr(solution, "evaluate"):  # as in plug-ins that provide displacements alone
         return {}
     found = {name: np.asarray(solution.evaluate(name, xi)).astype(PICTURE_TYPE) for name in DENSITIES}
     return {name: density for name, density in found.items() if np.all(np.isfinite(density))}
 
 
 def _told(ask: Callable[[], dict[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
-    """Return what a solution tells; nothing if it can't."""
+    """Return the arrays that a call on the solution gives; none if it fails."""
     try:
         return ask()
     except (InputError, NotImplementedError):
@@ -132,7 +132,7 @@ def energies_of_states(solution: DisplacementField, case: Shell) -> tuple[StateE
 
 
 def resolution_study(solution: DisplacementField, case: Shell) -> tuple[ResolutionStep, ...]:
-    """Look at one solution through grids from coarse to fine.
+    """Compare one solution with its samples on grids from coarse to fine.
 
     Raises
     ------
@@ -194,7 +194,7 @@ UNREACHED = (InputError, ValueError)
 
 
 def precision_study(solution: DisplacementField, case: Shell, values: Mapping[str, float]) -> tuple[PrecisionStep, ...]:
-    """Compare a solution with itself in shorter formats; nothing if it can't be rounded or has no state.
+    """Compare a solution with itself in shorter formats; empty if it can't be rounded or has no state.
 
     `values` are the quantities of the solution as solved, by name: a format in which it stays the very same is not
     measured again.
@@ -209,7 +209,7 @@ def precision_study(solution: DisplacementField, case: Shell, values: Mapping[st
     steps: list[PrecisionStep] = []
     for number_format in FORMATS:
         answer = rounded(number_format)
-        if answer is None:  # of a plug-in that has nothing but the protocol's own stub
+        if answer is None:  # from a plug-in that has only the protocol's stub
             return ()
         short, storage_bytes = answer
         found = [state_at(short, points, mark) for mark in exact]
@@ -226,7 +226,7 @@ def precision_study(solution: DisplacementField, case: Shell, values: Mapping[st
 
 
 def marks_of(solution: DisplacementField, case: Shell) -> tuple[float | None, ...]:
-    """Return the states that are compared: the only one of a linear case (None), else some that are evenly spread."""
+    """Return the states to compare: the only one of a linear case (None), else some evenly spread states."""
     if case.linear:
         return (None,)
     every = frames(solution, case)
@@ -235,7 +235,7 @@ def marks_of(solution: DisplacementField, case: Shell) -> tuple[float | None, ..
 
 
 def quantities_of(solution: DisplacementField, case: Shell, known: Mapping[str, float]) -> dict[str, float]:
-    """Return the finite values of the quantities that a field alone defines; those known are not measured again."""
+    """Return the finite values of the quantities that a field alone defines; known values are not measured again."""
     found: dict[str, float] = {}
     for quantity in case.quantities:
         if quantity.of_field:
@@ -249,16 +249,16 @@ def quantities_of(solution: DisplacementField, case: Shell, known: Mapping[str, 
 RATES = (15, 30, 60, 120, 240)  # frames per second: those of films and screens, halved and doubled
 MOST_FRAMES = 961  # frames: four seconds at the finest rate, so that a long motion costs no more
 POINTS = 64  # of the probes: the first ones, which are spread as evenly as all of them
-GOLDEN = (5**0.5 - 1) / 2  # its multiples, modulo one, are evenly spread and lie on no frame
-SAME = 6  # decimals of a number of frames beyond which two solvers' last instants differ by rounding only
+GOLDEN = (5**0.5 - 1) / 2  # its multiples, modulo one, are evenly spread and coincide with no frame
+SAME = 6  # decimals of a number of frames: later ones differ between solvers by rounding only
 FIXED = 5  # instants that are asked for at every rate
 
 
 def frame_rate_study(solution: DisplacementField, case: Shell) -> tuple[FrameRateStep, ...]:
-    """Look at one motion through frames from coarse to fine, as far as it goes; nothing for a case at rest.
+    """Compare one motion with its frames at rates from coarse to fine, as far as it goes; empty for a case at rest.
 
     Frames are asked for in the order of time, with the fixed instants among them; these are first asked for by
-    themselves, the last one first. A motion that does not answer everywhere, or not by finite numbers, is not studied.
+    themselves, the last one first. A motion whose answers are missing or not finite somewhere is not studied.
     """
     if case.dynamics is None or (end := reached(solution, case)) <= 0:
         return ()
@@ -271,7 +271,7 @@ def frame_rate_study(solution: DisplacementField, case: Shell) -> tuple[FrameRat
         return ()
     samples: dict[int, Array] = {}
     asked: dict[int, float] = {}
-    for count in (*counts, 2 * max(counts) - 1):  # the last of them is what the others are held against
+    for count in (*counts, 2 * max(counts) - 1):  # the last one is the reference of the others
         times = np.linspace(0.0, end, count)
         every = np.concatenate([times, fixed])
         order = np.argsort(every, kind="stable")

@@ -1,12 +1,13 @@
-"""Whether a deformed surface passes through itself: a measure of an answer, no mechanics.
+"""Self-intersection of a deformed surface: a measure of an answer, no mechanics.
 
 The surface is sampled at a grid of material points, whose cells are nearly square and are cut into two triangles each.
-Nothing is said beyond these triangles:
+The result is limited to these triangles:
 
-- A crossing between triangles that share a point is not looked for: folds narrower than two cells go unseen.
+- Crossings between triangles that share a point are not looked for: folds narrower than two cells are missed.
 - The triangles differ from the surface by its sag, about the square of a cell times the curvature over 8. Sheets
   closer to each other than both their sags may be taken for crossing, or their crossing be missed.
-- Sheets that touch do not cross, nor do edges that meet up to `SHALLOW` of the surface's size.
+- Sheets that only touch do not count as crossing, nor edges that reach through by less than `SHALLOW` of the surface's
+  size.
 """
 
 from __future__ import annotations
@@ -40,8 +41,8 @@ TRIANGLE_EDGES = ((0, 1), (1, 2), (2, 0))
 def self_intersection_study(solution: DisplacementField, case: Case) -> tuple[SelfIntersection, ...]:
     """Look at the kept states in order until the surface passes through itself.
 
-    Nothing of a linear case, whose displacement is infinitesimal, and of states that were not reached. Where triangles
-    can't be compared the words say so: silence would read as that of a surface that never does.
+    Linear cases, whose displacement is infinitesimal, and states that were not reached give no result. If triangles
+    can't be compared, the words state this: an empty result would mean that the surface never intersects itself.
     """
     if case.linear or case.modal:
         return ()
@@ -73,7 +74,7 @@ def self_intersection_study(solution: DisplacementField, case: Case) -> tuple[Se
 
 
 def words(found: SelfIntersection, mark_words: Callable[[float], str]) -> str:
-    """Say when and where a surface passes through itself, as a clause, and on what grid that was seen."""
+    """Return as a clause when and where a surface passes through itself, and the grid of the check."""
     if found.at is None:
         return ""
     before = "" if found.free_until is None else f", not yet at {mark_words(found.free_until)}"
@@ -86,7 +87,7 @@ def words(found: SelfIntersection, mark_words: Callable[[float], str]) -> str:
 
 
 def grid_size(case: Case) -> tuple[int, int]:
-    """Return how many points the grid has along each coordinate: about `POINTS`, cells nearly square at rest."""
+    """Return the number of grid points along each coordinate: about `POINTS` in all, cells nearly square at rest."""
     shape = case.surface.position(case.surface.domain.grid(FEWEST, FEWEST))
     across = [float(np.linalg.norm(np.diff(shape, axis=axis), axis=-1).sum(axis=axis).mean()) for axis in (0, 1)]
     first = math.sqrt(POINTS * across[0] / across[1])
@@ -96,7 +97,7 @@ def grid_size(case: Case) -> tuple[int, int]:
 def uneven_grid(domain: Domain, size: tuple[int, int]) -> Array:
     """Return (n1, n2, 2) points that include all bounds, on lines at uneven distances.
 
-    Of a symmetric shape two sheets may cross along lines of an even grid, where corner meets corner and no edge passes
+    Two sheets of a symmetric shape may cross along lines of an even grid: there corner meets corner, and no edge passes
     through a triangle.
     """
     lines = []
@@ -119,7 +120,7 @@ def triangulated(domain: Domain, size: tuple[int, int]) -> Indices:
 
 
 def sag(shape: Array, xi: Array, domain: Domain) -> float:
-    """Return about how far, m, the triangles of a shape (n1, n2, 3) at points (n1, n2, 2) lie from the surface.
+    """Return the approximate distance, m, of triangles of a shape (n1, n2, 3) at points (n1, n2, 2) from the surface.
 
     A chord over h leaves a line of the grid, of second derivative x'', by |x''| h^2 / 8.
     """
@@ -136,14 +137,15 @@ def sag(shape: Array, xi: Array, domain: Domain) -> float:
 
 
 def lies_over_a_plane(shape: Array) -> bool:
-    """Return whether the triangles of a shape (n1, n2, 3) lie side by side as seen from some direction.
+    """Return True if the triangles of a shape (n1, n2, 3) lie side by side as seen from some direction.
 
-    Then none of them crosses another. Where it says no, they may lie so all the same.
+    Then none of them crosses another. False is no proof of the contrary.
     """
     # 1. Look along the mean normal. All triangles must turn the same side to the viewer, and none its edge.
     # 2. The border, as seen from there, must be one closed line that does not meet itself.
     # A map of a disc that keeps the orientation of all triangles covers a point as often as its border winds around it:
-    # once or not at all. That takes the time of the border alone, and most shells are bent by less than half a turn.
+    # once or not at all. This test costs the time of the border alone, and most shells are bent by less than half a
+    # turn.
     a, b, c, d = shape[:-1, :-1], shape[1:, :-1], shape[1:, 1:], shape[:-1, 1:]
     areas = np.concatenate([np.cross(b - a, c - a).reshape(-1, 3), np.cross(c - a, d - a).reshape(-1, 3)])
     mean = areas.sum(axis=0)
@@ -157,7 +159,7 @@ def lies_over_a_plane(shape: Array) -> bool:
 
 
 def _is_simple(corners: Array) -> bool:
-    """Return whether the sides of a closed polygon (n, 2) meet at their common corners only."""
+    """Return True if the sides of a closed polygon (n, 2) meet at their common corners only."""
 
     def side(start: Array, end: Array, place: Array) -> NDArray[np.bool_]:
         one, other = end - start, place - start
@@ -262,7 +264,7 @@ def _pierced(corners: Array, pairs: Indices, heights: Array, shallow: float) -> 
 
 
 def _inside(triangles: Array, places: Array) -> NDArray[np.bool_]:
-    """Return which places (k, 3) in the planes of triangles (k, 3, 3) lie in them, borders included."""
+    """Return a mask (k,): True if a place (k, 3) in the plane of its triangle (k, 3, 3) lies in it or on its border."""
     edges = np.roll(triangles, -1, axis=1) - triangles
     turns = np.cross(edges, places[:, None] - triangles)
     same = np.einsum("kcj,kdj->kcd", turns, turns)

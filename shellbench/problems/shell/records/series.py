@@ -1,7 +1,7 @@
-"""Series: what a case's quantities were along the way, not only where they are asked for.
+"""Series: a case's quantities all along the path or motion, not only at the asked marks.
 
-A case asks for the same thing at several times by several quantities, `corner_x_200ms` and `corner_x_300ms`; they
-are one series. Of a motion the energies are kept too, whether or not the case asks for them.
+A case asks for the same thing at several times by several quantities, `corner_x_200ms` and `corner_x_300ms`; they are
+one series. For a motion the energies are kept too, whether or not the case asks for them.
 
 Snapshots: a solution at one time that remembers its answers, for many quantities ask for the same field.
 """
@@ -30,12 +30,12 @@ Array = NDArray[np.float64]
 
 
 def snapshot_of(solution: DisplacementField, mark: float) -> DisplacementField:
-    """Return the solution as it is at a mark: it answers there whatever mark it is asked for, and computes it once."""
+    """Return a view of the solution at a mark: it answers for that mark only, and computes each answer once."""
     return cast(DisplacementField, _Snapshot(solution, mark))
 
 
 class _Snapshot:
-    """What measuring asks of a solution is remembered; all else is the solution's own."""
+    """A solution at one mark that remembers the answers to measurements; it passes on all other attributes."""
 
     def __init__(self, solution: DisplacementField, mark: float) -> None:
         self._solution = solution
@@ -71,7 +71,7 @@ class _Snapshot:
 
 CURVE_TIMES = 101  # times, rest among them: hundredths of the whole time, for curves of some ten swings
 FRAMES = 21  # times at which the field is kept, rest among them: every twentieth of the whole time
-MARK = re.compile(r"_\d+[a-z]*$")  # how the name of a quantity ends that carries its time: corner_x_200ms
+MARK = re.compile(r"_\d+[a-z]*$")  # ending of a quantity's name with a time, such as corner_x_200ms
 APART = {"name", "description", "unit", "primary", "at", "tolerance", "absolute", "open_finding"}
 TOTAL = MotionEnergy(name="total_energy", kind="total_energy")
 ENERGIES: tuple[QuantityModel, ...] = (
@@ -79,12 +79,12 @@ ENERGIES: tuple[QuantityModel, ...] = (
     EnergyQuantity(name="membrane_energy", kind="membrane_energy"),
     EnergyQuantity(name="bending_energy", kind="bending_energy"),
 )
-REFUSED = (InputError, ValueError)  # how a solution and its measuring say that a time was not reached
+REFUSED = (InputError, ValueError)  # errors by which a solution and its measurement state that a time was not reached
 
 
 @dataclass(frozen=True)
 class Asked:
-    """One thing that a case measures, whenever it does.
+    """One measured value of a case, at all its marks.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class Asked:
 
 
 def asked_series(case: Shell) -> tuple[Asked, ...]:
-    """Return the series of a case, in its order: all that it measures in motion; of a path forces and torques."""
+    """Return the series of a case, in its order: all quantities of a motion; forces and torques of a path."""
     moving = case.dynamics is not None
     followed = {"motion", "path"} if moving else {"path"} if _by_load(case) else set()
     wanted = [q for q in case.quantities if q.series in followed]
@@ -124,12 +124,12 @@ def _by_load(case: Shell) -> bool:
 
 
 def _meaning(quantity: QuantityModel) -> str:
-    """Return what two quantities have in common that measure the same thing."""
+    """Return a text that is the same for two quantities that measure the same thing."""
     return quantity.model_dump_json(exclude=APART)
 
 
 def _keeps_energy(case: Shell) -> bool:
-    """Whether a case might ask for its total energy."""
+    """Return True if a case may ask for its total energy."""
     try:
         TOTAL.check_motion(case, is_constant(case))
     except ValueError:
@@ -157,13 +157,13 @@ def frames(solution: DisplacementField, case: Shell) -> tuple[float, ...]:
 
 
 def _distinct(marks: list[float]) -> tuple[float, ...]:
-    """Return the marks in order, those but once that differ by rounding; of these the one named last."""
+    """Return the marks in order; of marks that differ by rounding only the last one is kept."""
     kept: dict[str, float] = {f"{mark:.9g}": mark for mark in marks}
     return tuple(sorted(kept.values()))
 
 
 def series_of(solution: DisplacementField, case: Shell) -> tuple[Series, ...]:
-    """Measure a solution all along the way, as far as it goes; what it refuses or is not finite is left out."""
+    """Measure a solution all along its path or motion; refused and non-finite values are left out."""
     asked = asked_series(case)
     points: dict[str, dict[float, float]] = {one.name: {} for one in asked}
     for mark in _marks(solution, case) if asked else ():
@@ -201,7 +201,7 @@ def _marks(solution: DisplacementField, case: Shell) -> Iterator[float]:
 
 
 def _known(solution: DisplacementField, mark: float) -> Mapping[str, float]:
-    """Return the quantities that the history has at the state of a path at a mark."""
+    """Return the quantities that the history holds for the state of a path at a mark."""
     found: dict[str, float] = {}
     for step in solution.history:
         if step.phase in {"path", "critical"} and step.at == mark:

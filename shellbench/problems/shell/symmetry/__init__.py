@@ -1,4 +1,4 @@
-"""The part of a shell that its mirrors leave to be solved.
+"""The part of a shell that has to be solved, given its mirrors.
 
-It may import the case, its variants and what is below them, and no solution.
+It may import the case, its variants and everything below them, but no solution.
 """

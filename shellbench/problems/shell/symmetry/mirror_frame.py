@@ -1,8 +1,8 @@
-"""The frame of a case's mirrors: there the planes in which the shell is its own mirror image are coordinate planes.
+"""The frame of a case's mirrors, in which the shell's planes of symmetry are coordinate planes.
 
-Mirrors are looked for in coordinate planes only (`shellbench.problems.shell.posed.mirrors`). A shell that stands askew
-in space has its mirrors too: where a coordinate is reflected, all points move along one direction, the normal of the
-plane. The case is turned so that these normals are axes; whether loads and supports are symmetric is looked at there.
+Mirrors are searched in coordinate planes only (`shellbench.problems.shell.posed.mirrors`). A shell at an oblique angle
+in space has mirrors too: a reflection of a coordinate moves all points along one direction, the normal of the plane.
+The case is rotated so that these normals are axes. The symmetry of loads and supports is checked in that frame.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from shellbench.problems.shell.variants.placing import follows, placed_data
 
 Array = NDArray[np.float64]
 
-NOTHING = 1e-12  # entry of a rotation that is rounding: what planes may be turned by, and still be seen as mirrors
+NOTHING = 1e-12  # entry of a rotation that counts as rounding: planes turned by less are still found as mirrors
 
 
 def in_frame_of_mirrors(case: Case) -> tuple[Case, Array] | None:
     """Return a case turned into the frame of its mirrors, and the rotation (3, 3), x' = R x.
 
-    None if its midsurface has no mirror, or the frame is that of the case already, or what holds the shell by single
-    components would not do so there.
+    None if its midsurface has no mirror, if the frame is already that of the case, or if supports of single components
+    would not be so there.
     """
     rotation = _rotation(case)
     if rotation is None or np.abs(rotation - np.eye(3)).max() <= NOTHING or not follows(case, rotation):
@@ -35,15 +35,16 @@ def in_frame_of_mirrors(case: Case) -> tuple[Case, Array] | None:
     first, second, third = (tuple(row) for row in rotation.tolist())
     try:
         return Case.model_validate(placed_data(case, (first, second, third))), rotation
-    except (InputError, ValidationError):  # what can't be asked there is asked where it was
+    except (InputError, ValidationError):  # a case that is invalid in that frame keeps its own
         return None
 
 
 def _rotation(case: Case) -> Array | None:
     """Return the least rotation after which the normals of the midsurface's mirrors are axes; None if it has none."""
-    # 1. The normals of the middle of an open coordinate, and of two lines a quarter of a turn apart of a closed one.
-    # 2. An orthonormal basis that begins with them.
-    # 3. Each axis is given the vector of the basis that is nearest to it, in its own sense.
+    # 1. Find the normals of the middle of an open coordinate, and of two lines a quarter of a turn apart of a closed
+    #    one.
+    # 2. Complete them to an orthonormal basis.
+    # 3. Assign to each axis the vector of the basis that is nearest to it, with the axis's sign.
     domain, points = case.surface.domain, Sight.spread(case).points
     normals: list[Array] = []
     for axis in (0, 1):

@@ -1,8 +1,8 @@
-"""Symmetry of a case: the part of its shell that its mirrors leave to be solved, and its axis of revolution.
+"""Symmetry of a case: the part of its shell that has to be solved, and its axis of revolution.
 
-This is the question, not its mechanics. The part is a case of its own (`Part.case`), in the words of every case: its
-cut edges lie in planes of symmetry (`shellbench.problems.shell.posed.mirrors`), and it has its share of what lies on
-them. How a solver makes a mesh of the part, and how it imposes what its supports say, is the solver's own affair.
+This module defines the problem, not its mechanics. The part is a complete case of its own (`Part.case`): its cut edges
+lie in planes of symmetry (`shellbench.problems.shell.posed.mirrors`), and it has its share of the loads on them. Each
+solver makes its own mesh of the part, and imposes the supports in its own way.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from shellbench.problems.shell.question.surface import COORDINATES
 
 Array = NDArray[np.float64]
 
-REVOLVED = 9  # points a side at which a surface of revolution is known
+REVOLVED = 9  # points a side at which a surface of revolution is tested
 ASKED = EnergyQuantity(name="strain_energy", kind="strain_energy", primary=True)  # a case must ask for something
 
 
@@ -39,7 +39,7 @@ class Folded:
     points
         (..., 2) in the part.
     signs
-        (..., 3) by which a vector there is multiplied to be the one at the point it came from.
+        (..., 3) factors from a vector there to the vector at the original point.
     turned
         (..., 2) -1 where a coordinate runs the other way, else 1.
     """
@@ -60,7 +60,7 @@ class Part:
     lower, upper
         Bounds of the rectangle; within those of the whole.
     ends
-        For each coordinate what mirrors the part at its lower and at its upper bound; None where nothing does. A closed
+        For each coordinate the mirrors of the part at its lower and at its upper bound; None without a mirror. A closed
         coordinate has one mirror at both ends of half a turn, or two a quarter of a turn apart; an open one has one, at
         the upper end.
     """
@@ -72,7 +72,7 @@ class Part:
 
     @property
     def mirrors(self) -> tuple[Mirror, ...]:
-        """Those that make the whole of the part."""
+        """Mirrors that generate the whole from the part."""
         return tuple(dict.fromkeys(mirror for ends in self.ends for mirror in ends if mirror is not None))
 
     @property
@@ -83,7 +83,7 @@ class Part:
 
     @property
     def copies(self) -> int:
-        """How many times the part is in the whole."""
+        """Number of copies of the part in the whole."""
         return 1 << len(self.mirrors)
 
     def images(self) -> Iterator[tuple[Mirror, ...]]:
@@ -99,7 +99,7 @@ class Part:
         for axis, (first, last) in enumerate(self.ends):
             if domain.periodic[axis]:
                 xi[..., axis] = self.lower[axis] + np.mod(xi[..., axis] - self.lower[axis], domain.size[axis])
-            # the mirror at the lower end of a quarter also leaves the line half a turn away where it is
+            # the mirror at the lower end of a quarter also leaves the line half a turn away in place
             half_a_turn = (first, self.lower[axis] + domain.size[axis] / 2)
             for mirror, line in ((half_a_turn,) if first is not last else ()) + ((last, self.upper[axis]),):
                 if mirror is not None:
@@ -110,9 +110,9 @@ class Part:
         return Folded(xi, signs, turned)
 
     def place(self, point: tuple[float, float]) -> tuple[tuple[float, float], int] | None:
-        """Return a point of the whole as a point of the part, and how many copies of the part share it.
+        """Return a point of the whole as a point of the part, and the number of copies of the part that share it.
 
-        They are two for each plane of symmetry through the point; None if the point is outside the part.
+        The number doubles with each plane of symmetry through the point. None if the point is outside the part.
         """
         domain = self.whole.surface.domain
         found, sharing = [], 1
@@ -137,9 +137,9 @@ class Part:
         return None if isinstance(place, Edge) and (place.axis, place.side) in self.planes else place
 
     def supported(self, mirrors: tuple[Mirror, ...] = ()) -> Iterator[tuple[int, Support, Place]]:
-        """Yield number, support and place for what supports of the whole hold of the copy to which mirrors lead.
+        """Yield number, support and place of the supports on the copy of the part to which mirrors lead.
 
-        The place is the one of the part of which it is the image.
+        The place is the one of the part whose image is supported.
         """
         for number, support in enumerate(self.whole.supports):
             for name in support.on:
@@ -151,7 +151,7 @@ class Part:
                     yield number, support, found
 
     def holds(self, motion: RigidMotion) -> bool:
-        """Whether planes of symmetry exclude a rigid motion.
+        """Return True if planes of symmetry exclude a rigid motion.
 
         A plane excludes the translation across it and the rotations about axes in it: in the mean over the area a
         symmetric displacement is then orthogonal to the motion.
@@ -188,7 +188,7 @@ class Part:
         )
 
     def _names(self, places: tuple[str, ...]) -> tuple[str, ...]:
-        """Return those of the named places that lie on the part."""
+        """Return the named places that lie on the part."""
         return tuple(name for name in places if self.seen(self.whole.places[name]) is not None)
 
     def _surface(self) -> SurfaceModel:
@@ -258,7 +258,7 @@ def part_of(case: Case) -> Part:
             ends.append((None, middle))
         elif mirrors:
             width = size / (2 * len(mirrors))
-            # formulas of a closed surface and its loads may hold inside the domain only: one of the copies is there
+            # formulas of a closed surface and its loads may be valid inside the domain only: one of the copies is there
             starts = [lower + (mirrors[0].at + n * width - lower) % size for n in range(2 * len(mirrors))]
             number = next(n for n, start in enumerate(starts) if start + width <= domain.upper[axis] + SAME * size)
             bounds.append((starts[number], starts[number] + width))

@@ -1,4 +1,4 @@
-"""The same question asked otherwise: elsewhere, in other units, in other coordinates, or edited.
+"""Variants of a case: at another place, in other units, in other coordinates, or edited.
 
-It may import the case and what is below it, and no solution.
+It may import the case and everything below it, but no solution.
 """

@@ -1,6 +1,7 @@
-"""Edited shells: whether one is an edit of another, and the shells on the way between them.
+"""Edited shells: the test that one shell is an edit of another, and the shells between them.
 
-An edit changes the material, the loads, and how supports move. The surface, what is held where, and the theory stay.
+An edit changes the material, the loads, and the motions of supports. The surface, the held places and components, and
+the theory stay.
 """
 
 from __future__ import annotations
@@ -13,12 +14,12 @@ from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
 
 MEASURES = ("vector", "value", "force", "acceleration")  # fields of loads that give their strength
-AMOUNTS = ("x", "y", "z", "vector", "angle")  # fields of motions that say how far
+AMOUNTS = ("x", "y", "z", "vector", "angle")  # fields of motions that give their size
 SHARED = ("theory", "surface", "remove_rigid_motions", "springs", "path", "dynamics")
 
 
 def why_no_edit(original: Case, edited: Case) -> str | None:
-    """Return in what two shells differ that no edit changes, as one clause, or None if one is an edit of the other."""
+    """Return a difference of two shells that no edit makes, as one clause, or None if one is an edit of the other."""
     for name in SHARED:
         if getattr(original, name) != getattr(edited, name):
             return f"it has another '{name}' than '{edited.name}'"
@@ -28,15 +29,15 @@ def why_no_edit(original: Case, edited: Case) -> str | None:
 
 
 def between(original: Case, edited: Case, share: float) -> Case:
-    """Return the shell at a share from 0 to 1 of the way from one shell to its edit; it is asked what the edit is.
+    """Return the shell at a share from 0 to 1 of the way from one shell to its edit, with the edit's quantities.
 
-    Thickness and modulus go by their logarithm, Poisson's ratios and motions evenly. The loads of the one fade out
-    while those of the other fade in.
+    Thickness and modulus are interpolated by their logarithm, Poisson's ratios and motions linearly. The loads of the
+    first shell fade out while those of the other fade in.
 
     Raises
     ------
     InputError
-        If there is no such shell: what moves supports is of another kind, or a formula grows too long.
+        If there is no such shell: motions of supports are of different kinds, or a formula grows too long.
     """
     if share == 1.0:
         return edited
@@ -50,7 +51,7 @@ def between(original: Case, edited: Case, share: float) -> Case:
             material[name] = mean
     supports = []
     for support, before, moved in zip(new.get("supports", []), original.supports, edited.supports, strict=True):
-        # A support that does not move is one that moves by nothing: the motion of the other tells how.
+        # A support at rest counts as moving by zero, with the kind of motion of the other shell.
         ways = [(before.motion, 1 - share), (moved.motion, share)]
         known = [(motion.model_dump(mode="json"), part) for motion, part in ways if motion is not None]
         supports.append({**support, **({"motion": _motion(known)} if known else {})})

@@ -1,4 +1,4 @@
-"""A shell elsewhere in space: turned and shifted as a whole, loads and supports with it."""
+"""A shell at another place: rotated and shifted as a whole, with its loads and supports."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def turning(case: Shell) -> Rotation:
 
 
 def _axes(case: Shell) -> Iterator[int]:
-    """Yield the axes that are unlike the other two for something that holds the shell."""
+    """Yield the axes that some support, spring or removed motion treats unlike the other two."""
     motions = {kind: [n[-1] for n in case.remove_rigid_motions if n.startswith(kind)] for kind in ("trans", "rot")}
     for held in (
         *(s.held for s in case.supports if not s.local),
@@ -61,15 +61,15 @@ def _axes(case: Shell) -> Iterator[int]:
 
 
 def follows(case: Shell, rotation: NDArray[np.float64]) -> bool:
-    """Whether what holds a shell by some Cartesian components does so after a rotation (3, 3) too, by the same ones."""
+    """Return True if the held Cartesian components stay the same ones after a rotation (3, 3) of the shell."""
     return all(rotation[axis, axis] >= 1 - SAME_AXIS for axis in _axes(case))
 
 
 def placed_data(case: Shell, rotation: Rotation, shift: Sequence[float] = (0.0, 0.0, 0.0)) -> dict[str, Any]:
     """Return the data of a case turned about the origin and then shifted, m.
 
-    Its displacement is the turned displacement, and its quantities have the values that they had; only positions along
-    a direction move with the shift. The surface becomes one of formulas.
+    Its displacement is the rotated displacement, and its quantities keep their values; only positions along a direction
+    move with the shift. The surface becomes one of formulas.
     """
     return _Placing(case, rotation, shift).data()
 
@@ -86,7 +86,7 @@ class _Placing:
         return [float(turned) + moved for turned, moved in zip(self.vector(point), self.shift, strict=True)]
 
     def names(self, names: Any) -> list[str]:
-        """Return the components that the named ones have become."""
+        """Return the components into which the named ones turn."""
         if len(names) in (0, len(COMPONENTS)) or set(names) <= set(LOCAL):
             return list(names)
         columns = np.array(self.rotation)

@@ -1,7 +1,7 @@
 """The same shell in other curvilinear coordinates: reversed, exchanged, stretched, graded, oblique, helical.
 
-A chart says what the old coordinates are as functions of the new ones. Formulas of the case are composed with it, and
-points are carried back through it. The midsurface, and all that acts on it, stay where they are.
+A chart gives the old coordinates as functions of the new ones. Formulas of the case are composed with it, and points
+are mapped back through it. The midsurface and its loads and supports stay in place.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from shellbench.problems.shell.question.surface import COORDINATES, Domain
 Pair = tuple[float, float]
 DIGITS = 12  # of a point's coordinates; sines of other libraries differ in later ones, and digests must not
 HALVINGS = 200  # at most, of the interval in which a coordinate is sought
-GRADED = 0.4  # how much a graded coordinate departs from an even one; below 1, or it would fold
+GRADED = 0.4  # departure of a graded coordinate from an even one; it must be below 1, or the map would fold
 OBLIQUE = 0.3  # the same of oblique ones; below 1/2
 ANGLES, RIGHT = 9, 1e-9  # points a side at which coordinate lines are compared, and the cosine of a right angle
 PITCH = 0.8  # radians that a helix turns by along the shell
@@ -43,7 +43,7 @@ class Chart:
     to_new
         Takes a point of the case; returns its new coordinates.
     edges
-        What edges of the case are called in the new rectangle; those that keep their names may be left out.
+        Names of the case's edges in the new rectangle; edges that keep their names may be left out.
     turned_over
         Whether a1 x a2 points to the other side.
     """
@@ -125,7 +125,7 @@ def warped(domain: Domain) -> Chart:
 
 
 def oblique(domain: Domain) -> Chart:
-    """Shear one coordinate along the other, none at the edges where it is fixed, so that the metric has a_12.
+    """Shear one coordinate along the other, but not at its own edges, so that the metric has a_12.
 
     x1 = xi1 + 4 a (xi1 - l1)(u1 - xi1)(xi2 - m2)/(L1 L2), m2 the middle. Where one coordinate is periodic, the other is
     sheared instead, by the sine of it.
@@ -158,7 +158,7 @@ def oblique(domain: Domain) -> Chart:
 
 
 def helical(domain: Domain) -> Chart:
-    """Let the lines of a closed coordinate's start wind along the shell: x1 = xi1 + c xi2, everywhere oblique."""
+    """Wind the coordinate lines of a closed shell along it, oblique everywhere: x1 = xi1 + c xi2."""
     if domain.periodic == (True, False):
         around, along = 0, 1
     elif domain.periodic == (False, True):
@@ -184,9 +184,9 @@ def _pair(items: Any) -> Any:
 
 
 def _solved(old: Callable[[float], float], wanted: float, domain: Domain, axis: int) -> float:
-    """Return where an increasing function of a coordinate has a value: halving, for it can't miss.
+    """Return the place where an increasing function of a coordinate has a value, by bisection, which can't fail.
 
-    What lies whole turns away on a closed coordinate stays so.
+    Values that are whole turns away on a closed coordinate stay so.
     """
     low, high = domain.lower[axis], domain.upper[axis]
     if domain.periodic[axis] and not low <= wanted <= high:
@@ -216,7 +216,8 @@ class _Reparametrisation:
     def __init__(self, case: Shell, chart: Chart) -> None:
         self.case, self.chart = case, chart
         constants = {name: repr(value) for name, value in case.surface.named_constants.items()}
-        # Constants first: a chart's formula knows none, and names of the case must not meet the new coordinates.
+        # Replace constants first: a chart's formula has none, and names of the case must not clash with the new
+        # coordinates.
         self.names = constants | dict(zip(COORDINATES, chart.formulas, strict=True))
 
     def formula(self, formula: Formula) -> Formula:
@@ -226,7 +227,7 @@ class _Reparametrisation:
         return [self.formula(f) for f in vector]
 
     def place(self, name: str) -> str:
-        """Return what an edge, a corner or a point is called in the chart."""
+        """Return the name that an edge, a corner or a point has in the chart."""
         edges = dict(self.chart.edges)
         return ",".join(sorted(edges.get(part, part) for part in name.split(",")))
 
@@ -281,8 +282,8 @@ class _Reparametrisation:
 
     def _resultant(self, quantity: dict[str, Any]) -> dict[str, Any]:
         """Return the component of a resultant in the frame that belongs to the chart."""
-        # e_1 goes along xi1, e_3 along the normal, and e_2 = e_3 x e_1. Moments change their sign with the normal, and
-        # shear forces with it and with the direction that they belong to. Factors of quantities have no sign.
+        # e_1 goes along xi1, e_3 along the normal, and e_2 = e_3 x e_1. Moments change their sign with the normal;
+        # shear forces change it with the normal and with their direction. Factors of quantities have no sign.
         chart, component = self.chart, quantity["component"]
         exchanged = chart.formulas == COORDINATES[::-1]
         if exchanged and not self._orthogonal():
@@ -300,7 +301,7 @@ class _Reparametrisation:
         return {"component": other.get(component, component)}
 
     def _orthogonal(self) -> bool:
-        """Whether the coordinate lines of the case meet at right angles everywhere."""
+        """Return True if the coordinate lines of the case meet at right angles everywhere."""
         surface = self.case.surface
         x = surface.derivatives(surface.domain.grid(ANGLES, ANGLES).reshape(-1, 2), order=1)
         lengths = np.linalg.norm(x[1, 0], axis=-1) * np.linalg.norm(x[0, 1], axis=-1)

@@ -1,4 +1,4 @@
-"""A shell in other units: every number of its case changed as its dimension says, so that the physics stay."""
+"""A shell in other units: every number of its case is scaled by its dimension, so that the physics stay."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Units:
-    """How many new units there are in the old one: 1000 millimetres in a metre.
+    """Number of new units in the old one, such as 1000 millimetres in a metre.
 
     Attributes
     ----------
     length, force
-        Of metres and newtons. The unit of time stays.
+        Factors of metres and newtons. The unit of time stays.
     """
 
     length: float
@@ -33,7 +33,7 @@ class Units:
     words: str
 
     def factor(self, length: int, force: int = 0) -> float:
-        """Return by what a number of dimension length**length force**force changes."""
+        """Return the factor of a number of dimension length**length force**force."""
         return self.length**length * self.force**force
 
 
@@ -43,7 +43,7 @@ KILOMETRES_GRAMS = Units(1e-3, 1.0, "km, g, s")  # whose unit of force is the ne
 
 
 def converted_data(case: Shell, units: Units) -> dict[str, Any]:
-    """Return the data of a case in other units. Load factors, times and angles are what they were."""
+    """Return the data of a case in other units. Load factors, times and angles stay."""
     return _Conversion(case, units).data()
 
 
@@ -62,7 +62,7 @@ class _Conversion:
                 self.names[name] = f"{name}/{units.length!r}"
 
     def formula(self, formula: Formula, length: int, force: int = 0) -> Formula:
-        """Convert what has the dimension length**length force**force (mass is force time^2 / length)."""
+        """Convert a formula of the dimension length**length force**force (mass is force time^2 / length)."""
         return times(substituted(formula, self.names), self.units.factor(length, force))
 
     def vector(self, vector: Any, length: int, force: int = 0) -> list[Formula]:

@@ -1,6 +1,6 @@
-"""Variants: the same question asked otherwise. Known values carry over, and a solver that is right answers alike.
+"""Variants of a case with the same answer. Known values carry over, and a correct solver gives equal answers.
 
-Who is right only for axes as usual, metres, or coordinates along lines of curvature, is not right.
+A solver that is right only for the usual axes, metres, or coordinates along lines of curvature fails on them.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def _permuted(case: Shell) -> dict[str, Any]:
 
 
 def _turned(case: Shell) -> dict[str, Any]:
-    """Return the case turned by the most general rotation that it can follow, and shifted where no value would move."""
+    """Return the case rotated as generally as its supports allow, and shifted if that moves no value."""
     moves = any(isinstance(q, PositionQuantity | CentreOfMass) for q in case.quantities)
     unit = 0.0 if moves else float(f"{size(case):.1g}")  # one digit, so that it is the same everywhere
     return placed_data(case, turning(case), [part * unit for part in SHIFT])

@@ -77,8 +77,8 @@ def add_cell_matrices(blocks: Array, nodes: Integers, matrices: Array) -> None:
     """Add matrices (cells, 3, 4, 4, 3, 4, 4) of different cells with corners `nodes` (cells, 4), in place."""
     for a, (i, j) in enumerate(CORNERS):
         for b, (k, m) in enumerate(CORNERS):
-            # Textbooks collect triplets and sort them. On a tensor mesh corners a and b of any cell are the same
-            # neighbours. All cells' blocks of this pair go to one slot at once.
+            # Textbooks collect triplets and sort them. On a tensor mesh corners a and b are the same neighbours in
+            # every cell. All cells' blocks of this pair go to one slot at once.
             slot = NEIGHBOURS.index((k - i, m - j))
             pair = matrices[:, :, a, :, :, b, :].reshape(-1, NODE_DOFS, NODE_DOFS)
-            blocks[nodes[:, a], slot] += pair  # as the same corner of a cell a node occurs once: no index repeats
+            blocks[nodes[:, a], slot] += pair  # a node is this corner of one cell only: no index repeats

@@ -1,8 +1,8 @@
 """Factorisation of a sum of cell matrices, for meshes of degree 4 and 5.
 
-Vertices, sides and insides of cells are the points of a grid twice as fine: a vertex carries 12 unknowns, a side
-6 (p - 3) and the inside 3 (p - 3)^2. They are dissected like nodes (see `dissection`), but only mesh lines cut. So a
-separator is one line of vertices with the sides along it, whatever the degree, and what a cell has to itself is
+Vertices, sides and insides of cells are the points of a grid twice as fine: a vertex carries 12 unknowns, a side 6 (p -
+3) and the inside 3 (p - 3)^2. They are dissected like nodes (see `dissection`), but only along mesh lines. A separator
+therefore is one line of vertices with the sides along it, whatever the degree, and the inside of each cell is
 eliminated first: static condensation is the innermost step of the dissection. Each cell's matrix enters the front that
 eliminates its inside, as in the textbook (Duff & Reid 1983); no global matrix is made.
 """

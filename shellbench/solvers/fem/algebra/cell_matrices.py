@@ -1,4 +1,4 @@
-"""A symmetric matrix as a sum of dense ones, a cell each: what meshes of degree 4 and 5 are assembled to."""
+"""A symmetric matrix as a sum of dense ones, one for each cell, for meshes of degree 4 and 5."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class CellMatrices:
     Attributes
     ----------
     blocks
-        (cells, f, f) with f = 3 (p + 1)^2, by component (slow) and by those functions of a cell that are present.
+        (cells, f, f) with f = 3 (p + 1)^2, by component (slow) and by present function of a cell.
     dofs
         (cells, f) numbers of these degrees of freedom among all of the nodes, (nodes, 3 (p - 1)^2) flattened.
     present
@@ -29,7 +29,7 @@ class CellMatrices:
     count
         Degrees of freedom of all of the nodes.
     changed, instead
-        (k,) increasing numbers of cells, and (k, f, f) what they have instead of their blocks.
+        (k,) increasing numbers of cells, and (k, f, f) matrices that replace their blocks.
     """
 
     blocks: Array
@@ -48,7 +48,7 @@ class CellMatrices:
     def with_own(self, cells: Integers) -> CellMatrices:
         """Return the same matrix, in which these cells have matrices of their own, `instead`, for changes in place.
 
-        Supports change cells at edges: a copy of all others would take longer than their factorisation.
+        Supports change cells at edges only: a copy of all cells would take longer than their factorisation.
         """
         changed = np.union1d(self.changed, cells)
         instead = np.empty((len(changed), *self.blocks.shape[1:]))
@@ -60,7 +60,7 @@ class CellMatrices:
     def largest(self) -> float:
         """Largest magnitude of an entry; not finite if one is not."""
         parts = [part for part in (self.blocks, self.instead) if part.size]
-        return float(np.max([(part.max(), -part.min()) for part in parts]))  # Python's own can lose a NaN
+        return float(np.max([(part.max(), -part.min()) for part in parts]))  # Python's max can lose a NaN
 
     def __matmul__(self, vector: Array) -> Array:
         """Multiply vectors (nodes, 3 (p - 1)^2, n)."""
@@ -74,7 +74,7 @@ class CellMatrices:
         return np.asarray(np.stack(columns, axis=-1).reshape(vector.shape), dtype=float)
 
     def to_csr(self) -> sp.csr_matrix:
-        """Return the matrix of all degrees of freedom of the nodes; those that no cell has get a 1."""
+        """Return the matrix of all degrees of freedom of the nodes; a degree of freedom without a cell gets a 1."""
         blocks = self.blocks.copy()
         blocks[self.changed] = self.instead if len(self.changed) else 0.0
         rows, columns = (
@@ -88,7 +88,7 @@ class CellMatrices:
     def add(self, cells: Integers, matrices: Array) -> None:
         """Add matrices (c, 3, 4, (p - 1)^2, 3, 4, (p - 1)^2) of different cells, in place.
 
-        Where there are any, they are among those that have own ones.
+        If some cells have own matrices, the cells of the sum are among them.
         """
         functions = matrices.shape[-1] * len(CORNERS)
         flat = matrices.reshape(len(cells), COMPONENTS, functions, COMPONENTS, functions)

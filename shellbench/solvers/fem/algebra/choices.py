@@ -1,4 +1,4 @@
-"""Choices that settings name; nothing here needs more than their names."""
+"""Names of choices in settings."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Solving K z = f by a direct solver, and refining z until rounding no longer shows.
+"""Solution of K z = f by a direct solver, with refinement of z until rounding no longer shows.
 
-What rounding may hide is measured after every solve. `dissection` is our own multifrontal Cholesky factorisation and
-the default; `superlu` is SciPy's general sparse LU, `pardiso` the solver of Intel's MKL through pypardiso, where that
-is installed. All three see the same matrix.
+The effect of rounding is measured after every solve. `dissection` is the project's own multifrontal Cholesky
+factorisation and the default; `superlu` is SciPy's general sparse LU; `pardiso` is the solver of Intel's MKL through
+pypardiso, if that is installed. All three get the same matrix.
 """
 
 from __future__ import annotations
@@ -30,19 +30,20 @@ Array = NDArray[np.float64]
 Solve = Callable[[Array], Array]
 
 REFINEMENTS = 2  # steps of iterative refinement after the first solve, at most
-# Change of the answer by the last of them from which on the residual is formed by way of the strains. It lies below
-# the tolerance of smooth cases, 6e-7. Above that rounding would stay in answers; far below, strains would be formed in
-# vain.
+# Change of the answer by the last refinement above which the residual is computed from strains. It lies below the
+# tolerance of smooth cases, 6e-7. A larger value would leave rounding in answers; a much smaller one would compute
+# strains in vain.
 CAREFUL = 1e-7
-# The same in degree 4 and 5: their K rounds more, of which a residual by K itself shows 1 to 15 %.
+# The same in degree 4 and 5: their K has more rounding; a residual by K itself shows only 1 to 15 % of it.
 CAREFUL_CELLS = 1e-9
-CAREFUL_REFINEMENTS = 4  # at most, then, as long as each is smaller than half the one before
-# Change of the answer by a refinement that ends them: a thousandth of what `CAREFUL` lets pass.
+CAREFUL_REFINEMENTS = 4  # at most, as long as each change is smaller than half the one before
+# Change of the answer by a refinement that ends them: a thousandth of `CAREFUL`.
 REFINED = 1e-10
-ALIGNED = 0.5  # cosine between two such changes that are no rounding
+ALIGNED = 0.5  # cosine between two such changes above which they are no rounding
 CONJUGATE_STEPS = 20  # at most, where such refinements do not lead to the answer
-# Of all that conjugate gradients have changed: a step that ends a pass. The next pass forms the residual anew and mends
-# the rest, so that less would only cost products. Came with meshes on which refinement by K creeps.
+# Share of the whole change by conjugate gradients: a smaller step ends a pass. The next pass computes the residual
+# again and corrects the rest, so that a smaller value would only cost products. Set on meshes on which refinement by K
+# converges slowly.
 CONJUGATE_SHARE = 1e-3
 CONJUGATE_PASSES = 6  # at most, as long as each changes less than half of the one before: the rest is rounding
 # Of a solve: rounding leaves 1e-15, and pivots that were perturbed leave far more.
@@ -53,7 +54,7 @@ LARGEST_CORRECTION = 1e-5
 
 
 class RoundingError(SolveFailure):
-    """Rounding hides the answer on this mesh; on another one it need not."""
+    """Rounding hides the answer on this mesh; it may not on another one."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class Solved:
         (nodes, 12, n).
     residual
         Largest |K z - f| over largest |f| after refinement by K alone. On thin shells rounding alone makes it large:
-        forces of the membrane cancel that are (L/h)^2 times the loads.
+        membrane forces that are (L/h)^2 times the loads cancel.
     backward_error
         Largest |K z - f| then over the largest |K| times the largest |z| plus the largest |f|: the relative change of
         K and f by which z becomes exact (Rigal & Gaches 1967), but for the number of terms in a row.
@@ -84,7 +85,7 @@ class Solved:
 
 
 class Careful(NamedTuple):
-    """The system with less rounding than its matrix has, by way of strains.
+    """The system computed from strains, with less rounding than its matrix has.
 
     Attributes
     ----------
@@ -116,9 +117,9 @@ def solve_reduced(
     mesh
         The mesh that the matrix belongs to.
     method
-        Which direct solver.
+        The direct solver.
     careful
-        The same system with less rounding, if that can be had.
+        The same system with less rounding, if available.
 
     Raises
     ------
@@ -133,12 +134,13 @@ def solve_reduced(
     if not np.isfinite(matrix.largest):
         raise SolveFailure("the stiffness matrix is not finite: the surface or the material is out of range")
     try:
-        # 1. Factorise once, then refine by the residual. In the same precision that mends what a factorisation without
-        #    pivoting has lost. What is left of the residual is rounding, as is K itself: the last correction, K^-1
-        #    times it, is the error that it makes of the answer. The residual's own size says nothing of that error.
-        # 2. Where that is much, go on with a residual that does not come from K. The textbook forms one in higher
-        #    precision; strains do as well, and mend the rounding of K besides.
-        # 3. Where K resists some motion by rounding alone, steps by its factor are far too long or too short. Conjugate
+        # 1. Factorise once, then refine by the residual. In the same precision this corrects the loss by a
+        #    factorisation without pivoting. The remaining residual is rounding, like that in K itself. The last
+        #    correction, K^-1 times the residual, is the error that it causes in the answer. The size of the residual
+        #    does not show that error.
+        # 2. If the correction is large, continue with a residual that does not come from K. The textbook computes one
+        #    in higher precision. Strains serve as well, and also correct the rounding of K.
+        # 3. If K resists some motion by rounding alone, steps by its factor are far too long or too short. Conjugate
         #    gradients take their lengths from the strains.
         backward = _FACTORISATIONS[method](matrix, mesh)
         much = CAREFUL_CELLS if isinstance(matrix, CellMatrices) else CAREFUL
@@ -166,7 +168,7 @@ def solve_reduced(
             " supports leave, or a thickness that is lost in rounding beside the shell's size"
         ) from None
     answer = Solved(unknowns, relative, backward_error, correction, noise)
-    # Written so that what is not a number fails.
+    # Written so that NaN fails.
     if not answer.backward_error <= LARGEST_BACKWARD_ERROR:
         raise RoundingError(
             f"the direct solver failed on {_cells(mesh)} cells: its answer solves a system whose stiffness differs by"
@@ -181,8 +183,8 @@ def solve_reduced(
 
 
 def _mended(careful: Careful, backward: Solve, unknowns: Array, much: float) -> tuple[Array, float, float, bool]:
-    """Return the answer refined by way of strains, its last correction, the energy of that, and whether it is lost."""
-    before, last = math.inf, np.zeros_like(unknowns)  # the first step mends K: it may exceed the last one by K
+    """Return the answer refined by strains, its last correction, the correction's energy, and True if it is lost."""
+    before, last = math.inf, np.zeros_like(unknowns)  # the first step corrects K: it may exceed the last one by K
     for _ in range(CAREFUL_REFINEMENTS):
         left = careful.residual(unknowns)
         change = backward(left)
@@ -191,7 +193,7 @@ def _mended(careful: Careful, backward: Solve, unknowns: Array, much: float) -> 
         if correction <= REFINED:
             return unknowns, correction, noise, False
         if not correction < before / 2:
-            # Rounding goes anywhere. Steps that all go one way approach an answer that K knows nothing of.
+            # Rounding has no direction. Steps that all have one direction approach an answer that K does not contain.
             if correction <= LARGEST_CORRECTION and _cosine(change, last) < ALIGNED:
                 return unknowns, correction, noise, False
             break
@@ -212,7 +214,7 @@ def _mended(careful: Careful, backward: Solve, unknowns: Array, much: float) -> 
 
 
 def _conjugate(product: Solve, backward: Solve, left: Array) -> tuple[Array, bool]:
-    """Solve K z = f for each column by conjugate gradients, `backward` being the preconditioner; whether they settled.
+    """Solve K z = f for each column by conjugate gradients, preconditioned by `backward`; also return True if settled.
 
     Hestenes & Stiefel (1952), Methods of conjugate gradients for solving linear systems, J. Res. NBS 49.
     """
@@ -277,7 +279,7 @@ def _pardiso(matrix: BlockMatrix | CellMatrices, mesh: TensorMesh) -> Solve:
         raise InputError("direct_solver = 'pardiso' needs pypardiso, which is not installed") from None
     upper = sp.triu(matrix.to_csr(), format="csr")
     pardiso = PyPardisoSolver(mtype=2)  # symmetric positive definite
-    # PARDISO perturbs small pivots without a word: hence these, and the check of the residual above.
+    # PARDISO perturbs small pivots without a warning: hence these settings, and the check of the residual above.
     pardiso.set_iparm(8, 3)  # steps of iterative refinement
     pardiso.set_iparm(10, 13)  # pivots below 1e-13 are perturbed
     try:
@@ -301,5 +303,5 @@ _FACTORISATIONS: dict[Method, Callable[[BlockMatrix | CellMatrices, TensorMesh],
 
 
 def factorised(matrix: BlockMatrix | CellMatrices, mesh: TensorMesh, method: Method) -> Solve:
-    """Return the inverse of a positive definite matrix as a function; NotPositiveDefiniteError if it is none."""
+    """Return the inverse of a positive definite matrix as a function; else raise NotPositiveDefiniteError."""
     return _FACTORISATIONS[method](matrix, mesh)

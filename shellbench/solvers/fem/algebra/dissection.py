@@ -1,10 +1,10 @@
 """Multifrontal factorisation on the nested dissection of a tensor mesh.
 
-A tensor mesh tells its own good elimination order: halve the rectangle by a line of nodes, again and again, and
-eliminate the halves before the line (George 1973). Each part is then one dense matrix, a *front*, of the nodes that
-it eliminates and of the ring of nodes around it; what the elimination leaves on the ring, the Schur complement, is
-added to the front that the part belongs to (Duff & Reid 1983; Liu 1992). All the work is done by dense LAPACK on a
-few large blocks, which on a shell of 100,000 unknowns takes a seventh of the time of a general sparse LU.
+A tensor mesh has a good elimination order: halve the rectangle by a line of nodes, again and again, and eliminate the
+halves before the line (George 1973). Each part is then one dense matrix, a *front*, of the nodes that it eliminates and
+of the ring of nodes around it. The elimination leaves a Schur complement on the ring, which is added to the front of
+the parent (Duff & Reid 1983; Liu 1992). Dense LAPACK does all the work on a few large blocks, which on a shell of
+100,000 unknowns takes a seventh of the time of a general sparse LU.
 
 George (1973), Nested dissection of a regular finite element mesh, SIAM J. Numer. Anal. 10.
 Duff & Reid (1983), The multifrontal solution of indefinite sparse symmetric linear equations, ACM TOMS 9.
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Range = tuple[int, int]
 
-LEAF_NODES = 8  # a part of so few nodes is not halved any more (measured: 4 to 16 are alike)
+LEAF_NODES = 8  # a part with at most so many nodes is not halved any more (measured: 4 to 16 make no difference)
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Part:
     own
         First and last + 1 of the nodes that it eliminates; they are consecutive.
     ring
-        Nodes around all that is eliminated below this part, increasing.
+        Nodes around the region that is eliminated up to this part, increasing.
     children
         Parts, by number, whose Schur complements it takes.
     """
@@ -73,11 +73,11 @@ class Dissection:
 
     @classmethod
     def from_shape(cls, shape: tuple[int, int], periodic: tuple[bool, bool], every: int = 1) -> Dissection:
-        """Dissect a mesh with this many nodes along each coordinate; of its lines each `every`-th one may cut."""
+        """Dissect a mesh with this many nodes along each coordinate; every `every`-th line may be a separator."""
         # 1. Halve the rectangle; the regions come in postorder, so that children stand before their parent.
         # 2. Number the nodes in that order: `rank` inverts `order`.
         # 3. Give each region its ring, and the open parts on the stack as its children.
-        # This is symbolic only: it reads the mesh's shape, no number of the matrix.
+        # This step is symbolic: it uses the mesh's shape, and no number of the matrix.
         regions = list(_halve((0, shape[0]), (0, shape[1]), periodic, every))
         numbers = np.arange(shape[0] * shape[1]).reshape(shape)
         order = np.concatenate([region.own(numbers) for region in regions])
@@ -100,11 +100,11 @@ class Dissection:
 
     @cached_property
     def runs(self) -> tuple[tuple[tuple[Run, ...], ...], ...]:
-        """By part and by child: where the child's ring stands in the part's front, run by run of consecutive places.
+        """By part and by child: the places of the child's ring in the part's front, as runs of consecutive places.
 
         A run ends with the part's own unknowns too.
         """
-        # Newton's method factorises on one mesh again and again: what the mesh tells is told once.
+        # Newton's method factorises on one mesh again and again: the symbolic data of the mesh are cached.
         return tuple(
             tuple(tuple(_runs(part, self.parts[child].ring)) for child in part.children) for part in self.parts
         )
@@ -119,7 +119,7 @@ def _runs(part: Part, ring: Integers) -> Iterator[Run]:
 
 
 def places(part: Part, nodes: Integers) -> Integers:
-    """Return where nodes stand in the front of a part: its own first, then its ring."""
+    """Return the places of nodes in the front of a part: its own first, then its ring."""
     start, stop = part.own
     return np.where(nodes < stop, nodes - start, stop - start + np.searchsorted(part.ring, nodes))
 
@@ -163,7 +163,7 @@ def _halve(first: Range, second: Range, seams: tuple[bool, bool], every: int) ->
         inner = [(start + seam, stop) for (start, stop), seam in zip((first, second), seams, strict=True)]
         yield from _halve(inner[0], inner[1], (False, False), every)
         yield _Region(first, second, lines, children=1)
-    # George goes on to single nodes. A few nodes of 12 unknowns each are already a block that suits LAPACK.
+    # George continues to single nodes. A few nodes of 12 unknowns each are already a block that suits LAPACK.
     elif lengths[0] * lengths[1] <= LEAF_NODES * every or max(lengths) < 2 * every + (every < 2):
         yield _Region(first, second, (), children=0)
     # The line runs across the longer side: it is the shortest separator, and the largest fronts stay small.

@@ -1,7 +1,7 @@
 """The largest eigenvalues of A u = mu B u, A symmetric, B positive definite and factorised: a block Lanczos method.
 
-Vibration and buckling both have this form with mu the reciprocal of what is asked for, so that what is asked for first
-is found first (the transformation of Ericsson & Ruhe 1980, at the shift zero or below).
+Vibration and buckling both have this form, with mu the reciprocal of the value that is asked for. The first values are
+therefore found first (the transformation of Ericsson & Ruhe 1980, at the shift zero or below).
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ Apply = Callable[[Array], Array]
 BLOCK = 8  # vectors at a time: no eigenvalue may occur more often
 MOST_BLOCKS = 60
 PAIR_FOUND = 1e-6  # residual of a pair relative to mu: the error of mu itself is its square over a gap
-# Squared length of what orthogonalisation leaves, relative, that is rounding.
+# Relative squared length of a vector after orthogonalisation that counts as rounding.
 LOST = 1e-12
 
 
 class NotFoundError(ArithmeticError):
-    """There are not so many eigenvalues above zero, or they did not converge.
+    """There are fewer eigenvalues above zero than asked for, or they did not converge.
 
     Attributes
     ----------
     positive
-        Number of eigenvalues that are above zero for certain: the projected matrix has no more of them than A.
+        Number of eigenvalues that are certainly above zero: the projected matrix has no more of them than A.
     """
 
     def __init__(self, positive: int) -> None:
@@ -49,14 +49,14 @@ def largest(apply: Apply, solve: Apply, start: Array, count: int) -> tuple[Array
     Raises
     ------
     NotFoundError
-        If there are not so many above zero, or they did not converge.
+        If there are fewer above zero, or they did not converge.
     """
-    # 1. W = B^-1 A Q of the last block Q. Its components along all blocks so far are Q^T A Q, the projected A.
-    # 2. Take them away, twice, and make the rest orthonormal in B: the next block.
-    # 3. Eigenvalues of the projected A; the part of their vectors in the last block tells the residuals.
-    # The textbook's Lanczos method goes vector by vector and sees one copy of a multiple eigenvalue at first, the other
-    # copies by rounding only. A block sees them all, and many right-hand sides cost a factorisation hardly more than
-    # one. B itself is never applied: B W = A Q is known, and linear combinations keep it.
+    # 1. Compute W = B^-1 A Q of the last block Q. Its components along all blocks so far are Q^T A Q, the projected A.
+    # 2. Subtract them, twice, and make the rest orthonormal in B: the next block.
+    # 3. Compute the eigenvalues of the projected A; the part of their vectors in the last block gives the residuals.
+    # The textbook's Lanczos method goes vector by vector. It finds one copy of a multiple eigenvalue at first, and the
+    # other copies by rounding only. A block finds them all, and many right-hand sides cost hardly more than one. B
+    # itself is never applied: B W = A Q is known, and linear combinations keep it.
     columns, dual = _first_block(solve(start), start)
     size, most = len(start), MOST_BLOCKS * BLOCK
     basis, known = (np.empty((size, most), order="F") for _ in range(2))
@@ -90,9 +90,9 @@ def largest(apply: Apply, solve: Apply, start: Array, count: int) -> tuple[Array
 
 def _first_block(vectors: Array, images: Array) -> tuple[Array, Array]:
     """Return vectors (n, m) made orthonormal in B, all of them, and B times them."""
-    # Where rigid motions are nearly free, they are nearly all that B^-1 makes of any vector, and what else there is
-    # would pass for rounding beside them. A block that has lost a vector does not see all copies of an eigenvalue. So
-    # what depends on others is made orthonormal again, without these.
+    # If rigid motions are nearly free, B^-1 maps every vector nearly onto them, and the rest would count as rounding. A
+    # block that has lost a vector does not find all copies of an eigenvalue. Therefore dependent vectors are made
+    # orthonormal again, without the rigid motions.
     columns, dual = _orthonormal(vectors, images)
     while columns.shape[1] < vectors.shape[1]:
         rest, image = vectors, images
@@ -107,7 +107,7 @@ def _first_block(vectors: Array, images: Array) -> tuple[Array, Array]:
 
 
 def _orthonormal(vectors: Array, images: Array) -> tuple[Array, Array]:
-    """Return vectors (n, m) made orthonormal in B, without what depends on others, and B times them."""
+    """Return vectors (n, m) made orthonormal in B, without dependent ones, and B times them."""
     for _ in range(2):
         lengths, turn = eigh(vectors.T @ images)
         kept = lengths > LOST * max(float(lengths.max()), np.finfo(float).tiny)

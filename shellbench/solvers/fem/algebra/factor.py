@@ -147,11 +147,11 @@ def factorise(matrix: BlockMatrix, dissection: Dissection, definiteness: Definit
     Parameters
     ----------
     matrix, dissection
-        The matrix, and in which order to eliminate.
+        The matrix, and the order of elimination.
     definiteness
         "required": the matrix must be positive definite. "reported": it need not be; a part whose pivot block is
-        indefinite is eliminated by its eigenvectors, and `Factor.negative` counts the negative eigenvalues.
-        "imposed": so, but negative pivots are taken for positive ones, which makes a descent direction of any step.
+        indefinite is eliminated by its eigenvectors, and `Factor.negative` counts the negative eigenvalues. "imposed":
+        as "reported", but negative pivots are replaced by positive ones, which makes any step a descent direction.
 
     Raises
     ------
@@ -187,7 +187,7 @@ def factorise(matrix: BlockMatrix, dissection: Dissection, definiteness: Definit
 
 
 class Front:
-    """The dense matrix of a part, at first `whole` or zero: only its upper triangle means anything."""
+    """The dense matrix of a part, at first `whole` or zero; only its upper triangle is used."""
 
     def __init__(self, part: Part, block: int, whole: Array | None = None) -> None:
         self.part, self.block = part, block
@@ -202,7 +202,8 @@ class Front:
 
     def add_rows(self, blocks: Array, columns: Integers) -> None:
         """Add the matrix's rows of the part's own nodes, as far as they couple to nodes not yet eliminated."""
-        # Nodes eliminated before coupled to these in rows of their own, by symmetry. The children bring that.
+        # Nodes eliminated before couple to these in their own rows, by symmetry. The children's Schur complements
+        # contain this.
         row, slot = np.nonzero(columns >= self.part.own[0])
         place = places(self.part, columns[row, slot])
         inside = place < self.size
@@ -231,8 +232,8 @@ class Front:
 
     def eliminate(self, definiteness: Definiteness) -> tuple[Triangle | Spectrum, Array]:
         """Eliminate the part's own unknowns; return their pivot block and the Schur complement on the ring."""
-        # Cholesky first, whatever is asked: it is cheaper, and fails only where a front has a negative eigenvalue.
-        # A front that fails takes the eigenvectors, from the copy that Cholesky has not overwritten.
+        # Cholesky comes first in every mode: it is cheaper, and fails only if a front has a negative eigenvalue. A
+        # front that fails is factorised by eigenvectors, from the copy that Cholesky has not overwritten.
         kept = None if definiteness == "required" else self.own.copy()
         # a row-major upper triangle is LAPACK's column-major lower one, so that nothing is copied
         _, info = dpotrf(self.own.T, lower=1, clean=0, overwrite_a=1)
@@ -262,9 +263,9 @@ class Front:
 
 def _spectrum(upper: Array, imposed: bool) -> Spectrum:
     """Return the eigenvectors of the symmetric matrix whose upper triangle is given."""
-    # The textbook takes Bunch and Kaufman's 1 x 1 and 2 x 2 pivots. Eigenvectors cost more and say more. The negative
-    # ones are counted for the inertia, and |A| replaces A where a descent direction is wanted. An eigenvalue at
-    # rounding has no sign to trust, and the Schur complement would be divided by it.
+    # The textbook takes Bunch and Kaufman's 1 x 1 and 2 x 2 pivots. Eigenvectors cost more and give more. Negative
+    # eigenvalues are counted for the inertia, and |A| replaces A for a descent direction. The sign of an eigenvalue at
+    # rounding is unreliable, and the Schur complement would be divided by it.
     values, vectors = eigh(upper, lower=False)
     if np.abs(values).min() <= SINGULAR * np.abs(values).max():
         raise NotPositiveDefiniteError

@@ -1,9 +1,9 @@
-"""Contact of the linear shell with obstacles: the least energy among displacements that enter none.
+"""Contact of the linear shell with obstacles: the least energy among displacements that enter no obstacle.
 
-The gap is asked at p - 1 Gauss points of a cell along each coordinate, as many as a C1 spline of degree p has freedom
-there: what touches everywhere then follows the obstacle as exactly as it can. The pressures at these points are the
-multipliers of an augmented Lagrangian. Mechanics, supports and direct solver are those of `equilibrium`; what is added
-to the stiffness lies within single cells, so that its pattern stays.
+The gap is evaluated at p - 1 Gauss points of a cell along each coordinate, the number of a C1 spline's degrees of
+freedom there. A shell in full contact then follows the obstacle as closely as it can. The pressures at these points are
+the multipliers of an augmented Lagrangian. Mechanics, supports and direct solver are those of `equilibrium`. The
+contact stiffness couples within single cells, so that the pattern of K stays.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ Matrix = BlockMatrix | CellMatrices
 SolveLinear = Callable[[Matrix, Array], tuple[Array, "Solved"]]
 """Solves K q = f with the supports: the matrix and forces (nodes, 12, 1) to q and how sure it is."""
 
-MOST_MULTIPLIERS, MOST_SETS = 20, 60  # of the multipliers, and of points in contact between two of them
+MOST_MULTIPLIERS, MOST_SETS = 20, 60  # updates of the multipliers, and of the points in contact between two of them
 FEW_SETS = 5  # while obstacles are soft
 
 
 @dataclass(frozen=True)
 class Settled:
-    """A displacement that enters no obstacle, and is pressed by those it touches.
+    """A displacement that enters no obstacle, with the forces of the obstacles.
 
     Attributes
     ----------
     q
         (nodes, 12, 1).
     answer
-        How sure its last linear solve is.
+        Its last linear solve, with the effect of rounding.
     forces
         (c m, 3) at the points, N.
     """
@@ -64,7 +64,7 @@ def settle(
     Parameters
     ----------
     points
-        Where the gap is asked.
+        Points at which the gap is evaluated.
     matrix, forces
         Of the shell without obstacles; (nodes, 12, 1).
     t
@@ -79,16 +79,16 @@ def settle(
     SolveFailure
         If the points in contact do not settle, or their gaps do not close.
     """
-    # 1. The gap g and its direction n where the shell is: obstacles that are curved are planes for this step. From rest
-    #    on, so that no shell is thrown to the far side of one.
+    # 1. Compute the gap g and its direction n at the present displacement: curved obstacles are planes for this step.
+    #    The first displacement is zero, so that no shell ends on the far side of an obstacle.
     # 2. With pressures p given, minimise the energy plus the integral of max(0, p - k g)^2 / 2 k: Newton's method on
-    #    the points with p > k g. Where the same points come again, the step goes no further than to the exact minimum
-    #    along it: the function is convex and piecewise quadratic, so that this ends.
-    # 3. p = max(0, p - k g), and all over again, until gaps in contact are closed. Forces are in balance throughout.
-    # The textbook's primal-dual active set holds gaps by multipliers in the linear system. There are as many points as
-    # there is freedom, at some edges one too many, and such a system is singular; the penalty leaves K definite. And an
-    # edge of contact moves by no more than the length at which bending is as stiff as the penalty, a point or two at a
-    # time. So it is sought with soft obstacles first, or on a coarser mesh.
+    #    the points with p > k g. If a set of points occurs again, the step ends at the exact minimum along it: the
+    #    function is convex and piecewise quadratic, so that the iteration terminates.
+    # 3. Set p = max(0, p - k g), and repeat until gaps in contact are closed. Forces are in balance throughout.
+    # The textbook's primal-dual active set holds gaps by multipliers in the linear system. Here there are as many
+    # points as degrees of freedom, at some edges one more, and such a system is singular; the penalty leaves K
+    # definite. In one iteration an edge of contact moves by at most the length at which bending is as stiff as the
+    # penalty, a point or two. Therefore it is searched with soft obstacles first, or on a coarser mesh.
     area, stiff = points.areas.ravel(), points.penalty
     if near is None:
         q, answer = solve(matrix, forces)
@@ -136,7 +136,7 @@ class _Plane:
     def minimum(
         self, q: Array | None, pressure: Array, stiff: Array, active: Flags | None, most: int
     ) -> tuple[Array, Solved, bool]:
-        """Return the minimum with pressures given, and whether it is one; see `settle`.
+        """Return the minimum for given pressures, and True if it is one; see `settle`.
 
         It starts from points in contact, or from a displacement.
         """
@@ -165,8 +165,8 @@ class _Plane:
 
 
 def _length(matrix: Matrix, forces: Array, q: Array, change: Array, pressed: tuple[Array, Array, Array]) -> float:
-    """Return the share of a step, from 0 to 1, at which the function that is minimised is least."""
-    # Its derivative along the step, work of the forces that are left, grows: r(s) = a + b s - max(0, p - s m) . w.
+    """Return the share of a step, from 0 to 1, at which the minimised function is least."""
+    # Its derivative along the step, the work of the residual forces, increases: r(s) = a + b s - max(0, p - s m) . w.
     pressures, slopes, works = pressed
     stiff = matrix @ change
     start, growth = float(np.sum(stiff * q) - np.sum(forces * change)), float(np.sum(stiff * change))

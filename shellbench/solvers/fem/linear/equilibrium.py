@@ -31,8 +31,8 @@ from shellbench.solvers.fem.mesh.quadrature import Quadrature
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-# Work of the loads on a removed rigid motion, relative to all loads, that still counts as rounding: of formulas whose
-# numbers a file states in decimals. Loads that are not in balance miss it by a share of order one.
+# Work of the loads on a removed rigid motion, relative to all loads, that counts as rounding of the decimals in a file.
+# Loads that are not in balance exceed it by a share of order one.
 BALANCE = 1e-6
 
 
@@ -74,10 +74,17 @@ def solve(
     SolveFailure
         If the loads are not in balance with the removed rigid motions, or the linear solve fails.
     """
+    # 1. Integrate the loads, resolve the supports to ties, and pin free rigid motions.
+    # 2. Assemble K with springs and the terms of clamps between nodes.
+    # 3. Reduce K and the forces by the ties, and solve; with obstacles, `settle` calls this solve repeatedly.
+    # 4. Compute the energy, and the reactions as internal forces less loads, contact forces and gap terms of clamps.
+    # 5. Remove the mean rigid motion, and divide the forces among supports.
+    # Textbooks take internal forces from K q. If the solve had to refine by strains, they come from strains here, which
+    # have less rounding.
     quadrature = Quadrature.of_order(mesh, quadrature_order)
     loading = Loading.on_mesh(case, mesh, quadrature, states)
     ties = support_ties(case, mesh, states)
-    # a case that names no rigid motion was checked to have none that is free
+    # a case that removes no rigid motion was checked to have no free one
     loose = free_motions(case) if case.remove_rigid_motions else np.zeros((len(RIGID_MOTIONS), 0))
     check_balance(loading, loose)
     if loose.size:
@@ -162,7 +169,7 @@ def solve(
 
 
 def check_balance(loading: Loading, loose: Array) -> None:
-    """Check that the loads do no work on the rigid motions that nothing resists.
+    """Check that the loads do no work on the free rigid motions.
 
     Raises
     ------
@@ -170,7 +177,7 @@ def check_balance(loading: Loading, loose: Array) -> None:
         If they do.
     """
     imbalance = np.abs(loose.T @ loading.resultant).max(initial=0.0)
-    scale = loading.magnitude.max()  # the motions are of like magnitude, so that one scale serves them all
+    scale = loading.magnitude.max()  # all motions have a similar magnitude, so that one scale suffices
     if imbalance > BALANCE * scale:
         raise SolveFailure(
             "the loads are not in balance: they push the shell along a rigid motion that no support resists"

@@ -3,8 +3,8 @@
     vibration  (K + G(S)) u = omega^2 M u        buckling  K u = -lambda G(S) u
 
 K is the stiffness of the linear shell, M its consistent mass. S are the stress resultants of the linear answer to the
-case's loads, and G(S) is the sum of these times the second variations of the strains, at the shell's reference state:
-what the tangent stiffness of the non-linear theory has besides K when stresses come before displacements.
+case's loads. G(S) is the sum of these times the second variations of the strains, at the shell's reference state: the
+geometric part of the non-linear theory's tangent stiffness at zero displacement.
 """
 
 from __future__ import annotations
@@ -80,12 +80,12 @@ class _Modes:
 
     @cached_property
     def vibrates(self) -> bool:
-        """Whether frequencies are asked for, and not buckling loads."""
+        """True if the case asks for frequencies, False for buckling loads."""
         return self.case.quantities[0].kind == "frequency"
 
     @cached_property
     def loose(self) -> Array:
-        """(6, n): rigid motions that nothing holds."""
+        """(6, n): free rigid motions."""
         return free_motions(self.case)
 
     @cached_property
@@ -103,7 +103,7 @@ class _Modes:
 
     @cached_property
     def held(self) -> Matrix | None:
-        """What springs, and clamps between nodes, add to it; None where there are none."""
+        """Stiffness of springs, and of clamps between nodes; None without any."""
         clamps = list(clamped_edges(self.case, self.mesh, (FULL_LOAD,)))
         if not clamps and not self.case.springs:
             return None
@@ -122,7 +122,7 @@ class _Modes:
 
     @cached_property
     def geometric(self) -> Matrix | None:
-        """The geometric stiffness of the case's loads; None where nothing loads the shell."""
+        """The geometric stiffness of the case's loads; None without loads."""
         if not self.case.loads and not any(support.motion is not None for support in self.case.supports):
             return None
         order = 2 * self.mesh.degree + 1
@@ -138,7 +138,7 @@ class _Modes:
 
     @cached_property
     def shift(self) -> float:
-        """What is added to squared angular frequencies of a shell that may move freely, 1/s^2."""
+        """Shift of the squared angular frequencies of a shell that may move freely, 1/s^2."""
         if not self.vibrates or not self.loose.size:
             return 0.0
         material, size = self.case.material, shell_size(self.case)
@@ -146,10 +146,11 @@ class _Modes:
 
     def pairs(self, count: int) -> tuple[Array, Array, Array]:
         """Return the values (count,) increasing, the same as rounded in K, and nodal modes (nodes, dofs, count)."""
-        # 1. B is K, with stresses and a shift where there are any; A is M or -G. Factorise B on what supports leave.
-        # 2. The largest mu of A u = mu B u, of as many modes as are asked for, and of rigid motions.
-        # 3. Rayleigh-Ritz with these modes: their energy by way of strains, which K as a matrix has more rounded.
-        # 4. Strike out the rigid motions: in vibration they are the first ones, at zero.
+        # 1. B is K, plus stresses and a shift if there are any; A is M or -G. Factorise B on the free unknowns.
+        # 2. Find the largest mu of A u = mu B u, for the asked number of modes plus the rigid motions.
+        # 3. Apply Rayleigh-Ritz to these modes, with energies from strains, which have less rounding than K as a
+        #    matrix.
+        # 4. Remove the rigid motions: in vibration they are the first modes, at zero.
         first = len(self.loose.T) if self.vibrates else 0
         if self.vibrates:
             ahead, geometric = self.mass, self.geometric
@@ -189,7 +190,7 @@ class _Modes:
         for matrix in (self.held, geometric if self.vibrates else None):
             if matrix is not None:
                 energy += _between(modes, matrix @ modes)
-        # By mu again, which is finite whatever rigid motions have for an energy.
+        # Sort by mu again, which is finite whatever the energy of rigid motions.
         product = _between(modes, ahead @ modes)
         found, shares = eigh(product, energy + self.shift * product)
         values = 1 / found[::-1][first:wanted] - self.shift
@@ -197,18 +198,18 @@ class _Modes:
 
 
 def _between(modes: Array, images: Array) -> Array:
-    """Return the products (m, m) of vectors (nodes, dofs, m) with what a symmetric matrix makes of them."""
+    """Return the products (m, m) x^T A x of vectors (nodes, dofs, m) with a symmetric matrix."""
     product = np.einsum("ndi,ndj->ij", modes, images)
     return np.asarray((product + product.T) / 2)
 
 
 def solve_modes(case: Case, mesh: TensorMesh, quadrature_order: int, method: Method) -> Equilibrium:
-    """Find the modes that a case asks for on a mesh. What stands for the potential energy is their mean value.
+    """Find the modes of a case on a mesh. Their mean value takes the place of the potential energy.
 
     Raises
     ------
     SolveFailure
-        If the state is not stable about which the shell is to vibrate, or there are not so many modes.
+        If the state of the vibration is not stable, or there are fewer modes than asked for.
     """
     modes = _Modes(case, mesh, Quadrature.of_order(mesh, quadrature_order), method)
     marks = case.states
@@ -228,13 +229,13 @@ def solve_modes(case: Case, mesh: TensorMesh, quadrature_order: int, method: Met
         parameters=int(np.count_nonzero(modes.ties.free)),
         mode_values=dict(zip(asked, _shown(values[kept], modes.vibrates), strict=True)),
     )
-    # The Ritz values have lost the first order of the rounding that the matrix K has; its square is left.
+    # The Ritz values do not have the first order of K's rounding; its square remains.
     loss = float(np.abs(values - rounded).max() / np.abs(values).max())
     return Equilibrium(solution, float(values.mean()), residual=loss, correction=loss)
 
 
 def _shown(values: Array, vibrates: bool) -> Sequence[float]:
-    """Return frequencies, Hz, from squared angular ones; load factors are what they are."""
+    """Return frequencies, Hz, from squared angular ones; load factors stay."""
     return [math.sqrt(max(value, 0.0)) / (2 * math.pi) if vibrates else float(value) for value in values]
 
 

@@ -1,11 +1,11 @@
-"""A symmetric linear case on the part of its mesh that mirrors make the whole of, and the answer unfolded from there.
+"""A symmetric linear case solved on a part of its mesh, and the answer unfolded to the whole mesh.
 
-Which reflections a case has, and what the part is as a case of its own, is a matter of the question (see
-`shellbench.problems.shell.symmetry.symmetry`). Here is what the mesh adds: its lines have to be symmetric too, and the
-case is looked at wherever the whole mesh would look at it, at every Gauss point and the nodes of edges, to rounding.
-What the whole mesh would integrate is symmetric, then, and the part of the mesh has the solution of the whole mesh. A
-whole mesh that may turn freely is pinned at a few nodes, and differs from the part by as much as the element misses a
-rigid rotation, which vanishes with the mesh size long before its errors do.
+The module `shellbench.problems.shell.symmetry.symmetry` defines the reflections of a case and its part as a case of its
+own. This module adds the conditions of the mesh. Its lines have to be symmetric too. The case is compared with its
+image at all points of the whole mesh, at every Gauss point and the nodes of edges, to rounding. The integrals of the
+whole mesh are then symmetric, and the part of the mesh has the solution of the whole mesh. A whole mesh that may turn
+freely is pinned at a few nodes. Its solution differs from that of the part by the element's error of a rigid rotation,
+which vanishes with the mesh size faster than the other errors.
 """
 
 from __future__ import annotations
@@ -35,8 +35,9 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 HALF, QUARTER = 2, 4  # images of the part along a coordinate; quarters of a closed one only
-# Relative difference to the mirror image that is rounding. Formulas have 1e-15 to 3e-15. Points, and mesh lines through
-# them, have the digits that a case states them in: of 12 the last is worth up to 1e-11, twice that across a mirror.
+# Relative difference to the mirror image that counts as rounding. Formulas have 1e-15 to 3e-15. Points, and mesh lines
+# through them, have the digits of the case file: the last of 12 digits is worth up to 1e-11, twice that across a
+# mirror.
 SYMMETRIC = 3e-11
 
 
@@ -65,14 +66,14 @@ class Image:
 
 @dataclass(frozen=True)
 class Fold:
-    """How a mesh is mirrored along a coordinate.
+    """Part of a mesh along a coordinate, and the mirrors at its ends.
 
     Attributes
     ----------
     start, cells
         First mesh line of the part, and its number of cells.
     mirrors
-        What mirrors the part at its first and at its last line; None where nothing does.
+        Mirrors of the part at its first and at its last line; None without a mirror.
     """
 
     start: int
@@ -81,7 +82,7 @@ class Fold:
 
     @property
     def folded(self) -> bool:
-        """Whether there are mirror images."""
+        """True if there are mirror images."""
         return self.mirrors != (None, None)
 
     def lines(self, line: Array, domain: Domain, axis: int) -> Array:
@@ -116,7 +117,7 @@ class Fold:
 
 @dataclass(frozen=True)
 class FoldedMesh:
-    """A case and its mesh, folded onto the part that the rest mirrors.
+    """A case and its mesh, folded onto a part of which the rest is a mirror image.
 
     Attributes
     ----------
@@ -135,7 +136,7 @@ class FoldedMesh:
 
     @classmethod
     def from_case(cls, case: Case, mesh: TensorMesh, quadrature_order: int) -> FoldedMesh | None:
-        """Find the symmetries of a case on a mesh; None if there is none, or what loads it is not looked at."""
+        """Find the symmetries of a case on a mesh; None if there is none, or if its loads can't be checked."""
         if (
             not case.linear
             or case.springs
@@ -169,7 +170,7 @@ class FoldedMesh:
         return [names.index(support.name) for support in own[: len(own) - len(self.part.planes)]]
 
     def unfolded(self, found: Equilibrium) -> Equilibrium:
-        """Return the answer on the whole mesh, of that on the part."""
+        """Return the answer on the whole mesh from that on the part."""
         solution, case, mesh = found.solution, self.part.whole, self.whole_mesh
         tail, numbers = solution.coefficients.shape[1:], self.supports
         forces = np.zeros((len(numbers), self.mesh.node_count, *tail))
@@ -190,7 +191,7 @@ class FoldedMesh:
                     whole_forces[image][..., kind, :][at] += signs * force[own][..., kind, :]
         held = [support_nodes(mesh, place) for _, place in case.supported_places()]
         nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *held]))
-        # energies are integrated from the first mesh line on: where the part does not begin there, over the whole
+        # energies are integrated from the first mesh line on; if the part does not begin there, over the whole
         begun = tuple(fold.start % fold.cells == 0 for fold in self.folds)
         images = (len(self.images[0]), len(self.images[1]))
         answer = replace(
@@ -208,7 +209,7 @@ class FoldedMesh:
 
 
 class _Observed:
-    """A case as the whole mesh sees it: at its Gauss points, and at the nodes and Gauss points of its edges."""
+    """A case evaluated as on the whole mesh: at its Gauss points, and at the nodes and Gauss points of its edges."""
 
     def __init__(self, case: Case, mesh: TensorMesh, quadrature_order: int) -> None:
         self.case, self.mesh, self.domain = case, mesh, mesh.domain
@@ -223,7 +224,7 @@ class _Observed:
         self.along = edges[0], edges[1]
 
     def fold(self, axis: int) -> Fold:
-        """Return how the mesh is mirrored along a coordinate; along the other one it need not look twice, then."""
+        """Return the fold of the mesh along a coordinate, and restrict the points of later checks to its part."""
         mesh, domain = self.mesh, self.domain
         cells, slack = mesh.cells[axis], SYMMETRIC * domain.size[axis]
         for fold in self._closed_folds(axis) if domain.periodic[axis] else self._open_folds(axis):
@@ -235,20 +236,21 @@ class _Observed:
         return Fold(0, cells)
 
     def _open_folds(self, axis: int) -> Iterator[Fold]:
-        """Yield the half that a mirror in the middle makes."""
+        """Yield the half with a mirror in the middle."""
         half, odd = divmod(self.mesh.cells[axis], HALF)
         mirror = None if odd else self._mirror(axis, half, half)
         if mirror is not None:
             yield Fold(0, half, (None, mirror))
 
     def _closed_folds(self, axis: int) -> Iterator[Fold]:
-        """Yield the parts that mirrors about a mesh line and a quarter of the turn from it make."""
+        """Yield the parts with mirrors at a mesh line and a quarter of the turn from it."""
         cells = self.mesh.cells[axis]
         half, quarter = cells // HALF, cells // QUARTER
         if cells % HALF:
             return
-        # The first line, that a quarter of the turn from it, and one other about which the mesh is its own image: a
-        # mesh that is divided at points has no more, and one that is not would be looked at in vain at every line.
+        # Candidates are the first line, the line a quarter of the turn from it, and one other about which the mesh is
+        # its own image. A mesh that is divided at points has no more, and in another mesh the check of every line would
+        # be in vain.
         even = (line for line in range(1, half) if line != quarter and self._even(axis, line))
         found = (
             (line, self._mirror(axis, line, half))
@@ -257,7 +259,7 @@ class _Observed:
         start, first = next(((line, mirror) for line, mirror in found if mirror is not None), (0, None))
         if first is None:
             return
-        square = cells % QUARTER == 0 and start != quarter  # that half a turn from the first line was looked at already
+        square = cells % QUARTER == 0 and start != quarter  # half a turn from the first line was checked already
         second = self._mirror(axis, start + quarter, quarter) if square else None
         mirrors = [mirror for mirror in (first, second) if mirror is not None]
         size = cells // (HALF * len(mirrors))
@@ -266,7 +268,7 @@ class _Observed:
             yield Fold((start + number * size) % cells, size, ends)
 
     def _even(self, axis: int, line: int) -> bool:
-        """Whether the mesh's own lines are their mirror images about one of them."""
+        """Return True if the mesh's own lines are their mirror images about one of them."""
         steps = np.diff(self.mesh.lines[axis])
         opposite = (2 * line - 1 - np.arange(len(steps))) % len(steps)
         return bool(np.abs(steps - steps[opposite]).max() <= SYMMETRIC * self.domain.size[axis])
@@ -283,7 +285,7 @@ class _Observed:
         return mirror if mirror is not None and mirrored_supports(self.case, mirror) is not None else None
 
     def _points(self, axis: int, start: int, cells: int) -> Array:
-        """Return the Gauss points of so many cells from one on, beyond the seam too."""
+        """Return the Gauss points of a number of cells from `start` on, also beyond the seam."""
         every = _gauss_points(self.mesh.lines[axis], self.gauss)
         return every[(start * self.gauss + np.arange(cells * self.gauss)) % len(every)]
 
@@ -295,7 +297,7 @@ def _gauss_points(line: Array, count: int) -> Array:
 
 @dataclass(frozen=True)
 class Folding:
-    """How a case is folded.
+    """Folding of a case onto a part of it by its symmetries.
 
     Attributes
     ----------
@@ -310,13 +312,13 @@ class Folding:
         return in_frame_of_mirrors(self.case)
 
     def fold(self, mesh: TensorMesh, quadrature_order: int) -> FoldedMesh | None:
-        """Return the case on a mesh, folded, in the frame in which its part is the smaller one; None if it can't be."""
+        """Return the case folded on a mesh, in the frame in which its part is smaller; None if it can't be folded."""
         cases = (self.case,) if self._turned is None else (self.case, self._turned[0])
         found = [folded for case in cases if (folded := FoldedMesh.from_case(case, mesh, quadrature_order))]
         return min(found, key=lambda folded: folded.mesh.dof_count, default=None)
 
     def unfolded(self, folded: FoldedMesh, found: Equilibrium) -> Equilibrium:
-        """Return the answer to the case, as it stands, of that on its folded part."""
+        """Return the answer to the case in its own frame from that on its folded part."""
         whole = folded.unfolded(found)
         if folded.part.whole is self.case or self._turned is None:
             return whole

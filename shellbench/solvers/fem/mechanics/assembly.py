@@ -69,16 +69,16 @@ def stiffness(
     Parameters
     ----------
     mesh, surface, material
-        What it is assembled for.
+        The mesh, the surface and the material.
     quadrature
         Gauss points of a cell; p + 1 a direction are enough.
     roots
-        See `root_operators`; they are made where they are needed if None.
+        See `root_operators`; computed if None.
 
     Returns
     -------
     BlockMatrix or CellMatrices
-        In the scaled degrees of freedom, no support applied; by cells where the degree is more than 3.
+        In the scaled degrees of freedom, without supports; by cells if the degree is more than 3.
     """
     present = present_functions(mesh.degree)
     unit = [tabulate(quadrature.points, d, mesh.degree) for d in DERIVATIVES]
@@ -99,15 +99,15 @@ def stiffness(
 
 
 class InternalForces:
-    """The stiffness matrix times displacements by way of their strains, G^T (G q) where K = G^T G.
+    """The stiffness matrix times displacements, computed from strains: G^T (G q), where K = G^T G.
 
-    In K q the rounding of single products does work on every motion. Here it makes small strains, and these do no work
-    on motions that strain nothing else: what a thin shell, or a tiny cell, resists least is not disturbed.
+    In K q the rounding of single products does work on every motion. Here rounding only makes small strains, which do
+    no work on motions without strain. The softest motions of a thin shell, or of a tiny cell, are not disturbed.
 
     Attributes
     ----------
     mesh
-        What it is integrated on.
+        Domain of integration.
     """
 
     def __init__(self, mesh: TensorMesh, quadrature: Quadrature, roots: Sequence[Array]) -> None:
@@ -153,9 +153,9 @@ def root_operators(mesh: TensorMesh, surface: Surface, material: Material, quadr
 
 def _cell_matrices(mesh: TensorMesh, cells: slice, operator: Array, table: Array, out: Array | None = None) -> Array:
     """Return (cells, f, f): component (slow) and function of the row and of the column, in the order of the table."""
-    # 1. Geometry at the Gauss points, and the operator G whose square is twice the energy density.
-    # 2. G times the root of a point's share of the area, on the derivatives of the unit cell.
-    # 3. Times the basis functions: a tall matrix of all points of a cell.
+    # 1. Compute the geometry at the Gauss points, and the operator G whose square is twice the energy density.
+    # 2. Multiply G by the root of a point's share of the area, on the derivatives of the unit cell.
+    # 3. Multiply by the basis functions: a tall matrix of all points of a cell.
     # 4. K = G^T G.
     # The textbook sums B^T C B point by point. The root form has one product a cell, and K is symmetric and positive
     # semidefinite by construction.
@@ -193,7 +193,7 @@ SPRING_ORDER = 19  # degree to which springs are integrated: an elastic pin may 
 def product_matrix(
     mesh: TensorMesh, surface: Surface, quadrature: Quadrature, density: Density
 ) -> BlockMatrix | CellMatrices:
-    """Return `weighted_products` of a mesh of any degree; by cells where it is more than 3."""
+    """Return `weighted_products` of a mesh of any degree; by cells if it is more than 3."""
     if mesh.degree == CUBIC:
         return weighted_products(mesh, surface, quadrature, density)
     blocks = np.concatenate([matrices for _, matrices in _cell_products(mesh, surface, quadrature, density)])
@@ -207,7 +207,7 @@ def weighted_products(mesh: TensorMesh, surface: Surface, quadrature: Quadrature
     Parameters
     ----------
     mesh, surface, quadrature
-        What it is integrated on.
+        Domain of integration.
     density
         w, of points (n, 2), by component (n, 3).
 
@@ -256,7 +256,7 @@ def spring_matrix(case: Case, mesh: TensorMesh) -> BlockMatrix:
 
 
 def spring_blocks(case: Case, mesh: TensorMesh) -> Array:
-    """Return the blocks that springs add to those of `stiffness`, N/m."""
+    """Return the blocks of springs, to be added to those of `stiffness`, N/m."""
     if mesh.degree == CUBIC:
         return spring_matrix(case, mesh).blocks
     quadrature = Quadrature.of_order(mesh, SPRING_ORDER)

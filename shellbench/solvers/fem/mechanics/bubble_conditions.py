@@ -1,4 +1,4 @@
-"""What supports ask of the bubbles along an edge."""
+"""Conditions of supports on the bubbles along an edge."""
 
 from __future__ import annotations
 
@@ -25,15 +25,16 @@ Motion = Mapping[Derivative, Array]  # derivative -> (n, 3, states)
 def motion_at(
     case: Case, support: Support, place: Place, domain: Domain, points: Array, states: Sequence[float]
 ) -> Motion:
-    """Return a support's motion at points and what is prescribed along with it, by derivative (n, 3, states)."""
+    """Return a support's motion at points and its prescribed derivatives, (n, 3, states) each."""
     at = [case.motion(support, place, domain.wrap(points), t, order=2) for t in states]
     return {key: np.stack([m[key] for m in at], axis=-1) for key in at[0]}
 
 
 def kept_normal(case: Case, mesh: TensorMesh, edge: Edge) -> Array | None:
-    """Return the unit normal (3,) of an edge along which it keeps its direction; None where it turns.
+    """Return the unit normal (3,) of an edge if it keeps its direction along the edge; None if it turns.
 
-    Bubbles hold the slope of a clamp on the one kind of edge, and Nitsche's terms on the other: both ask here.
+    Bubbles hold the slope of a clamp on the first kind of edge, and Nitsche's terms on the second. Both use this
+    function.
     """
     line = mesh.node_points[mesh.edge_nodes(edge), 1 - edge.axis]
     between = EdgeRule.on_edge(mesh, edge, GAUSS_POINTS).points
@@ -46,10 +47,11 @@ def kept_normal(case: Case, mesh: TensorMesh, edge: Edge) -> Array | None:
 def bubble_conditions(
     case: Case, mesh: TensorMesh, support: Support, edge: Edge, states: Sequence[float]
 ) -> tuple[Array, Array]:
-    """Return rows (n, r, dofs) and values (n, r, states) on the bubbles along an edge, by nodes where cells begin.
+    """Return rows (n, r, dofs) and values (n, r, states) on the bubbles along an edge, by the first node of each cell.
 
-    Held components have the bubbles of the prescribed motion, and a plane of symmetry lets none be across it. A clamp
-    holds bubbles of the slope where the normal keeps its direction; where it turns, Nitsche's terms alone do.
+    Held components have the bubbles of the prescribed motion, and a plane of symmetry excludes bubbles of slopes across
+    it. A clamp holds bubbles of the slope if the normal keeps its direction; if it turns, only Nitsche's terms hold the
+    slope between nodes.
     """
     running, domain = 1 - edge.axis, mesh.domain
     line = mesh.lines[running]

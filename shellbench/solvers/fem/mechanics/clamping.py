@@ -1,14 +1,15 @@
-"""What a clamp asks between the nodes: the rotation about a curved edge, held weakly by Nitsche's method.
+"""Conditions of a clamp between the nodes: Nitsche's method holds the rotation about a curved edge weakly.
 
-Ties hold the rotation about a clamped edge and its derivative at every node. Where the normal keeps its direction
-along the edge that holds it everywhere. Where the normal turns, the rotation is a cubic times a varying normal and can
-still open between the nodes; the moment of the clamp pulls it open, and the answer is off by first order in the mesh
-size (with a small factor, the square of thickness over length). The terms
+Ties hold the rotation about a clamped edge and its derivative at every node. If the normal keeps its direction along
+the edge, this holds the rotation everywhere. If the normal turns, the rotation is a cubic times a varying normal and
+need not vanish between the nodes. The moment of the clamp opens it there, and the answer has an error of first order in
+the mesh size (with a small factor, the square of thickness over length). The terms
 
     integral of  m(u) theta(v) + m(v) (theta(u) - theta0) + k (theta(u) - theta0) theta(v),     k = gamma B / h,
 
-along the edge remove that pull: theta = u,n . a3 is the rotation about the edge, m = m^ab n_a n_b the bending moment
-of the field itself, n the outward conormal. They vanish for the exact solution, so the order of the element is kept.
+along the edge remove this error: theta = u,n . a3 is the rotation about the edge, m = m^ab n_a n_b the bending moment
+of the field itself, n the outward conormal. The terms vanish for the exact solution, so that the order of the element
+is kept.
 
 Nitsche (1971), Über ein Variationsprinzip zur Lösung von Dirichlet-Problemen, Abh. Math. Sem. Hamburg 36.
 
@@ -22,8 +23,8 @@ n the outward conormal of the reference. The ties hold theta at the nodes; as ab
 
     integral of  m(u) theta(u) + k theta(u)^2 / 2,    m = B H^{abcd} kappa_cd n_a n_b,    k = gamma B / h,
 
-along the edge removes the pull of the moment m on what is left between them. Its first variation vanishes for the
-exact solution, because m is what the clamp exerts on theta.
+along the edge removes the same error between them. Its first variation vanishes for the exact solution, because m is
+the moment of the clamp on theta.
 """
 
 from __future__ import annotations
@@ -94,12 +95,12 @@ class ClampedEdge:
         cls, case: Case, mesh: TensorMesh, support: Support, edge: Edge, states: Sequence[float]
     ) -> ClampedEdge | None:
         """Integrate along an edge; None where its normal keeps its direction."""
-        # 1. Gauss points on the edge, and the geometry there. An edge whose normal keeps its direction needs no terms.
+        # 1. Find Gauss points on the edge, and the geometry there. If the normal keeps its direction, return None.
         # 2. theta = n^a u,a . a3 and m = B H^{abcd} kappa_cd n_a n_b, as rows on the derivatives of u.
         # 3. theta0, the same rotation of the prescribed motion.
-        # 4. Both as rows on the cells' degrees of freedom, with the length of edge and the spring k.
-        # Textbook Nitsche replaces a strong condition. Here the ties hold theta strongly at the nodes. The terms see
-        # only the gap between nodes.
+        # 4. Convert both to rows on the cells' degrees of freedom, with the length of edge and the spring k.
+        # In the textbook, Nitsche's terms replace a strong condition. Here the ties hold theta strongly at the nodes,
+        # and the terms act on the gap between nodes only.
         if kept_normal(case, mesh, edge) is not None:
             return None
         rule = EdgeRule.on_edge(mesh, edge, GAUSS_POINTS)
@@ -164,7 +165,7 @@ class ClampedEdge:
         return self._scattered(rows, self.target, node_count)
 
     def gap_forces(self, q: Array) -> Array:
-        """Return the nodal forces (nodes, 12, states) of the moments in what is left of theta - theta0."""
+        """Return the nodal forces (nodes, 12, states) of the moments on the remaining gap theta - theta0."""
         local = q[self.nodes].reshape(len(self.nodes), len(CORNERS), COMPONENTS, self.kinds, -1)
         # The clamp exerts m and k times the gap. The term m(v) gap is no force of it, and must not count as a reaction.
         gap = self.tilt @ np.swapaxes(local, 1, 2).reshape(len(self.nodes), self.tilt.shape[-1], -1) - self.target
@@ -190,10 +191,10 @@ def clamped_edges(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iter
 
 
 def _tables(mesh: TensorMesh, rule: EdgeRule) -> tuple[Array, Array, Array]:
-    """Return what takes cells' degrees of freedom to the derivatives of u at points of an edge.
+    """Return the tables that map cells' degrees of freedom to the derivatives of u at points of an edge.
 
-    The derivatives (g, 5, 4, 4) of the unit cell's basis, the powers (c, 5) of the cells' sizes that they are over, and
-    the factors (c, 4, 4) that make the cells' degrees of freedom the nodes' scaled ones.
+    These are the derivatives (g, 5, 4, 4) of the unit cell's basis, the powers (c, 5) of the cells' sizes that divide
+    them, and the factors (c, 4, 4) from the nodes' scaled degrees of freedom to those of the cells.
     """
     # The nodes' are the same for neighbouring cells of other sizes.
     table = np.stack([tabulate(rule.unit, d, mesh.degree) for d in DERIVATIVES], axis=1)
@@ -219,7 +220,7 @@ class FiniteClamp:
     Attributes
     ----------
     support
-        What clamps it.
+        The support that clamps it.
     nodes
         (c, 4) corners of its cells.
     reference
@@ -248,7 +249,7 @@ class FiniteClamp:
     def on_edge(cls, case: Case, mesh: TensorMesh, support: Support, edge: Edge) -> FiniteClamp | None:
         """Integrate along an edge; None where its normal keeps its direction."""
         # As in `ClampedEdge`, but with the derivatives of u kept apart from the strains: these are not linear here.
-        # 1. Gauss points on the edge, and the geometry there. An edge whose normal keeps its direction needs no terms.
+        # 1. Find Gauss points on the edge, and the geometry there. If the normal keeps its direction, return None.
         # 2. n^a for theta, and B H^{abcd} n_a n_b for m: both refer to the undeformed edge.
         # 3. Length of edge, and the spring k by the cell's extent across the edge.
         if kept_normal(case, mesh, edge) is not None:
@@ -276,7 +277,7 @@ class FiniteClamp:
         )
 
     def at(self, q: Array, t: float) -> _Clamped:
-        """Deform the edge; the support has turned its normals as at the load factor or time t."""
+        """Deform the edge; the support's normals have turned as at the load factor or time t."""
         local = q.reshape(-1, COMPONENTS, len(KINDS))[self.nodes]  # (c, 4, 3, 4)
         local = np.swapaxes(local, 1, 2).reshape(len(self.nodes), 1, LOCAL, 1)
         gradients = (self.rows @ local).reshape(-1, len(DERIVATIVES), COMPONENTS)
@@ -329,7 +330,7 @@ class _Clamped:
         return self._scattered(held + self.gap[:, None] * self.moment_rate, node_count)
 
     def gap_forces(self, node_count: int) -> Array:
-        """Return the part of it (nodes, 12) that is no force of the support: of the moments in the gap."""
+        """Return the part of the gradient (nodes, 12) that is no force of the support: moments on the gap."""
         return self._scattered(self.gap[:, None] * self.moment_rate, node_count)
 
     def add_tangent(self, matrix: BlockMatrix) -> None:
@@ -350,7 +351,7 @@ class _Clamped:
     def _scattered(self, work: Array, node_count: int) -> Array:
         clamp = self.clamp
         weighted = (work * clamp.weights[:, None]).reshape(*clamp.rows.shape[:2], 1, GRADIENT)
-        # Corner by corner no node occurs twice, so that indexed addition loses nothing.
+        # At one corner of all cells no node occurs twice, so that indexed addition is complete.
         local = (weighted @ clamp.rows).sum(axis=(1, 2)).reshape(-1, COMPONENTS, len(CORNERS), len(KINDS))
         result = np.zeros((node_count, NODE_DOFS))
         for corner in range(len(CORNERS)):

@@ -1,8 +1,8 @@
 """Supports as linear ties between the degrees of freedom of one node, and the form u = T q + u0 that satisfies them.
 
-On a held edge the value and the tangential derivative of the held components are prescribed at every node; the
-trace of the bicubic element is the Hermite interpolant of both, so a constant or linear motion is met exactly on the
-whole edge. A clamped edge prescribes besides, for the fixed coordinate k and the running coordinate t,
+On a held edge the value and the tangential derivative of the held components are prescribed at every node. The trace of
+the bicubic element is the Hermite interpolant of both, so that a constant or linear motion is exact on the whole edge.
+A clamped edge also prescribes, for the fixed coordinate k and the running coordinate t,
 
     c(u) = (a_tt u,k - a_kt u,t) . N  =  (a positive factor) u,n . a3,      N = a1 x a2,
 
@@ -11,9 +11,9 @@ prescribed motion, so that a support that turns carries its normal along. At fin
 an edge whose position is prescribed, the condition that the surface be normal to it is linear all the same. Across a
 plane of symmetry the components in the plane have no derivative at all.
 
-All conditions at a node, from whatever supports meet there, are resolved together by a singular value decomposition:
-what is said twice counts once, and contradictions are found (`ties`). A clamp has two more parts: `bubble_conditions`
-holds bubbles, and `clamping` holds the rotation between nodes of edges on which the normal turns.
+All conditions of all supports at a node are resolved together by a singular value decomposition: repeated conditions
+count once, and contradictions are found (`ties`). A clamp has two more parts: `bubble_conditions` holds bubbles, and
+`clamping` holds the rotation between nodes of edges on which the normal turns.
 """
 
 from __future__ import annotations
@@ -47,19 +47,22 @@ def support_ties(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Ties:
     Raises
     ------
     InputError
-        If a clamp can't be stated node by node, or supports contradict each other where they meet.
+        If a clamp can't be a condition at nodes, or supports contradict each other at a common node.
     """
     return Ties.from_conditions(case, mesh, list(conditions(case, mesh, states)), states)
 
 
 def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterator[Conditions]:
-    """Yield what each support asks at each of its places.
+    """Yield the conditions of each support at each of its places.
 
     Raises
     ------
     InputError
-        If a clamp can't be stated node by node.
+        If a clamp can't be a condition at nodes.
     """
+    # 1. State the held components at the nodes, with their derivative along an edge.
+    # 2. Add rows of the slope, or of the mirror, and rows of bubbles on edges.
+    # 3. Scale all rows to length one, and mark the degrees of freedom on which the support acts.
     for number, support in enumerate(case.supports):
         for name in support.on:
             place = case.places[name]
@@ -86,15 +89,15 @@ def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterato
             if edge is not None and mesh.degree > CUBIC:
                 more = bubble_conditions(case, mesh, support, edge, states)
                 rows, values = (np.concatenate(pair, axis=1) for pair in zip((rows, values), more, strict=True))
-            # Unit rows in scaled degrees of freedom: only so does the rank of conditions from different supports mean
-            # anything.
+            # Rows have length one in scaled degrees of freedom; otherwise the rank of conditions from different
+            # supports would depend on units.
             scales = np.tile(mesh.node_scales[nodes], len(COMPONENTS))
             rows = rows / scales[:, None]
             lengths = np.linalg.norm(rows, axis=-1, keepdims=True)
             rows, values = rows / lengths, values / lengths
             acting = np.any(np.abs(rows) > RANK_TOLERANCE, axis=1)
             if edge is not None and support.clamped:
-                # Ties and the terms between nodes both hold a clamp. These act on all slopes across the edge.
+                # Ties and the terms between nodes both hold a clamp. The latter act on all slopes across the edge.
                 slopes = np.array([kind[edge.axis] == 1 for kind in mesh.kinds])
                 acting[:, np.tile(slopes, len(COMPONENTS))] = True
             yield Conditions(number, nodes, rows, values, acting, edge)
@@ -116,7 +119,7 @@ def _dof(component: int, kind: Derivative, kinds: int) -> int:
 
 
 def _held(support: Support, place: Place, motion: Motion, carried: int) -> tuple[Array, Array]:
-    """Prescribe the held components, along an edge with their tangential derivative, and everywhere with all."""
+    """Prescribe the held components: on an edge with their tangential derivative, on the whole surface with all."""
     # A Lagrange element holds values only. The Hermite trace needs the slope along the edge too, or the edge bulges
     # between the nodes. The slopes across are left free: to hold them all would clamp, and stop membrane shear.
     kinds: list[Derivative] = [(0, 0)]
@@ -138,7 +141,7 @@ def _held_locally(
     case: Case, support: Support, edge: Edge | None, points: Array, motion: Motion
 ) -> tuple[Array, Array]:
     """Prescribe u . d for directions d that may turn along an edge, with its derivative, u,t . d + u . d,t."""
-    # Between the nodes u . d is a cubic times a varying direction, and opens by the order of the element at most.
+    # Between the nodes u . d is a cubic times a varying direction. Its error is at most of the element's order.
     count, _, states = motion[0, 0].shape
     axes, turns = local_axes(case.surface.derivatives(points, order=2), edge)
     rows, values = [], []
@@ -159,9 +162,10 @@ def _held_locally(
 
 
 def why_no_mirror(case: Case) -> str | None:
-    """Return why what mirrors a shell at an edge is no condition on these coordinates, as a clause, or None.
+    """Return the reason that a mirror at an edge is no condition on these coordinates, as a clause, or None.
 
-    Across the plane of symmetry goes a base vector, or else its conditions would mix derivatives.
+    A base vector has to point across the plane of symmetry; otherwise the conditions of the mirror would mix
+    derivatives.
     """
     for support, place in case.supported_places():
         if support.symmetry is None or not isinstance(place, Edge):
@@ -170,7 +174,7 @@ def why_no_mirror(case: Case) -> str | None:
         surface = Midsurface.at(case.surface.derivatives(case.surface.domain.wrap(points), order=2))
         across = COMPONENTS.index(support.held[0])
         base = surface.base / np.linalg.norm(surface.base, axis=-1, keepdims=True)
-        # The edge lies in the plane, and the shell crosses it at right angles: what is wrong is in the lines alone.
+        # The edge lies in the plane, and the shell crosses it at right angles: only the coordinate lines are wrong.
         inside = np.abs([base[:, 1 - place.axis, across], surface.normal[:, across]]).max() <= SAME
         if inside and np.abs(np.delete(base[:, place.axis], across, axis=-1)).max() > SAME:
             return f"it mirrors shells at coordinate lines alone, and those at '{place.name}' are oblique"
@@ -178,10 +182,10 @@ def why_no_mirror(case: Case) -> str | None:
 
 
 def _mirror(edge: Edge, x: Mapping[Derivative, Array], support: Support, carried: int) -> tuple[Array, Array]:
-    """Let a field be its own mirror image: what lies in the plane of symmetry does not change across it.
+    """Make a field its own mirror image: components in the plane of symmetry have no derivative across it.
 
-    That holds the slope and is the natural condition of the membrane shear besides, so that a part of a symmetric
-    mesh has exactly the solution of the whole.
+    This holds the slope, and is also the natural condition of the membrane shear. A part of a symmetric mesh therefore
+    has exactly the solution of the whole.
     """
     fixed, running = ((1, 0), (0, 1)) if edge.axis == 0 else ((0, 1), (1, 0))
     across = COMPONENTS.index(support.held[0])
@@ -199,7 +203,7 @@ def _mirror(edge: Edge, x: Mapping[Derivative, Array], support: Support, carried
 
 
 def why_no_slope(case: Case) -> str | None:
-    """Return why a slope that is held at an edge can't be stated at nodes, as a clause, or None."""
+    """Return the reason that a slope held at an edge can't be a condition at nodes, as a clause, or None."""
     for support, place in case.supported_places():
         if not isinstance(place, Edge) or support.symmetry or not support.holds_slope:
             continue
@@ -213,10 +217,9 @@ def why_no_slope(case: Case) -> str | None:
 
 
 def _needs_more(edge: Edge, x: Mapping[Derivative, Array], support: Support, normal: Array) -> bool:
-    """Tell whether the slope about an edge, at points of it, asks for what is no degree of freedom.
+    """Return True if the slope about an edge, at points of it, contains a derivative that is no degree of freedom.
 
-    On oblique lines it asks for u,tt . N. That is known where the support prescribes the edge's displacement along N,
-    and only there.
+    On oblique lines it contains u,tt . N. This is known only if the support prescribes the edge's displacement along N.
     """
     x_k, x_t = (x[(1, 0)], x[(0, 1)]) if edge.axis == 0 else (x[(0, 1)], x[(1, 0)])
     tt, kt = (np.sum(x_t * v, axis=-1, keepdims=True) for v in (x_t, x_k))
@@ -224,7 +227,7 @@ def _needs_more(edge: Edge, x: Mapping[Derivative, Array], support: Support, nor
     loose = [number for number, c in enumerate(COMPONENTS) if c not in support.held]
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
     if support.local:
-        # A local support gives u,tt . N the motion's value where it holds all, or a normal that does not turn.
+        # A local support determines u,tt . N if it holds all components, or if its normal does not turn.
         straight = np.ptp(normal / length, axis=0).max() <= SAME
         known = len(support.held) == len(COMPONENTS) or (straight and "normal" in support.held)
         loose = [] if known else loose
@@ -235,6 +238,10 @@ def _slope(
     edge: Edge, x: Mapping[Derivative, Array], support: Support, motion: Motion, turn: Array, carried: int
 ) -> tuple[Array, Array]:
     """Prescribe the rotation about an edge, and its derivative along the edge; `turn` carries its normal along."""
+    # 1. Compute the geometry on the edge, with the normal turned by the support.
+    # 2. Form c(u), and its derivative along the edge, as factors of derivatives of u.
+    # 3. Refuse if they need a derivative that is no degree of freedom.
+    # 4. Fill the rows, with c of the prescribed motion as right-hand side.
     fixed, running = ((1, 0), (0, 1)) if edge.axis == 0 else ((0, 1), (1, 0))
     # c(u) and its derivative along the edge, by the product rule, in the degrees of freedom u,k u,t u,kt (and u,tt).
     # c'(u) = (a_tt u,k - a_kt u,t) . N' + (a_tt' u,k + a_tt u,kt - a_kt' u,t - a_kt u,tt) . N.

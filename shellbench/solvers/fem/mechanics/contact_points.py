@@ -1,4 +1,4 @@
-"""The points of a mesh at which gaps to obstacles are asked."""
+"""The points of a mesh at which gaps to obstacles are evaluated."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 Matrix = BlockMatrix | CellMatrices
 
 Flags = NDArray[np.bool_]
-# Of a point in contact, in that of bending between such points: each step of the multipliers divides gaps by that. Less
-# takes more steps; more costs K digits.
+# Stiffness of the penalty at a point in contact, in units of the bending stiffness between such points. Each step of
+# the multipliers divides gaps by it. A smaller value takes more steps; a larger one costs digits of K.
 STIFFNESS = 100.0
 # Gaps that are closed: of the largest displacement at rest, of the shell's size in motion. Far below the tolerance of
 # contact, 5e-4, and above what a solve leaves.
@@ -34,14 +34,14 @@ REACH = 2.0  # cells over which forces make a pressure
 
 @dataclass(frozen=True)
 class ContactPoints:
-    """The points of a mesh at which the gap is asked, m of them in each of c cells.
+    """The points of a mesh at which the gap is evaluated, m of them in each of c cells.
 
     Attributes
     ----------
     points
         (c m, 2) in the domain.
     areas
-        (c, m) of the shell at rest that they stand for, m^2.
+        (c, m) areas of the shell at rest that they represent, m^2.
     values
         (c, m, 4, kinds) basis functions there, in the scaled degrees of freedom.
     stiffness
@@ -136,9 +136,9 @@ class ContactPoints:
         return np.asarray(nearest)
 
     def pressed(self, touch: Touch) -> Flags:
-        """Return which points (c m,) are nearest to pressed points of another mesh."""
+        """Return a mask (c m,) of the points that are nearest to pressed points of another mesh."""
         return np.asarray(np.any(touch.forces[self.nearest(touch)] != 0, axis=-1))
 
     def touch(self, forces: Array) -> Touch:
-        """Return forces (c m, 3) with what they act on."""
+        """Return forces (c m, 3) at the points as contact."""
         return Touch(self.points, forces, self.lengths, self.reach)

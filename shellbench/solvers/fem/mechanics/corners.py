@@ -1,4 +1,4 @@
-"""How singular a shell is at its corners: the exponents that its angle and supports leave there (Williams 1952).
+"""Singularities of a shell at its corners: their exponents from angle and supports (Williams 1952).
 
 Close to a corner a shell is a plate. Across it w = r^(s+1) F(theta) solves the biharmonic equation with
 
@@ -8,7 +8,7 @@ and in it u = r^s (U, V) solves the equations of plane stress. Two conditions on
 of order four in s. Its roots with a positive real part are the exponents of strain-free, force-free fields: bending
 moments and membrane forces go as r^(s-1), and the energy's error on uniform meshes of size h as h^(2 s).
 
-A whole s belongs to polynomials, which are no singularities. Where it has a logarithm besides, that is not seen.
+An integer s belongs to polynomials, which are no singularities. Additional logarithms are not detected.
 
 Meshes grade toward edges that end at a corner with infinite moments or forces, s < 1. With cells of size (i/n)^(g-1)/n
 at line i the error of the energy goes as n^(-2 s g), until it is that of smooth fields.
@@ -43,7 +43,7 @@ Determinant = Callable[[Complex], Complex]
 Bending = Literal["clamped", "supported", "free", "mirrored"]
 
 SMOOTH = 2.0  # real part up to which exponents are sought: from there on the element converges at its own rate
-# Of the energy, that grading restores. More would cost cells inside, and digits at the corner.
+# Rate of the energy that grading restores. A higher one would cost cells inside, and digits at the corner.
 GRADED_RATE = 3.0
 STEEPEST = 6.0  # grading: from here on the finest meshes gain nothing, and cells at the corner lose digits
 INFINITE = 1.0  # below it moments or forces are infinite
@@ -53,14 +53,14 @@ FARTHEST = 0.2  # step of the secant method: longer ones would leave the strip, 
 ITERATIONS = 40  # of the secant method
 ROOT_FOUND = 1e-7  # last step toward a root that was found; double ones are approached slowly
 ALONG = 0.5  # square of the cosine between a held direction and the normal, or an edge, above which it is held along it
-# Of an edge: so far from a corner, or from where supports change, one looks at what holds the edge. More than the
-# rounding of coordinates, and less than any part of an edge.
+# Of an edge: distance from a corner, or from a change of supports, at which the supports are read. It exceeds the
+# rounding of coordinates, and is less than any part of an edge.
 NEARBY = 1e-7
 
 
 @dataclass(frozen=True)
 class Rim:
-    """What holds an edge at a corner.
+    """Conditions of supports on an edge at a corner.
 
     Attributes
     ----------
@@ -150,8 +150,9 @@ def _determinant(rows: Complex) -> Complex:
 
 def least_exponent(determinant: Determinant, most: float) -> float:
     """Return the least real part of a determinant's roots that are not whole; `most` if it has none below."""
-    # Secant steps from starts all over the strip 0 < Re s < most, all at once. The textbook follows a root as the angle
-    # grows from one with a known exponent. That needs no starts, but loses roots where two meet and become complex.
+    # Secant steps run from many starts in the strip 0 < Re s < most, all at once. The textbook follows a root as the
+    # angle grows from one with a known exponent. That needs no starts, but loses roots where two meet and become
+    # complex.
     real, imaginary = np.meshgrid(np.arange(STARTS, most, STARTS), [0.0, 0.4, 1.0])
     before = (real + 1j * imaginary).ravel()
     at = before + (0.01 + 0.004j * (imaginary.ravel() > 0))
@@ -176,7 +177,7 @@ def least_exponent(determinant: Determinant, most: float) -> float:
 
 
 def break_exponents(case: Case) -> dict[tuple[int, Side, float], float]:
-    """Return the least exponent where supports change within an edge and moments or forces are infinite.
+    """Return the least exponents at changes of supports within edges, if moments or forces are infinite there.
 
     The keys are the axis and the side of the edge, and the running coordinate.
     """
@@ -209,7 +210,7 @@ def _breaks(case: Case) -> Iterator[tuple[tuple[int, Side, float], float]]:
 
 
 def _supports_beside(case: Case, edge: Edge, running: float) -> list[Support]:
-    """Return what holds an edge at a value of its running coordinate."""
+    """Return the supports that hold an edge at a value of its running coordinate."""
     domain = case.surface.domain
     return [
         support
@@ -221,7 +222,7 @@ def _supports_beside(case: Case, edge: Edge, running: float) -> list[Support]:
 
 
 def _exponent(case: Case, acting: tuple[bool, bool], angle: float, first: Rim, second: Rim) -> float:
-    """Return the least exponent between two rims of what loads can excite: `acting`, see `excited`."""
+    """Return the least exponent between two rims, of the fields that loads can excite: `acting`, see `excited`."""
     across, within = acting
     nu, nu_of_bending = case.material.poissons_ratios
     found = INFINITE
@@ -254,7 +255,7 @@ def _corners(case: Case) -> Iterator[tuple[tuple[Side, Side], float]]:
         # theta runs from the first edge to the second
         normal = np.cross(along[0], along[1])
         normal /= np.linalg.norm(normal)
-        # what holds each edge beside the corner
+        # the supports of each edge beside the corner
         beside = (
             corner[0, 1 - edge.axis] + inward[1 - edge.axis] * NEARBY * domain.size[1 - edge.axis] for edge in edges
         )
@@ -274,7 +275,7 @@ def _edge(case: Case, axis: int, side: Side) -> Edge:
 
 
 def _rim(supports: list[Support], tangent: Array, normal: Array) -> Rim:
-    """Return what supports make of an edge with this tangent, away from the corner, and this normal of the surface."""
+    """Return the conditions of supports on an edge with this tangent, away from the corner, and this surface normal."""
     if not supports:
         return Rim()
     axes = dict(zip((*COMPONENTS, *LOCAL), (*np.eye(3), tangent, np.cross(normal, tangent), normal), strict=True))
@@ -284,7 +285,7 @@ def _rim(supports: list[Support], tangent: Array, normal: Array) -> Rim:
     directions = directions[: np.count_nonzero(values > ROUNDING)]
     lifted = float(np.sum((directions @ normal) ** 2)) > ALONG
     bending: Bending = ("clamped" if slope else "supported") if lifted else ("mirrored" if slope else "free")
-    # What the held directions are in the surface. Directions that also lift it count where they mostly do not.
+    # The parts of the held directions in the surface. Oblique directions count if they lie mostly in it.
     inside = directions - np.outer(directions @ normal, normal)
     _, values, inside = np.linalg.svd(inside) if len(inside) else (None, np.zeros(0), np.zeros((0, 3)))
     inside = inside[: np.count_nonzero(values**2 > ALONG)]
@@ -299,9 +300,9 @@ class Singularities:
     Attributes
     ----------
     corners
-        By the sides of xi1 and xi2 that meet.
+        Exponents by the sides of xi1 and xi2 that meet.
     breaks
-        By axis and side of an edge, and the running coordinate at which its supports change.
+        Exponents by axis and side of an edge, and by the running coordinate at which its supports change.
     """
 
     corners: Mapping[tuple[Side, Side], float]
@@ -309,7 +310,7 @@ class Singularities:
 
     @classmethod
     def of_case(cls, case: Case) -> Singularities:
-        """Find them all."""
+        """Find all singularities of a case."""
         return cls(corner_exponents(case), break_exponents(case))
 
     @property
@@ -343,7 +344,7 @@ def _grading(exponent: float) -> float:
 
 
 def excited(case: Case) -> tuple[bool, bool]:
-    """Return whether a case may bend, and whether it may stretch: a plate does not do both under any load."""
+    """Return two flags: True if the case may bend, True if it may stretch. On a plate, not every load does both."""
     domain = case.surface.domain
     normals = Midsurface.at(case.surface.derivatives(domain.grid(5, 5).reshape(-1, 2), order=2)).normal
     if np.ptp(normals, axis=0).max() > ROUNDING or any(s.motion is not None for s in case.supports):

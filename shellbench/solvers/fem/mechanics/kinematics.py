@@ -1,18 +1,18 @@
 """Membrane and bending strains from the deformed midsurface's metric and curvature: linear, and exact.
 
-The deformed surface is x + u. Linear strains are made of first variations: those of its metric a_ab and curvature b_ab
-= a_a,b . a3 are
+The deformed surface is x + u. Linear strains consist of first variations: those of its metric a_ab and curvature b_ab =
+a_a,b . a3 are
 
     delta a_ab = u,a . a_b + a_a . u,b
     delta b_ab = u,ab . a3 + x,ab . delta a3,    delta a3 = (m - (m . a3) a3) / J,
     m = u,1 x a2 + a1 x u,2,    J = |a1 x a2|
 
-so that eps_ab = delta a_ab / 2 and kappa_ab = -delta b_ab (Kairanda et al., eqs. (15), (16), linearised). Nothing
-large is subtracted from anything large: the triple product is turned over, x,ab . (m - (m . a3) a3) = p_ab . m with
-p_ab the tangential part of x,ab, so that p . m = u,1 . (a2 x p) + u,2 . (p x a1).
+so that eps_ab = delta a_ab / 2 and kappa_ab = -delta b_ab (Kairanda et al., eqs. (15), (16), linearised). No large
+numbers are subtracted from each other: the triple product is rearranged, x,ab . (m - (m . a3) a3) = p_ab . m with p_ab
+the tangential part of x,ab, so that p . m = u,1 . (a2 x p) + u,2 . (p x a1).
 
-Exact strains come with two variations. With a_a = x,a + u,a the deformed base vectors, g = a1 x a2 = j n and n the
-deformed unit normal,
+Exact strains have two variations. With a_a = x,a + u,a the deformed base vectors, g = a1 x a2 = j n and n the deformed
+unit normal,
 
     eps_ab = (a_a . a_b - abar_ab) / 2,    kappa_ab = bbar_ab - (x,ab + u,ab) . n     (Kairanda et al., (15), (16)).
 
@@ -50,14 +50,14 @@ SECOND: tuple[Derivative, ...] = ((2, 0), (0, 2), (1, 1))  # the second derivati
 
 def empty(count: int, *shape: int) -> Array:
     """Return an array (count, *shape) of numbers to be filled in, the points running fastest in memory."""
-    # Most work at points is done component by component. NumPy's loops are short where components run fastest, and
-    # take several times as long.
+    # Most work at points is done component by component. If components run fastest, NumPy's loops are short and take
+    # several times as long.
     return np.empty((*shape, count)).transpose(len(shape), *range(len(shape)))
 
 
 def points_fastest(array: Array) -> Array:
     """Return the same array, the points of its first axis running fastest in memory."""
-    last = array.ndim - 1  # `transpose` takes a tenth of the time of `moveaxis`, which tells on few points
+    last = array.ndim - 1  # `transpose` takes a tenth of the time of `moveaxis`, which matters with few points
     return np.ascontiguousarray(array.transpose(*range(1, last + 1), 0)).transpose(last, *range(last))
 
 
@@ -102,7 +102,7 @@ class Midsurface:
 
     @classmethod
     def at(cls, x: Mapping[Derivative, Array]) -> Midsurface:
-        """Make it of the derivatives (n, 3) of the position up to order 2."""
+        """Compute it from the derivatives (n, 3) of the position up to order 2."""
         base = np.stack([x[1, 0], x[0, 1]], axis=-2)
         product = cross(x[1, 0], x[0, 1])
         area = np.sqrt(dot(product, product))
@@ -179,7 +179,7 @@ def strain_operator(surface: Midsurface) -> Array:
 
 
 def linear_strains(surface: Midsurface, gradients: Array) -> Array:
-    """Return the strains (n, 6) of the linear theory: `strain_operator`, which is not made for it, times gradients.
+    """Return the linear strains (n, 6): `strain_operator` times gradients, without computing the operator.
 
     These are the derivatives (n, 5, 3) of the displacement in the order of `DERIVATIVES`.
     """
@@ -212,7 +212,7 @@ def elasticity(surface: Midsurface, poissons_ratio: float) -> Array:
 
 
 def stiffness_moduli(surface: Surface, material: Material, points: Array) -> Array:
-    """Return D and B (n, 2) at points (n, 2), N/m and N m: they go with E h and with E h^3."""
+    """Return D and B (n, 2) at points (n, 2), N/m and N m; they are proportional to E h and E h^3."""
     modulus, thickness = material.factors(points, surface.named_constants)
     membrane, bending = material.membrane_stiffness, material.bending_stiffness
     return np.stack([membrane * modulus * thickness, bending * modulus * thickness**3], axis=-1)
@@ -307,7 +307,7 @@ class Deformation:
     def first_variation(self, resultants: Array) -> Array:
         """Return the sum (n, 15) of resultants (n, 6) times the first variations of the strains.
 
-        That is their product with `operator`, which is not made for it.
+        This is their product with `operator`, computed without the operator.
         """
         base, normal, second = self.current.base, self.current.normal, self.current.second
         n11, n22, n12 = (component[:, None] for component in resultants.T[:3])
@@ -363,7 +363,7 @@ class Deformation:
         Parameters
         ----------
         resultants
-            (n, 6) what is conjugate to the strains, N/m and N in physical components.
+            (n, 6) stresses conjugate to the strains, N/m and N in physical components.
 
         Returns
         -------

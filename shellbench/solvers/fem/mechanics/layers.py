@@ -1,18 +1,18 @@
-"""Layers along held edges, thin beside the way to the middle of the shell, and meshes that grade toward them.
+"""Layers along held edges, thin compared with the distance to the middle of the shell, and meshes graded toward them.
 
-Where an edge is clamped, bending along it dies out inward as exp(-x / l). On a curved shell that is the simple edge
-effect of Goldenveizer and Novozhilov, B w'''' + E h k^2 w = 0 with k the normal curvature along the edge, so that
+At a clamped edge, bending decays inward as exp(-x / l). On a curved shell this is the simple edge effect of
+Goldenveizer and Novozhilov, B w'''' + E h k^2 w = 0 with k the normal curvature along the edge, so that
 
     1 / l = (E h k^2 / (4 B))^(1/4),    which is (3 (1 - nu^2))^(1/4) sqrt(k / h) of a homogeneous shell.
 
-Along asymptotic lines k is zero: the layers there are as h^(1/3) or h^(1/4), wider, and none is graded. On a slender
-shell what its end is held by dies out as the least harmonic between its sides, l = width / pi, whatever its curvature.
-Edges that may turn have edge effects as well, but roofs and cylinders on diaphragms settle as soon on uniform meshes,
-at any thickness of the study of thinness. Other edges are graded where the one opposite is. Planes of symmetry never
-are: nothing dies out there.
+Along asymptotic lines k is zero: the layers there scale as h^(1/3) or h^(1/4), are wider, and are not graded. On a
+slender shell the effect of an end support decays as the least harmonic between its sides, l = width / pi, whatever its
+curvature. Edges that may turn have edge effects as well, but roofs and cylinders on diaphragms converge as soon on
+uniform meshes, at any thickness of the study of thinness. Other edges are graded if the opposite one is. Planes of
+symmetry are never graded: they have no layer.
 
-Uniform cells as long as the layer would be many. With lines at (i/n)^g of the way to the middle a part `SHARE` of them
-falls into the layer if g = log(l / way) / log(SHARE). Wider layers than `THIN` are left to uniform meshes.
+Uniform cells as long as the layer would be many. With lines at (i/n)^g of the distance to the middle, a part `SHARE` of
+them falls into the layer if g = log(l / distance) / log(SHARE). Layers wider than `THIN` are not graded.
 
 Goldenveizer (1961), Theory of elastic thin shells, part IV; Novozhilov (1959), The theory of thin shells, section 40.
 """
@@ -34,10 +34,11 @@ Array = NDArray[np.float64]
 
 SIDES: tuple[Side, Side] = ("min", "max")
 
-# Of the way from an edge to the middle: meshes that settle without grading have cells about so long.
+# Of the distance from an edge to the middle: meshes that converge without grading have cells of about this length.
 THIN = 0.05
-# Of the cells from an edge to the middle that lie in a layer. Less leaves it unresolved, more coarsens the middle.
-# Came with layers along held edges and at the ends of slender plates; what other values cost is not recorded.
+# Share of the cells from an edge to the middle that lie in a layer. A smaller one leaves it unresolved, a larger one
+# coarsens the middle. Set on layers along held edges and at the ends of slender plates; the cost of other values is not
+# recorded.
 SHARE = 0.25
 STEEPEST = 4.5  # grading: layers of 1/500 of the way; more would cost digits at the edge
 EDGE_SAMPLES = 33  # points along an edge at which the layer's thickness is looked at
@@ -53,7 +54,7 @@ def layer_gradings(case: Case) -> Ends:
             found[place.axis, place.side] = max(found[place.axis, place.side], steep)
         elif isinstance(place, Edge):
             mirrors.add((place.axis, place.side))
-    # A mesh that is graded at one end is coarsest at the other, where a free edge has a layer as thin.
+    # A mesh that is graded at one end only is coarsest at the other, where a free edge has a layer as thin.
     for axis in (0, 1):
         for side, other in zip(SIDES, reversed(SIDES), strict=True):
             if found[axis, other] > found[axis, side] == 1 and (axis, side) not in mirrors:
@@ -62,7 +63,7 @@ def layer_gradings(case: Case) -> Ends:
 
 
 def _steepness(relative: float) -> float:
-    """Return the exponent that puts `SHARE` of the cells into a layer; 1 for one that is not thin."""
+    """Return the exponent that puts `SHARE` of the cells into a layer; 1 if the layer is not thin."""
     return min(math.log(relative) / math.log(SHARE), STEEPEST) if relative < THIN else 1.0
 
 

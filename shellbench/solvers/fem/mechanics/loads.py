@@ -1,7 +1,7 @@
-"""Loads as forces at points, and the nodal forces that do the same work.
+"""Loads as forces at points, and the nodal forces of equal work.
 
-Whatever a load is, area load, pressure, gravity, edge load or point force, it becomes forces in newtons at the points
-of a quadrature. Their work on the basis gives the nodal forces, their work on rigid motions the resultants.
+Every load (area load, pressure, gravity, edge load, point force) becomes forces in newtons at the points of a
+quadrature. Their work on the basis gives the nodal forces, and their work on rigid motions gives the resultants.
 
 An edge moment has forces and a tangent. It works on the angle by which the normal turns about a fixed axis. With e the
 axis, n the deformed unit normal and p = n - (n . e) e its part across the axis, the angle between p and its reference
@@ -65,7 +65,7 @@ class EdgeMoment:
     Attributes
     ----------
     case, load
-        Whose load it is.
+        The case and the load.
     points
         (n, 2) curvilinear coordinates.
     nodes
@@ -115,7 +115,10 @@ class EdgeMoment:
         return np.asarray(self.case.formula(self.load.value).derivatives(self.points, 0, t)[0, 0] * self.lengths)
 
     def deformation(self, q: Array) -> Deformation:
-        """Return how a displacement (nodes, 12) deforms the edge; second derivatives do not count and are left out."""
+        """Return the deformation of the edge by a displacement (nodes, 12), without second derivatives.
+
+        A moment does no work on second derivatives, so that they are left out.
+        """
         local = q[self.nodes].reshape(len(self.nodes), len(CORNERS), COMPONENTS, -1)
         local = np.swapaxes(local, 2, 3).reshape(len(self.nodes), 1, -1, COMPONENTS)
         gradients = np.zeros((len(self.points), len(DERIVATIVES), COMPONENTS))
@@ -123,7 +126,7 @@ class EdgeMoment:
         return Deformation.from_gradients(self.reference, gradients)
 
     def angles(self, q: Array, near: Array) -> Array:
-        """Return the angles theta (n,), rad, of the many that differ by full turns those closest to `near` (n,)."""
+        """Return the angles theta (n,), rad; the number of full turns is chosen to be closest to `near` (n,)."""
         e = self.axis
 
         def across(vectors: Array) -> Array:
@@ -182,18 +185,18 @@ def edge_moments(case: Case, mesh: TensorMesh) -> Iterator[EdgeMoment]:
 
 @dataclass(frozen=True)
 class AreaPortion:
-    """Some cells of a mesh with what their n Gauss points need to be loaded.
+    """Some cells of a mesh with the data to load their n Gauss points.
 
     Attributes
     ----------
     cells
-        Which cells.
+        Slice or numbers of the cells.
     points
         (n, 2) curvilinear coordinates.
     surface
         Geometry there.
     area
-        (n,) what a point stands for of the undeformed area, m^2.
+        (n,) undeformed area of each point, m^2.
     scales
         (cells, 4, (p - 1)^2) from the unit cell's basis to the scaled degrees of freedom.
     """
@@ -218,7 +221,7 @@ def area_rule(case: Case, mesh: TensorMesh, quadrature: Quadrature) -> Iterator[
 class Loading:
     """All loads of a case on a mesh; in the non-linear theory only the dead ones.
 
-    Moments and pressures that follow depend on the deformation there: see `EdgeMoment` and `following`.
+    In that theory, moments and following pressures depend on the deformation: see `EdgeMoment` and `following`.
 
     Attributes
     ----------
@@ -227,7 +230,7 @@ class Loading:
     resultant
         (6, states) work on the six rigid motions.
     magnitude
-        (6,) the same with all contributions counted positive, over all states: the scale of a rounding error.
+        (6,) the same with the absolute values of all contributions, over all states: the scale of a rounding error.
     """
 
     nodal: Array
@@ -243,7 +246,7 @@ class Loading:
         states: Sequence[float],
         rule: Iterable[AreaPortion] | None = None,
     ) -> Loading:
-        """Integrate the loads at each of the times or load factors `states`; `rule` is that of the area, if known."""
+        """Integrate the loads at the times or load factors `states`; `rule` is the rule of the area, if known."""
         build = _Builder(case, mesh, len(states))
         build.add_area_loads(quadrature, states, rule)
         for load in case.loads:
@@ -275,7 +278,7 @@ class _Builder:
     def add_area_loads(
         self, quadrature: Quadrature, states: Sequence[float], rule: Iterable[AreaPortion] | None
     ) -> None:
-        # Cells that a load's own cells are narrower than are cut at these, and loaded part by part.
+        # If a load's own cells are narrower than cells of the mesh, the latter are cut, and loaded part by part.
         loads: list[AreaLoad | PressureLoad | GravityLoad] = []
         for load in self.case.dead:
             if isinstance(load, AreaLoad | PressureLoad | GravityLoad):
@@ -358,7 +361,7 @@ class _Builder:
         self._add_forces(points, np.stack([self.case.evaluate(load.force, points, t)[0, 0] for t in states], axis=-1))
 
     def add_moments(self, states: Sequence[float]) -> None:
-        """Add the forces that moments exert on the undeformed shell."""
+        """Add the forces of moments on the undeformed shell."""
         rest = np.zeros(self.nodal.shape[:2])
         for moment in edge_moments(self.case, self.mesh):
             forces = np.stack([moment.forces(rest, t) for t in states], axis=-1)
@@ -378,7 +381,7 @@ class _Builder:
 
     def _add_work(self, points: Array, forces: Array) -> None:
         if self.case.dynamics is not None:
-            return  # what moves needs no balance
+            return  # a motion needs no balance
         modes = rigid_modes(self.case.surface, points)[0, 0]
         self.resultant += np.einsum("pcm,pcs->ms", modes, forces)
         self.magnitude += np.einsum("pcm,pcs->m", np.abs(modes), np.abs(forces))

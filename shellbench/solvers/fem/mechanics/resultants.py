@@ -1,15 +1,14 @@
-"""Stress resultants of the finite element answer, recovered from superconvergent points.
+"""Stress resultants of the finite element solution, recovered from superconvergent points.
 
-Strains of a C1 element of degree p have jumps between cells, and in them one order less than what they converge to
-elsewhere: the error of second derivatives is orthogonal to polynomials of degree p - 2 on a cell (in one dimension; a
-plate's nearly so), and vanishes one order faster at the p - 1 Gauss points of a cell. Recovery (Zienkiewicz & Zhu 1992,
-Int. J. Numer. Meth. Engng 33, 1331):
+Strains of a C1 element of degree p jump between cells. Their error is orthogonal to polynomials of degree p - 2 on a
+cell (in one dimension; nearly so on a plate), and converges one order faster at the p - 1 Gauss points of a cell.
+Recovery (Zienkiewicz & Zhu 1992, Int. J. Numer. Meth. Engng 33, 1331):
 
-1. The patch of a point: the cell that holds it and its neighbours, three by three. It does not reach over edges, nor
-   over lines on which stiffness or loads have kinks; there it lies to one side.
-2. n^ab = D H eps and m^ab = B H kappa at the Gauss points of its cells.
-3. Polynomials of degree p - 1 in each coordinate that fit them best.
-4. Their values at the point are the membrane forces and moments. Shear forces follow from their slopes by the
+1. Take the patch of a point: the cell that contains it and its neighbours, three by three. It does not cross edges, nor
+   lines on which stiffness or loads have kinks; there it lies to one side.
+2. Evaluate n^ab = D H eps and m^ab = B H kappa at the Gauss points of its cells.
+3. Fit polynomials of degree p - 1 in each coordinate to them by least squares.
+4. Take their values at the point as membrane forces and moments. Shear forces follow from their slopes by the
    equilibrium of moments, q^a = m^ab|_b = m^ab,b + Gamma^a_bc m^cb + Gamma^b_bc m^ac.
 
 The textbook fits at nodes and interpolates; here a patch is fitted for each point that is asked for.
@@ -40,7 +39,7 @@ from shellbench.solvers.fem.mesh.mesh import SAME, Derivative, TensorMesh, gauss
 if TYPE_CHECKING:
 
     class FemSolution(Protocol):
-        """What resultants ask of an answer."""
+        """Protocol of an answer whose resultants are evaluated."""
 
         @property
         def case(self) -> Case: ...  # noqa: D102
@@ -58,7 +57,7 @@ HALF = np.array([1.0, 1.0, 0.5])  # H counts the component 12 twice, for itself 
 
 
 def why_infinite(case: Case, quantity: ResultantQuantity) -> str | None:
-    """Return why a resultant that a case asks for has no value, as one clause, or None if it has one."""
+    """Return the reason that a resultant of a case has no finite value, as one clause, or None if it has one."""
     corner = quantity.corner_of(case)
     if corner is None:
         return None
@@ -84,7 +83,7 @@ def resultants(solution: FemSolution, name: str, points: Array, at: float | None
 
 
 def contravariant(solution: FemSolution, part: int, points: Array, at: float | None) -> Array:
-    """Return n^ab (part 0) or m^ab (1) as the strains give them, (n, 3): 11, 22, 12, at points (n, 2)."""
+    """Return n^ab (part 0) or m^ab (1) directly from the strains, (n, 3): 11, 22, 12, at points (n, 2)."""
     wrapped = solution.mesh.domain.wrap(points)
     surface = Midsurface.at(solution.case.surface.derivatives(wrapped, order=2))
     gradients = np.stack([solution.derivative(points, d, at) for d in GRADIENTS], axis=-1)
@@ -148,12 +147,12 @@ def _recovered(solution: FemSolution, part: int, points: Array, at: float | None
 
 
 def _fitted(mesh: TensorMesh, axis: int, at: float, breaks: list[float]) -> tuple[Array, Array]:
-    """Return the Gauss points (k,) of a patch along a coordinate, and (2, k) what gives the fit's value and slope."""
+    """Return the Gauss points (k,) of a patch along a coordinate, and weights (2, k) of the fit's value and slope."""
     ends = patch(mesh, axis, at, breaks)
     gauss, _ = gauss_rule(mesh.degree - 1)
     samples = (ends[:-1, None] + np.diff(ends)[:, None] * (gauss + 1) / 2).ravel()
     middle, half = (ends[0] + ends[-1]) / 2, (ends[-1] - ends[0]) / 2
-    # A patch may reach over the seam of a closed coordinate: the point is then a period further.
+    # A patch may cross the seam of a closed coordinate: the point is then a period further.
     period = mesh.lines[axis][-1] - mesh.lines[axis][0]
     where = (at + (period if at < ends[0] - SAME * period else 0.0) - middle) / half
     fit = np.linalg.pinv(np.polynomial.legendre.legvander((samples - middle) / half, mesh.degree - 1))
@@ -169,7 +168,7 @@ def patch(mesh: TensorMesh, axis: int, at: float, breaks: list[float]) -> Array:
     line = mesh.lines[axis]
     cells, period = len(line) - 1, line[-1] - line[0]
     number = int(np.clip(np.searchsorted(line, at, side="right") - 1, 0, cells - 1))
-    # Where stiffness or loads have kinks is a mesh line: the patch stays between two of them.
+    # Kinks of stiffness or loads are mesh lines: the patch stays between two of them.
     low, high = 0, cells
     if breaks:
         stops = [k for k, x in enumerate(line) if min(abs(x - b) for b in breaks) <= SAME * period]

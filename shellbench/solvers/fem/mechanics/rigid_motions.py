@@ -1,11 +1,12 @@
 """Rigid motions of a mesh: their nodal interpolants, and pins against them.
 
-Waves that may travel around a shell of revolution: the direction in which a buckled state has no stiffness.
+The module also treats waves that may travel around a shell of revolution: a direction in which a buckled state has no
+stiffness.
 
-Where x,1 = e cross x + d, a turn about the axis e carries the midsurface into itself, and a state of equilibrium that
-is not symmetric into another one of the same energy. A uniform mesh keeps that symmetry for turns by whole cells only:
-in between the energy has a trace of a minimum at every cell, so that the tangent has a small eigenvalue of either sign.
-Newton's method then holds the waves where they are, w . dq = 0, which costs nothing and counts for nothing.
+If x,1 = e cross x + d, a turn about the axis e carries the midsurface into itself. It carries an unsymmetric state of
+equilibrium into another one of the same energy. A uniform mesh keeps this symmetry for turns by whole cells only. In
+between, the energy has a slight minimum at every cell, so that the tangent has a small eigenvalue of either sign.
+Newton's method then fixes the waves, w . dq = 0; this needs no force.
 """
 
 from __future__ import annotations
@@ -27,14 +28,14 @@ from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CUBIC, KINDS, SAME, Der
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-# Largest change of a state by a turn, relative to its displacements, by which it is symmetric. Newton's method leaves
-# less, and waves of a buckled shell change by more.
+# Largest change of a state by a turn, relative to its displacements, at which it counts as symmetric. Newton's method
+# leaves less, and waves of a buckled shell change by more.
 SYMMETRIC_STATE = 1e-6
 
 
 def nodal_rigid_motions(case: Case, mesh: TensorMesh) -> Array:
     """Return the interpolants (nodes, 3 (p - 1)^2, 6) of the rigid motions, in the scaled degrees of freedom."""
-    # The position is interpolated, and not the motions: they are linear in it, and twice as many functions.
+    # The position is interpolated instead of the motions: they are linear in it, and twice as many functions.
     centre, size = middle_and_size(case.surface)
 
     def arms(points: Array) -> Mapping[Derivative, Array]:
@@ -55,9 +56,9 @@ def nodal_rigid_motions(case: Case, mesh: TensorMesh) -> Array:
 def determinate_pins(tied: Integers, motions: Array) -> tuple[Integers, Integers]:
     """Choose as many displacements as there are loose motions, so that holding them holds the shell.
 
-    None are at the nodes that supports have `tied`.
+    Nodes with supports, `tied`, have no pins.
 
-    They are the pivots of a QR factorisation: the displacements that resist the motions best.
+    The pins are the pivots of a QR factorisation: the displacements that resist the motions best.
     """
     untied = np.setdiff1d(np.arange(len(motions)), tied)
     dofs = np.arange(COMPONENTS) * (motions.shape[1] // COMPONENTS)
@@ -84,7 +85,7 @@ class Revolution:
 
     @classmethod
     def from_case(cls, case: Case, mesh: TensorMesh) -> Revolution | None:
-        """Return what is symmetric about a case; None if its waves could not travel."""
+        """Return the shell of revolution of a case; None if waves can't travel around it."""
         steps = np.diff(mesh.lines[0])
         axis = axis_of_revolution(case) if case.surface.domain.periodic[0] else None
         if axis is None or np.ptp(steps) > SAME * steps.max():
@@ -92,7 +93,7 @@ class Revolution:
         return cls(mesh, Rotation.from_rotvec(steps[0] * axis).as_matrix())
 
     def direction(self, q: Array) -> Array | None:
-        """Return the difference (nodes, 12) between a state turned on and turned back by a cell; None if it is none."""
+        """Return the difference (nodes, 12) of a state turned forward and back by a cell; None if it is symmetric."""
         fields = q.reshape(*self.mesh.shape, COMPONENTS, len(KINDS))
         on = np.einsum("cd,ijdk->ijck", self.turn, np.roll(fields, 1, axis=0))
         back = np.einsum("dc,ijdk->ijck", self.turn, np.roll(fields, -1, axis=0))

@@ -1,8 +1,8 @@
-"""How nodal forces are divided among the supports that hold a node.
+"""Division of nodal forces among the supports that hold a node.
 
-A support bears the force along its own edges. Where supports meet that hold the same direction, the node's force is the
-sum of what their edges bear over half a cell, and of a force concentrated at the point: twice the twisting moment at a
-plate's corner. Both supports hold that one, and each has an equal share of it, by convention.
+A support bears the force along its own edges. If several supports hold the same direction at a node, the node's force
+has two parts: the forces of their edges over half a cell, and a force concentrated at the point, such as twice the
+twisting moment at a plate's corner. By convention, each of the supports bears an equal share of the concentrated force.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-# A condition this close to a combination of the others adds nothing, and must agree with them: the root of rounding.
+# A condition this close to a combination of the others is redundant, and must agree with them: the root of rounding.
 RANK_TOLERANCE = 1e-8
 CENTROID = 3 / 10  # of the Hermite cubic that is 1 at 0 and 0 at 1, from 0
 
@@ -43,7 +43,7 @@ class Conditions:
     acting
         (n, 12) degrees of freedom on which the support can exert a force; a clamp acts on all slopes across its edge.
     edge
-        On which the nodes lie in a row, or None.
+        Edge on which the nodes lie in a row, or None.
     """
 
     support: int
@@ -56,7 +56,7 @@ class Conditions:
 
 @dataclass(frozen=True)
 class End:
-    """Where an edge of a support ends: its force there is a sum of those at the next two nodes along it."""
+    """The end of a support's edge: its force there is a sum of those at the next two nodes along it."""
 
     support: int
     node: int
@@ -81,19 +81,19 @@ def ends(support: int, nodes: Integers, line: Array) -> Iterator[End]:
 
 @dataclass(frozen=True)
 class Sharing:
-    """Which of s supports bear what of the forces at k nodes with d degrees of freedom.
+    """Division of the forces at k nodes with d degrees of freedom among s supports.
 
     Attributes
     ----------
     holders
-        (k, s, d) whether a support acts on a degree of freedom.
+        (k, s, d) True if a support acts on a degree of freedom.
     values
         (3,) the degrees of freedom that are components of the displacement.
     ends
-        Where edges of supports end, their nodes numbered as here.
+        Ends of the supports' edges, their nodes numbered as here.
     meeting, division
-        (m,) nodes where several supports act on one degree of freedom, and (m, s, d, d) what each bears of the forces
-        there.
+        (m,) nodes where several supports act on one degree of freedom, and (m, s, d, d) maps from the forces there to
+        the part of each support.
     """
 
     holders: Flags
@@ -123,9 +123,10 @@ class Sharing:
         return cls(holders, values, tuple(end for end in found if end.node in meeting), meeting, division)
 
     def shares(self, forces: Array) -> Array:
-        """Return what each support bears (s, k, d, n) of nodal forces (k, d, n)."""
-        # 1. What edges bear along their last cells, from the nodes beside.
-        # 2. Of the rest, what conditions tell apart; 3. equal shares of what is left, as of a clamp's terms.
+        """Return the part (s, k, d, n) of each support in nodal forces (k, d, n)."""
+        # 1. Extrapolate the forces of edges along their last cells from the nodes beside.
+        # 2. Divide the rest by the conditions, as far as these differ.
+        # 3. Divide the remainder, such as that of a clamp's terms, into equal shares by convention.
         result = np.zeros((self.holders.shape[1], *forces.shape))
         for end in self.ends:
             near = sum(part * forces[node, self.values] for node, part in zip(end.beside, end.parts, strict=True))

@@ -1,4 +1,4 @@
-"""The finite element answer: a continuous field through its own C1 interpolation."""
+"""The finite element solution: a continuous field by its own C1 interpolation."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 EnergyRule = list[tuple[Integers, Midsurface, Array]]  # see `FemSolution.energy_rule`
 
-FORMATS = ("fem, format 1", 1)  # of files; the second is what files of the first format said until they named fem
-INTEGRATED = ("_energies", "area", "energy_rule")  # what belongs to the field, and to nothing that is said about it
+FORMATS = ("fem, format 1", 1)  # of files; the second is the older name of the first format
+INTEGRATED = ("_energies", "area", "energy_rule")  # cached data of the displacement field alone
 POINTS = 1024  # at which a field is evaluated at once
 
 
@@ -74,10 +74,10 @@ class FemSolution(ShellSolution):
     parameters
         Degrees of freedom that were solved for.
     images
-        Along each coordinate, of how many mirror images of its first cells the field consists (see `symmetry`); 1 where
+        Number of mirror images of the first cells that make up the field, along each coordinate (see `symmetry`); 1 if
         the part that was solved does not begin at the first mesh line.
     touching
-        What obstacles exert, by state; empty where there are none.
+        Contact forces by state; empty without obstacles.
     """
 
     formats: ClassVar[tuple[str | int, ...]] = FORMATS
@@ -109,8 +109,8 @@ class FemSolution(ShellSolution):
 
     def derivative(self, points: ArrayLike, order: Derivative, at: float | None = None) -> Array:
         """Return a partial derivative (..., 3) of the displacement at points (..., 2)."""
-        # u = sum over a and b of F_a(x1) F_b(x2) u_ab, with p + 1 functions along each coordinate. What they multiply
-        # is collected once, by cell. The points run fastest, so that sums over a and b are sums of long rows.
+        # u = sum over a and b of F_a(x1) F_b(x2) u_ab, with p + 1 functions along each coordinate. The coefficients are
+        # collected once, by cell. The points run fastest, so that sums over a and b are sums of long rows.
         xi = np.asarray(points, dtype=float)
         flat, degree = xi.reshape(-1, 2), self.mesh.degree
         carried = self._by_cell(self.state(at))
@@ -134,7 +134,7 @@ class FemSolution(ShellSolution):
 
     @cached_property
     def _by_cell(self) -> Callable[[int], Array]:
-        """What functions are multiplied by at a state, (3, p + 1, p + 1, cells); see `cell_functions`."""
+        """Factors of the cells' functions at a state, (3, p + 1, p + 1, cells), as a function; see `cell_functions`."""
         return lru_cache(maxsize=1)(self._collected)
 
     def _collected(self, state: int) -> Array:
@@ -152,7 +152,7 @@ class FemSolution(ShellSolution):
 
     @cached_property
     def _fields(self) -> Callable[[bytes, int], tuple[Array, Array]]:
-        """Strains (n, 2, 3) and energy densities (n, 2) at points and a state: who asks for one asks for the other."""
+        """Strains (n, 2, 3) and energy densities (n, 2) at points and a state, cached, since both are often needed."""
 
         def strained(points: bytes, state: int) -> tuple[Array, Array]:
             xi, at = np.frombuffer(points).reshape(-1, 2), self.states[state]
@@ -162,7 +162,7 @@ class FemSolution(ShellSolution):
         return lru_cache(maxsize=1)(strained)
 
     def told(self, **more: Any) -> FemSolution:
-        """Return the solution with more said about it; what was integrated of its field stays known."""
+        """Return the solution with changed fields that describe it; integrals of its displacement field stay cached."""
         found = replace(self, **more)
         found.__dict__.update({name: self.__dict__[name] for name in INTEGRATED if name in self.__dict__})
         return found
@@ -230,7 +230,7 @@ class FemSolution(ShellSolution):
 
     @cached_property
     def energy_rule(self) -> EnergyRule:
-        """By portion of cells the geometry at their Gauss points, and what they count of the stiffness (n, 2, 3, 3)."""
+        """By portion of cells, the geometry at their Gauss points, and the weighted stiffness there (n, 2, 3, 3)."""
         quadrature, case, rule = Quadrature.of_order(self.mesh, self.quadrature_order), self.case, []
         for cells in self._cells():
             points, weights = quadrature.on_cells(self.mesh, cells)
@@ -244,7 +244,7 @@ class FemSolution(ShellSolution):
     def rounded(self, format: NumberFormat) -> tuple[FemSolution, int]:
         """Return the solution with coefficients rounded to a format, and the bytes it takes."""
         short, bytes_taken = super().rounded(format)
-        if "energy_rule" in vars(self):  # it is known, and the mesh stays as it is
+        if "energy_rule" in vars(self):  # it is cached, and the mesh does not change
             vars(short)["energy_rule"] = self.energy_rule
         return short, bytes_taken
 
@@ -273,11 +273,11 @@ class FemSolution(ShellSolution):
         return forces[:, :, 0].sum(axis=0), moment
 
     def touch(self, at: float | None = None) -> Touch:
-        """Return what obstacles exert on the shell at a state."""
+        """Return the contact forces of obstacles on the shell at a state."""
         return self.touching[self.state(at)] if self.touching else super().touch(at)
 
     def kept(self) -> tuple[Words, Arrays]:
-        """Return what a file holds beside the case and the history."""
+        """Return the data that a file holds beside the case and the history."""
         words = {"quadrature_order": self.quadrature_order, "images": self.images, "degree": self.mesh.degree}
         return words, {
             **kept_touch(self.touching),
@@ -291,7 +291,7 @@ class FemSolution(ShellSolution):
 
     @classmethod
     def restored(cls, case: Case, words: Words, arrays: Arrays) -> FemSolution:
-        """Make a solution of what a file holds; ValueError or KeyError if it does not fit together."""
+        """Make a solution from the data of a file; ValueError or KeyError if they are inconsistent."""
         mesh = TensorMesh(case.surface.domain, (arrays["lines1"], arrays["lines2"]), words.get("degree", CUBIC))
         states = tuple(float(s) for s in arrays["states"])
         nodes = np.asarray(arrays["support_nodes"], dtype=np.int64)

@@ -34,12 +34,12 @@ CELLS = 128  # that are integrated at once: their second variations stay in the 
 
 @dataclass(frozen=True)
 class Portion:
-    """Some cells of a mesh with what their n Gauss points need, whatever the deformation.
+    """Some cells of a mesh with the data of their n Gauss points that do not depend on the deformation.
 
     Attributes
     ----------
     cells
-        Which cells.
+        Slice or numbers of the cells.
     reference
         Geometry at the points.
     stiffness
@@ -57,7 +57,7 @@ class Portion:
     scales: Array
 
     def stresses(self, strains: Array) -> Array:
-        """Return what is conjugate to strains (n, 6), in J."""
+        """Return the stresses conjugate to strains (n, 6), in J."""
         stresses = empty(len(strains), 6)
         for part, rows in enumerate((slice(0, 3), slice(3, 6))):
             stresses[:, rows] = dot(self.moduli[:, part], strains[:, None, rows])
@@ -203,9 +203,9 @@ class StrainEnergy:
 
     def _cell_matrices(self, portion: Portion, form: Array) -> Array:
         """Turn forms (n, 15, 15) of the derivatives into matrices (cells, 3, 4, 4, 3, 4, 4) of the cells' freedoms."""
-        # 1. Components c <= c' of a form, over the cells' lengths, ordered so that a point's are one matrix.
-        # 2. Times the table from the right, point by point, and from the left, all points at once.
-        # 3. Scaled; the components c' < c are the transposes.
+        # 1. Divide the components c <= c' of a form by the cells' lengths; order them so that a point's are one matrix.
+        # 2. Multiply by the table from the right, point by point, and from the left, all points at once.
+        # 3. Scale; the components c' < c are the transposes.
         count, points, derivatives = len(portion.steps), len(self.quadrature.points), len(DERIVATIVES)
         shares = 1 / (portion.steps[:, None, :, None] * portion.steps[:, None, None, :])
         by_point = form.reshape(count, points, derivatives, COMPONENTS, derivatives, COMPONENTS)
@@ -227,7 +227,7 @@ class StrainEnergy:
         return matrices.reshape(count, *shape, *shape)
 
     def _add_forces(self, forces: Array, portion: Portion, work: Array) -> None:
-        """Add the forces of what is conjugate (n, 15) to the derivatives."""
+        """Add the nodal forces of the stresses (n, 15) conjugate to the derivatives."""
         count, points = len(portion.steps), len(self.quadrature.points)
         by_derivative = work.T.reshape(len(DERIVATIVES), COMPONENTS, count, points)
         scaled = by_derivative / portion.steps.T[:, None, :, None]

@@ -30,11 +30,11 @@ class Ties:
     basis
         (k, 12, 12) orthogonal matrices B of these nodes; that of all others is the identity.
     free
-        (nodes, 12) which of z are unknowns.
+        (nodes, 12) mask of z: True for unknowns.
     particular
         (nodes, 12, states) q0.
     sharing
-        Which supports bear what of the forces at these nodes.
+        Division of the forces at these nodes among supports.
     """
 
     nodes: Integers
@@ -47,20 +47,20 @@ class Ties:
     def from_conditions(
         cls, case: Case, mesh: TensorMesh, stated: Sequence[Conditions], states: Sequence[float]
     ) -> Ties:
-        """Resolve what all supports of a case state.
+        """Resolve the conditions of all supports of a case.
 
         Raises
         ------
         InputError
-            If supports contradict each other where they meet.
+            If supports contradict each other at a common node.
         """
         # 1. Stack all rows R q = r that supports state at a node, padded by zeros to one size.
         # 2. R = U S V^T for all nodes at once. Directions with S above rounding are bound: q0 = V S^-1 U^T r.
         # 3. The others are free. B = V turns a node's degrees of freedom into bound and free ones.
         # 4. Whatever R q0 misses of r is a contradiction between supports.
-        # Textbooks eliminate a slave by a master, and must choose which and in what order. The decomposition chooses by
-        # itself, B is orthogonal, and K keeps its condition. Penalties and multipliers would cost it or its
-        # definiteness.
+        # Textbooks eliminate a slave by a master, and have to choose both and an order. The decomposition needs no
+        # choice, B is orthogonal, and K keeps its condition number. Penalties would cost the condition number, and
+        # multipliers the definiteness.
         nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(c.nodes for c in stated)]))
         counts = np.zeros(len(nodes), dtype=np.int64)
         starts = []
@@ -102,7 +102,7 @@ class Ties:
         return cls(nodes, basis, free, particular, Sharing.from_conditions(stated, nodes, rows, owners, mesh))
 
     def pinned(self, nodes: Integers, dofs: Integers) -> Ties:
-        """Return the same ties with single degrees of freedom of untied nodes held at zero besides."""
+        """Return the same ties with further single degrees of freedom, of untied nodes, held at zero."""
         free = self.free.copy()
         free[nodes, dofs] = False
         return replace(self, free=free)
@@ -120,8 +120,11 @@ class Ties:
         return result
 
     def reduce_cells(self, matrix: CellMatrices) -> CellMatrices:
-        """Return what `reduce` does of a sum of cell matrices; a diagonal is the number of cells that have it."""
-        # Conditions tie what belongs to one vertex or one side of a cell. A cell has all of that or nothing of it.
+        """Return the result of `reduce` for a sum of cell matrices.
+
+        The diagonal entry of a degree of freedom that is not free is the number of cells that have it, not 1.
+        """
+        # Conditions tie the degrees of freedom of one vertex or one side. A cell has all of these or none.
         dofs = matrix.dofs
         carried = self.free.shape[1]
         place = np.full(len(self.free), -1)
@@ -143,10 +146,11 @@ class Ties:
         return result
 
     def reduce(self, matrix: BlockMatrix) -> BlockMatrix:
-        """Return B^T K B with the rows and columns of what is not free replaced by those of the identity."""
+        """Return B^T K B with the rows and columns of bound unknowns replaced by those of the identity."""
         # 1. B^T K B, block by block: the pattern stays, since conditions tie degrees of freedom of one node only.
-        # 2. Zero the rows and columns that are not free, and put ones on their diagonal.
-        # Textbooks strike them out. Kept, all nodes have 12 unknowns, and the dissection's blocks stay alike.
+        # 2. Zero the bound rows and columns, and put ones on their diagonal.
+        # Textbooks remove them. Here they stay, so that all nodes have 12 unknowns, and the dissection's blocks have
+        # one size.
         blocks = matrix.blocks.copy()
         blocks[self.nodes] = np.swapaxes(self.basis, -1, -2)[:, None] @ blocks[self.nodes]
         # The additional entry is that of the neighbour -1 beyond the mesh's end: it is tied to nothing.
@@ -166,7 +170,7 @@ class Ties:
 
 
 def _tied_together(kinds: Sequence[tuple[int, int]]) -> Iterator[Integers]:
-    """Yield those degrees of freedom of a node that conditions may tie: of the vertex, and of each bubble on a side."""
+    """Yield the degrees of freedom of a node that conditions may tie: of the vertex, and of each bubble on a side."""
     carried = {kind: number for number, kind in enumerate(kinds)}
     most = max(k for k, _ in kinds)
     groups = [list(KINDS)]

@@ -1,8 +1,8 @@
-"""What a function looks like in the basis of degree p: its values and slopes at the nodes, and bubbles in between.
+"""Interpolation of a function in the basis of degree p: values and slopes at the nodes, and bubbles in between.
 
-Along one coordinate the coefficients of the bubbles follow from what the function leaves of its cubic Hermite
-interpolant, e: they are moments of e, chosen so that the second derivative of the error is orthogonal to those of the
-bubbles. Polynomials of degree p are met exactly, and in two dimensions the two interpolations are done in turn.
+Along one coordinate, the coefficients of the bubbles follow from the error e of the function's cubic Hermite
+interpolant. They are moments of e, chosen so that the second derivative of the error is orthogonal to those of the
+bubbles. Polynomials of degree p are reproduced exactly. In two dimensions, the two interpolations are done in turn.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from shellbench.solvers.fem.mesh.mesh import Degree, Derivative, TensorMesh, axi
 Array = NDArray[np.float64]
 Derivatives = Callable[[Array], Mapping[Derivative, Array]]
 
-MOMENT_POINTS = 6  # Gauss points of a cell at which moments are taken: exact for what is left of degree 10
+MOMENT_POINTS = 6  # Gauss points of a cell at which moments are taken: exact for a remainder of degree 10
 
 
 def moment_points() -> Array:
@@ -53,7 +53,8 @@ def fitted_bubbles(degree: Degree, ends: Array, inside: Array) -> Array:
 
 def interpolated(mesh: TensorMesh, derivatives: Derivatives) -> Array:
     """Return the coefficients (nodes, ..., kinds) of functions whose values, slopes and u,12 are given at points."""
-    # Values of f, f,1, f,2 and f,12 on the tensor grid of mesh lines and moment points; then one coordinate in turn.
+    # Take values of f, f,1, f,2 and f,12 on the tensor grid of mesh lines and moment points; then fit one coordinate
+    # after the other.
     samples, sizes = [], []
     for line in mesh.lines:
         h = np.diff(line)

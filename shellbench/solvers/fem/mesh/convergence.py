@@ -1,12 +1,12 @@
-"""The limit of values on ever finer meshes, and how far it is away.
+"""The limit of values on ever finer meshes, and the distance of the last value from it.
 
-Extrapolation with the observed rate, and an honest uncertainty. It rests on one assumption, that errors stay below
+Extrapolation with the observed rate, and a conservative uncertainty. It rests on the assumption that errors stay below
 C n^-p, and on three observations:
 
-- C is the largest that the last changes show, not what the very last one shows: errors pass through zero.
-- p is no faster than the rate of the energy, whose error has one sign and is the most regular of all: the error of a
-  linear functional is the energy product of two errors. It is no faster than the singular corners let it be, either.
-- Nothing is surer than rounding leaves it: the last refinement of the linear solve measures that.
+- C is the largest by the last changes, not that of the very last one: errors pass through zero.
+- p is at most the rate of the energy, whose error has one sign and is the most regular of all: the error of a linear
+  functional is the energy product of two errors. It is also at most the rate that the singular corners allow.
+- No uncertainty is below rounding, which the last refinement of the linear solve measures.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from scipy.optimize import brentq
 
 from shellbench.solvers.fem.mesh.mesh import CUBIC
 
-# Rates in the mesh size that are believed; under-resolved meshes show others. The slowest bounds the extrapolation:
-# slower ones are told as none. No rate that is believed reaches the fastest.
+# Accepted rates in the mesh size; under-resolved meshes show others. The slowest bounds the extrapolation: slower ones
+# are reported as None. No accepted rate reaches the fastest.
 SLOWEST, FASTEST = 0.1, 6.0
 ASYMPTOTIC = 2.0 * (CUBIC - 1)  # order of energies and displacements of C1 cubics: faster coarse meshes slow down
-UNSEEN = 2.0  # rate that is believed where none is observed: half the element's
-# Of the error that extrapolation estimates. Less states uncertainties that errors exceed where the rate still changes;
-# more costs meshes. Not recorded which cases it was set with.
+UNSEEN = 2.0  # rate that is assumed if none is observed: half the element's
+# Factor of the error estimated by extrapolation. With a smaller one, errors exceed uncertainties while the rate still
+# changes; a larger one costs meshes. The cases it was set on are not recorded.
 SAFETY = 1.5
 RECENT = 2  # changes that bound the error; one more where they differ in sign
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a sequence of values on ever finer meshes says of its limit.
+    """Estimate of the limit of a sequence of values on ever finer meshes.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Estimate:
     uncertainty
         Estimated error of the last value, with a margin; infinite for a single value.
     rate
-        Observed order of convergence in the mesh size; None where it can't be observed or is not believed.
+        Observed order of convergence in the mesh size; None if it can't be observed or is not accepted.
     """
 
     extrapolated: float
@@ -56,27 +56,27 @@ def estimate(values: Sequence[float], resolutions: Sequence[float], fastest: flo
     Parameters
     ----------
     values
-        On one mesh after the other.
+        Values on one mesh after the other.
     resolutions
         Cells a side n_k of the meshes, increasing.
     fastest
-        Rate that the uncertainty believes at most, and where the values show none; None if it is not known.
+        Upper bound of the rate in the uncertainty, also used if the values show no rate; None if unknown.
 
     Returns
     -------
     Estimate
         Extrapolated from the last three values if they converge at a rate between `SLOWEST` and `FASTEST`; a faster
-        rate is taken for `FASTEST`. The uncertainty is the sum of all changes to come, by the largest of the last
-        changes and a rate that is no more than observed, `fastest` and `ASYMPTOTIC`.
+        rate is taken for `FASTEST`. The uncertainty is the sum of all further changes, by the largest of the last
+        changes and the least of three rates: the observed one, `fastest` and `ASYMPTOTIC`.
     """
-    # 1. One value says nothing. Two say their difference, or more if convergence is known to be slow.
-    # 2. The rate p: observed, or else the given one, or else a slow one; never faster than is believed.
-    # 3. The changes that are still to come, |d| / (n^-p at its start less that at its end) n_last^-p, which is the
-    #    geometric tail |d| r / (1 - r) where meshes grow by a constant factor: the largest by any recent change d.
-    # 4. Where changes grow no limit is in sight, and the whole spread is uncertain besides.
-    # Richardson's textbook takes the element's order for p, and the last change alone. Under point loads, at corners,
-    # and on meshes that do not resolve the solution yet, p is another one. An error that changes its sign leaves one
-    # change small by accident: C is bounded by the one before, and by one more where the changes show such a sign.
+    # 1. One value gives no bound. Two give their difference, or more if convergence is known to be slow.
+    # 2. Take the rate p: the observed one, or else the given one, or else a slow one; never above the accepted ones.
+    # 3. Sum the further changes: |d| / (n^-p at its start less that at its end) n_last^-p. This is the geometric tail
+    #    |d| r / (1 - r) if meshes grow by a constant factor. Take the largest by any recent change d.
+    # 4. If changes grow, no limit is in sight, and the whole spread is added.
+    # The textbook (Richardson) takes the element's order for p, and the last change alone. Under point loads, at
+    # corners, and on meshes that do not resolve the solution yet, p is different. An error that changes its sign makes
+    # one change small by chance: C is bounded by the change before, and by one more if the changes differ in sign.
     last = values[-1]
     if len(values) < 2:
         return Estimate(last, math.inf, None)
@@ -115,6 +115,6 @@ def observed_rate(values: Sequence[float], resolutions: Sequence[float]) -> floa
 
     if misfit(SLOWEST) * misfit(FASTEST) < 0:
         return float(brentq(misfit, SLOWEST, FASTEST))
-    # No sign change means a rate beyond one of the ends. Fast changes are told from slow ones by their ratio.
+    # Without a sign change the rate is beyond one of the ends. The ratio of the changes shows at which one.
     ratio = before / after
     return FASTEST if ratio > (resolutions[2] / resolutions[1]) ** FASTEST else None

@@ -1,4 +1,4 @@
-"""Mesh lines: uniform, or graded toward points where forces act, edges to singular corners, and thin layers."""
+"""Mesh lines: uniform, or graded toward points with forces, edges at singular corners, and thin layers."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ Array = NDArray[np.float64]
 Cells = tuple[int, int]
 
 FEWEST = 2  # cells of a part that is graded toward one end, or half of another
-USUAL = 8  # cells a side of meshes that take just the cells which tell a stiffness
-MOST_ADDED = 1600  # of these where all are in one mesh: what would add more is left to even meshes
-COARSE = 4  # times as long as cells that tell a stiffness: such cells of a mesh do not resolve it
-APART = 1 / 16  # of the side: cells further from each other are of two places
+USUAL = 8  # cells a side of meshes that take exactly the cells that resolve a stiffness
+MOST_ADDED = 1600  # of these in one mesh: a formula that would add more is left to even meshes
+COARSE = 4  # times as long as cells that resolve a stiffness: longer cells of a mesh do not resolve it
+APART = 1 / 16  # of the side: cells further from each other belong to two places
 SIZE_POINTS = 9  # a side of the grid on which the size of a shell, and its mean sides, are measured
 NEAR = 0.5  # of the cells beside it: a line that is nearer to another is left out
 
@@ -88,13 +88,16 @@ def axis_lines(
 ) -> Array:
     """Return the mesh lines of a coordinate.
 
-    The coordinate is divided at the singular points, toward which it is graded by `exponent`, and where parts of edges
-    begin and end or formulas have kinks, toward which it is graded by the exponents of `breaks`, if they name them, as
-    it is toward its `ends` by theirs. Each divided part counts as two halves if it is graded toward both ends or
-    toward none. The
-    longest of these gets `cells` cells, and shorter ones fewer, so that the cells on either side of a singular point
-    are alike.
+    The coordinate is divided at two kinds of places. It is graded toward the singular points by `exponent`. It is
+    graded toward ends of parts of edges and kinks of formulas by the exponents of `breaks`, if they name these. Toward
+    its `ends` it is graded by their exponents. Each divided part counts as two halves if it is graded toward both ends
+    or toward none. The longest of these gets `cells` cells, and shorter ones fewer, so that the cells on either side of
+    a singular point are alike.
     """
+    # 1. Collect the places of grading with their exponents, and merge coinciding ones.
+    # 2. Divide the coordinate at them; a closed one begins at its first place.
+    # 3. Give each part cells in proportion to its reach, and grade it toward its ends.
+    # 4. Add lines where stiffness varies quickly.
     domain = case.surface.domain
     lower, upper = domain.lower[axis], domain.upper[axis]
     slack = SAME * domain.size[axis]
@@ -124,22 +127,22 @@ def axis_lines(
 
 
 def _resolving(case: Case, axis: int, cells: int, lines: Array) -> Array:
-    """Return mesh lines with more of them where the stiffness of a case varies quickly.
+    """Return the mesh lines with further ones where the stiffness of a case varies quickly.
 
-    At `USUAL` cells they are the ends of the cells that tell it, and on other meshes as many more or fewer.
+    At `USUAL` cells these are the ends of the cells that resolve it; other meshes have more or fewer in proportion.
     """
     for feature in case.features:
         both = [feature.division.ends(a) for a in (0, 1)]
         ends = both[axis]
         if feature.role != "stiffness" or not len(ends) or (len(both[0]) + 1) * (len(both[1]) + 1) > MOST_ADDED:
             continue
-        # places that are apart are resolved each by itself
+        # distant places are resolved separately
         for run in np.split(ends, 1 + np.flatnonzero(np.diff(ends) > APART * feature.division.side[axis])):
             count = max(2, round((len(run) - 1) * cells / USUAL))
             at = np.interp(np.linspace(0, len(run) - 1, count + 1), np.arange(len(run)), run)
             if case.surface.domain.periodic[axis]:
                 at = np.sort(lines[0] + np.mod(at - lines[0], lines[-1] - lines[0]))
-            # what is as near to a line as its own neighbours stays out, but for lines that have to be
+            # lines as near to another as its own neighbours are left out, except required ones
             gaps = np.diff(at)
             nearest = np.abs(lines[:, None] - at).argmin(axis=1)
             near = np.abs(lines - at[nearest]) < NEAR * np.minimum(np.r_[gaps, gaps[-1]], np.r_[gaps[0], gaps])[nearest]
@@ -151,7 +154,7 @@ def _resolving(case: Case, axis: int, cells: int, lines: Array) -> Array:
 
 
 def unresolved(case: Case, mesh: TensorMesh) -> str | None:
-    """Return which formula varies within less than a cell of the mesh, and where, as one clause; None if none does."""
+    """Return a formula that varies within less than a cell of the mesh, and its place, as one clause, or None."""
     for feature in case.features if not case.modal else ():
         division = feature.division
         for axis in (0, 1) if feature.role == "stiffness" else ():

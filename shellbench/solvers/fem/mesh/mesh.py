@@ -6,16 +6,16 @@ one node number, because a periodic mesh of scikit-fem does not take C1 elements
 Bicubic Hermite (Bogner-Fox-Schmit) basis, tabulated once on the unit cell.
 
 A node carries u, u,1, u,2 and u,12 of each Cartesian component, the derivatives with respect to the curvilinear
-coordinates themselves. On a cell of size (h1, h2) the basis function that belongs to the derivative (k, l) is
-h1**k h2**l times its counterpart on the unit cell, so nothing is ever inverted; scikit-fem's `ElementQuadBFS`
-inverts a Vandermonde matrix in global coordinates instead, whose condition grows to 3.5e14 on 64 x 64 cells.
+coordinates themselves. On a cell of size (h1, h2) the basis function that belongs to the derivative (k, l) is h1**k
+h2**l times its counterpart on the unit cell, so that no matrix is inverted. scikit-fem's `ElementQuadBFS` inverts a
+Vandermonde matrix in global coordinates instead, whose condition number grows to 3.5e14 on 64 x 64 cells.
 
 Bogner, Fox & Schmit (1965), The generation of interelement-compatible stiffness and mass matrices.
 
 Degree 4 and 5 add bubbles along each coordinate, functions of one cell whose value and slope vanish at both its ends:
 the second integrals of the Legendre polynomials from L_2 on (the hierarchic modes of Szabo & Babuska 1991, section 5).
 The joints stay C1. A node carries the bubbles of the cell that begins at it, so that all nodes carry (p - 1)^2 numbers
-of each component; at the last node of an open coordinate they stand for nothing.
+of each component; at the last node of an open coordinate they are unused.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ from shellbench.problems.shell.question.surface import Domain
 Array = NDArray[np.float64]
 Derivative = tuple[int, int]
 
-# What counts as rounding, under one name for each kind of number that is compared. None is tuned to an answer: each
-# lies between what rounding makes of such numbers and the least difference that has a meaning.
+# Thresholds of rounding, one name for each kind of number that is compared. None is tuned to an answer: each lies
+# between the rounding of such numbers and the least meaningful difference.
 SAME = 1e-9  # coordinates and times, relative to the whole; components of unit vectors of a surface
-ROUNDING = 1e-12  # sums, products and solves, relative to the largest of what they are made of: 4,500 eps
+ROUNDING = 1e-12  # sums, products and solves, relative to their largest term: 4,500 eps
 UNSTRAINED = 1e-14  # strain of a shell that is only moved, relative to its displacements: 45 eps
 
 COMPONENTS = 3  # of a displacement
@@ -55,7 +55,7 @@ _BUBBLES = 16 * np.array([[0, 0, 1, -2, 1, 0], [0, 0, -1, 4, -5, 2]], dtype=floa
 
 
 def kinds_of(degree: Degree) -> tuple[tuple[int, int], ...]:
-    """Return what a node carries, by coordinate: 0 for a value, 1 for a slope, from 2 on bubbles; `KINDS` first."""
+    """Return a node's degrees of freedom by coordinate, `KINDS` first: 0 is a value, 1 a slope, 2 and more bubbles."""
     numbers = range(degree - 1)
     return KINDS + tuple((a, b) for a in numbers for b in numbers if max(a, b) > 1)
 
@@ -99,7 +99,7 @@ def tabulate(points: ArrayLike, derivative: Derivative, degree: Degree = CUBIC) 
     points
         (..., 2) in the unit square.
     derivative
-        How often to differentiate in each direction.
+        Order of the derivative in each direction.
     degree
         p.
 
@@ -131,7 +131,7 @@ Integers = NDArray[np.int64]
 
 
 def present_functions(degree: Degree) -> NDArray[np.int64]:
-    """Return which of a cell's functions (corner, kind) are not zero everywhere, (p + 1)^2 of them."""
+    """Return the numbers of a cell's functions (corner, kind) that are not zero everywhere, (p + 1)^2 of them."""
     kinds = kinds_of(degree)
     there = [(i == 0 or k < 2) and (j == 0 or m < 2) for i, j in CORNERS for k, m in kinds]
     return np.flatnonzero(there)
@@ -151,7 +151,7 @@ def cell_functions(degree: Degree) -> tuple[Integers, Integers]:
 
 
 def kind_scales(sizes: ArrayLike, degree: Degree = CUBIC) -> Array:
-    """Return the lengths (..., (p - 1)^2) that slopes are multiplied by, h1**k h2**l, of sizes (..., 2)."""
+    """Return the factors (..., (p - 1)^2) of slopes, h1**k h2**l, for sizes (..., 2)."""
     h = np.asarray(sizes, dtype=float)
     kinds = kinds_of(degree)
     scales = np.ones((*h.shape[:-1], len(kinds)))
@@ -202,12 +202,12 @@ class TensorMesh:
 
     @cached_property
     def kinds(self) -> tuple[tuple[int, int], ...]:
-        """What a node carries of each component; see `kinds_of`."""
+        """Degrees of freedom of a node, for each component; see `kinds_of`."""
         return kinds_of(self.degree)
 
     @cached_property
     def carried(self) -> NDArray[np.bool_]:
-        """(nodes, (p - 1)^2) which of these numbers mean anything: at the last node no cell begins."""
+        """(nodes, (p - 1)^2) mask of the numbers that are used: at the last node no cell begins."""
         result = np.ones((*self.shape, len(self.kinds)), dtype=bool)
         for number, (k, m) in enumerate(self.kinds):
             if k > 1 and not self.domain.periodic[0]:
@@ -265,7 +265,7 @@ class TensorMesh:
     def node_scales(self) -> Array:
         """(nodes, (p - 1)^2) local length of the mesh to the power of each derivative that a node carries.
 
-        Derivatives times these lengths are all displacements, and the stiffness matrix stays well scaled.
+        Derivatives times these lengths have the unit of displacements, so that the stiffness matrix stays well scaled.
         """
         lengths = []
         for axis, line in enumerate(self.lines):

@@ -1,4 +1,4 @@
 """A shell in motion: steps of the generalised-alpha method, obstacles and friction during one, and the field in time.
 
-It may import `path` and the rooms below it.
+It may import `path` and the packages below it.
 """

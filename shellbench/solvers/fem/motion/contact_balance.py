@@ -1,7 +1,7 @@
-"""Forces at points of a shell that neither enter obstacles nor stick beyond Coulomb's limit, by a compliance.
+"""Contact forces at points of a shell, from a compliance: no point enters an obstacle or sticks beyond Coulomb's limit.
 
-A guess of which points are apart, slip and stick makes all conditions equations. Points whose answer contradicts the
-guess change, until none does.
+A guess of the points that are apart, slip and stick turns all conditions into equations. Points whose answer
+contradicts the guess change, until none does.
 
 Júdice & Pires (1994), A block principal pivoting algorithm for large-scale strictly monotone linear complementarity
 problems, Computers & Operations Research 21.
@@ -24,7 +24,7 @@ from shellbench.solvers.stepping.control import NotConvergedError
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-# Of the largest compliance of a point: one that supports hold. Such a point has a compliance that is rounding.
+# Of the largest compliance of a point: a point with less is held by supports, and its compliance is rounding.
 HELD = 1e-9
 # Change of the direction of friction, rad, that ends rounds.
 TURNED = 1e-6
@@ -35,7 +35,7 @@ APART, SLIPS, STICKS = 0, 1, 2
 
 @dataclass
 class Framed:
-    """A compliance of w points in axes of theirs, and the last of its parts that was factorised.
+    """A compliance of w points in local axes, and the last factorised part of it.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Framed:
         return cls(axes, np.ascontiguousarray(whole.transpose(1, 0, 2)).reshape(*shape, *shape))
 
     def forces(self, pressed: Integers, stuck: Integers, rubbed: Array, known: Array) -> Array:
-        """Return forces (w, d), N, that undo what is known (w, d), m: gaps, and slips of points that stick.
+        """Return forces (w, d), N, that cancel known displacements (w, d), m: gaps, and slips of points that stick.
 
         `rubbed` (w, d - 1) is the friction of points that slip, in their pressure.
         """
@@ -80,7 +80,7 @@ class Framed:
             if failed:
                 raise NotConvergedError
             factored = key, factor, pivots
-        if not slips:  # what sticks is asked again, and so is what lies on a plane; directions of slip change
+        if not slips:  # sets that stick or lie on a plane recur; directions of slip change
             self._factored = factored
         sizes = np.zeros(known.size)
         sizes[chosen] = lapack.dgetrs(*factored[1:], -known.ravel()[chosen])[0]
@@ -91,7 +91,7 @@ class Framed:
 
 @dataclass(frozen=True)
 class Balance:
-    """Forces at w points that neither enter obstacles nor stick beyond Coulomb's limit.
+    """Forces at w points, none of which enters an obstacle or sticks beyond Coulomb's limit.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class Balance:
     normal, friction
         (w, 3) and (w,).
     gap, slip
-        (w,) and (w, 3) without forces, m; of the slip only what is along the obstacle counts.
+        (w,) and (w, 3) without forces, m; only the part of the slip along the obstacle counts.
     least
         Gap that is rounding, m.
     kept
@@ -121,9 +121,10 @@ class Balance:
         return self.kept or Framed.from_compliance(self.compliance, self.normal, bool(np.any(self.friction > 0)))
 
     def forces(self, before: Array) -> Array:
-        """Return them (w, 3), N; NotConvergedError if none are found. It begins with those pressed `before` (w, 3)."""
-        # A guess of who is apart, slips and sticks makes all conditions equations. Those whose answer contradicts the
-        # guess change (block principal pivoting), one at a time where that does not lessen the wrong ones.
+        """Return the forces (w, 3), N; NotConvergedError if none are found. `before` (w, 3) are a first guess."""
+        # 1. Guess the points that are apart, slip and stick: all conditions become equations.
+        # 2. Change the points whose answer contradicts the guess (block principal pivoting), one at a time if this does
+        #    not reduce their number.
         own = np.einsum("iaia->i", self.compliance)
         able = own > HELD * own.max()  # points that supports hold feel no obstacle
         rough = self.friction > 0
@@ -134,7 +135,7 @@ class Balance:
             found = self._balanced(status, heading)
             moved = (self.compliance.reshape(found.size, -1) @ found.ravel()).reshape(found.shape)
             pressure = np.sum(self.normal * found, axis=-1)
-            # Alart & Curnier: what sticks or slips is told by the force less what would undo the slip
+            # Alart & Curnier: the force less the one that would cancel the slip decides between sticking and slipping
             tried = self._along(found - (self.slip + moved) / np.where(able, own, np.inf)[:, None])
             sizes, bound = np.linalg.norm(tried, axis=-1), self.friction * pressure * (1 + ROUNDING)
             pressed = np.where(
@@ -161,7 +162,7 @@ class Balance:
         return np.asarray(vectors - np.sum(vectors * self.normal, axis=-1, keepdims=True) * self.normal)
 
     def _balanced(self, status: Integers, heading: Array) -> Array:
-        """Return the forces (w, 3) that close all gaps in contact and stop what sticks."""
+        """Return the forces (w, 3) that close all gaps in contact and hold the sticking points."""
         # Unknowns are pressures and, of points that stick, two forces along the obstacle. Friction of points that slip
         # goes with their pressure: it is no unknown, and the matrix has no symmetry.
         pressed, stuck = np.flatnonzero(status != APART), np.flatnonzero(status == STICKS)

@@ -1,20 +1,21 @@
-"""Obstacles during one step in time: what presses at its end, and rubs along it.
+"""Obstacles during one step in time: pressure at its end, and friction along it.
 
-Where a step ends no point is in an obstacle. Forces that keep it out are impulses at the step's begin: r = M^-1 R of
-the nodal forces R moves the end by h^2 r and changes the velocity by h r, beside what the generalised-alpha method does
-of all other forces (`time_step`). So an impact brings a point's velocity along the normal to zero in two steps,
-whatever the part of the step at which it happens: no point rebounds. What rests has its weight as R, and what slides
-the right friction. Chung & Hulbert's own treatment of forces would rebound, by a velocity that depends on that part.
+At the end of a step no point is in an obstacle. The contact forces act as impulses at the beginning of the step: r =
+M^-1 R of the nodal forces R moves the end by h^2 r and changes the velocity by h r. The generalised-alpha method treats
+all other forces (`time_step`). An impact therefore brings a point's velocity along the normal to zero in two steps,
+wherever in the step it happens: no point rebounds. A resting shell has its weight as R, and a sliding one the right
+friction. With Chung & Hulbert's own treatment of forces a point would rebound, with a velocity that depends on the
+instant of impact.
 
-Friction is Coulomb's: along the obstacle a point moves with it as long as the force for that is at most the coefficient
-times the pressure; else the force is that much, against the slip over the step.
+Friction is Coulomb's: a point moves with the obstacle as long as the tangential force is at most the coefficient times
+the pressure; else the force has this magnitude, against the slip over the step.
 
-Forces are the unknowns of a small dual problem: with a factorised tangent K of the shell without obstacles, unit forces
-at points move points by B K^-1 B^T (Delassus's operator). It is kept as long as K, so that another set of points in
-contact costs a dense solve and no factorisation.
+The forces are the unknowns of a small dual problem: with a factorised tangent K of the shell without obstacles, unit
+forces at points move points by B K^-1 B^T (Delassus's operator). The operator is kept as long as K, so that another set
+of points in contact costs a dense solve and no factorisation.
 
 Chen, Acary, Virlez & Brüls (2013), A nonsmooth generalized-alpha scheme for flexible multibody systems with unilateral
-constraints, International Journal for Numerical Methods in Engineering 96, part smooth forces and impulses alike.
+constraints, International Journal for Numerical Methods in Engineering 96, separate smooth forces and impulses too.
 """
 
 from __future__ import annotations
@@ -46,8 +47,9 @@ PORTION = 300  # unit forces that are solved for at once
 
 def _rule(first: bool, last: bool) -> tuple[Array, Array]:
     """Return points and weights on the unit cell: Gauss's two, and with the edges of the shell Radau's or Lobatto's."""
-    # All are exact for cubics: what lies on a flat floor is pressed evenly, and nothing bends. As many points as a C1
-    # cubic spline has freedom: Gauss's alone would leave out the edges, which are what hits in the shell's own plane.
+    # All are exact for cubics: a shell on a flat floor has an even pressure, and does not bend. There are as many
+    # points as degrees of freedom of a C1 cubic spline. Gauss points alone would leave out the edges, which hit first
+    # in the shell's own plane.
     root = np.sqrt(6)
     radau = np.array([0.0, (6 - root) / 10, (6 + root) / 10]), np.array([4, 16 + root, 16 - root]) / 36
     if first and last:
@@ -62,7 +64,7 @@ def _rule(first: bool, last: bool) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class TouchingPoints:
-    """The n points of a mesh at which the gap is asked in motion.
+    """The n points of a mesh at which the gap is evaluated in motion.
 
     Attributes
     ----------
@@ -121,7 +123,7 @@ class TouchingPoints:
         return self.case.surface.position(self.points)
 
     def nearest(self, u: Array, t: float) -> tuple[Array, Array, Integers]:
-        """Return gaps (n,), m, normals (n, 3) and numbers of obstacles (n,) where points are displaced by u (n, 3)."""
+        """Return gaps (n,), m, normals (n, 3) and numbers of obstacles (n,) for points displaced by u (n, 3)."""
         return nearest_obstacle(self.case, self.points, u, t, self.rest)
 
     def displacement(self, q: Array) -> Array:
@@ -133,13 +135,13 @@ class TouchingPoints:
         return np.asarray((self.operator.T @ forces.ravel()).reshape(self.mesh.node_count, -1))
 
     def touch(self, forces: Array) -> Touch:
-        """Return forces (n, 3) with what they act on."""
+        """Return forces (n, 3) at the points as contact."""
         return Touch(self.points, forces, self.lengths, self.reach)
 
 
 @dataclass
 class Compliance:
-    """How far unit forces at some points move these, by a kept tangent: B K^-1 B^T.
+    """Displacements of some points by unit forces at them, from a kept tangent: B K^-1 B^T.
 
     Attributes
     ----------
@@ -183,9 +185,10 @@ class Compliance:
 
 @dataclass(frozen=True)
 class Pushed:
-    """What obstacles exert in an iteration: forces (n, 3), N, and what counts in the equation of the step's unknown.
+    """Contact in an iteration: forces (n, 3), N, and their part in the equation of the step's unknown.
 
-    That is `nodal` and, of friction alone, `rubbing` (nodes, 12); `weight`, N, is that of depths in the merit.
+    That part is `nodal` (nodes, 12), and `rubbing` (nodes, 12) of friction alone. `weight`, N, multiplies the depths in
+    the merit function.
     """
 
     forces: Array
@@ -196,16 +199,16 @@ class Pushed:
 
 @dataclass(frozen=True)
 class StepContact:
-    """Obstacles during a step; see the top.
+    """Obstacles during a step; see the module's docstring.
 
     Attributes
     ----------
     points
-        Where the gap is asked.
+        Points at which the gap is evaluated.
     begin, end
         Times, s.
     start
-        (n, 3) displacement at the step's begin, m.
+        (n, 3) displacement at the beginning of the step, m.
     before
         (n, 3) forces of the step before, N.
     """
@@ -217,33 +220,38 @@ class StepContact:
     before: Array
 
     def gap(self, u: Array) -> tuple[Array, Array, Integers]:
-        """Return gaps (n,), m, normals (n, 3) and numbers of obstacles (n,) where the step ends at u (n, 3)."""
+        """Return gaps (n,), m, normals (n, 3) and obstacles' numbers (n,) at the step's end, displaced by u (n, 3)."""
         return self.points.nearest(u, self.end)
 
     def depths(self, u: Array) -> Array:
-        """Return how deep points (n,) are in obstacles at the step's end, m."""
+        """Return the depths (n,) of points in obstacles at the step's end, m."""
         return np.maximum(-self.gap(u)[0], 0.0)
 
     def pushed(self, u: Array, step: Array, compliance: Compliance, share: float, whole: float) -> tuple[Array, Array]:
-        """Return the forces (n, 3), N, that keep points out of obstacles, taken for planes, and the step with them.
+        """Return the forces (n, 3), N, that keep points out of obstacles, taken as planes, and the step with them.
 
         Parameters
         ----------
         u
             (n, 3) displacement of the step's end now, m.
         step
-            (nodes, 12) that the step's unknown would make without obstacles.
+            (nodes, 12) step of the unknown without obstacles.
         compliance
             Of that unknown.
         share, whole
-            What a force counts in the equation of the unknown, and what a change of the unknown moves the end by.
+            Factor of a force in the equation of the unknown, and factor from a change of the unknown to one of the
+            step's end.
 
         Raises
         ------
         NotConvergedError
             If no set of points in contact is found.
         """
-        # Of interest are points that were pressed, those that would be inside, and those that the others push in.
+        # 1. Choose candidates: points that were pressed, points that would be inside, and points that the others push
+        #    in.
+        # 2. Extend the compliance by new candidates.
+        # 3. Find the forces of the candidates from the small dual problem (`Balance`).
+        # 4. Add the response to the step; repeat until no further point enters.
         gap, normal, nearest = self.gap(u)
         obstacles = self.points.case.obstacles
         friction = np.array([o.friction for o in obstacles])[nearest]
@@ -277,5 +285,5 @@ class StepContact:
 
     @property
     def _shifts(self) -> Array:
-        """(obstacles, 3) how far obstacles move in the step, m."""
+        """(obstacles, 3) displacements of the obstacles in the step, m."""
         return np.array([o.at(self.end)[0] - o.at(self.begin)[0] for o in self.points.case.obstacles])

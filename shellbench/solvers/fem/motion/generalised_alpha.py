@@ -1,4 +1,4 @@
-"""The generalised-alpha method's numbers, and states in time."""
+"""The generalised-alpha method's constants, and states in time."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ Array = NDArray[np.float64]
 class Scheme:
     """The generalised-alpha method's constants for a spectral radius at infinite frequency, 0 <= rho <= 1.
 
-    It is of second order and unconditionally stable on linear problems; the less rho, the more the frequencies are
-    damped that a step does not resolve.
+    It is of second order and unconditionally stable on linear problems. A smaller rho damps the frequencies that a step
+    does not resolve more strongly.
     """
 
     spectral_radius: float
 
     @property
     def alpha_m(self) -> float:
-        """Weight of the acceleration at the step's begin."""
+        """Weight of the acceleration at the beginning of the step."""
         return (2 * self.spectral_radius - 1) / (self.spectral_radius + 1)
 
     @property
     def alpha_f(self) -> float:
-        """Weight of the displacement at the step's begin."""
+        """Weight of the displacement at the beginning of the step."""
         return self.spectral_radius / (self.spectral_radius + 1)
 
     @property
@@ -52,7 +52,7 @@ class Instant:
     q, v, a
         (nodes, 12) scaled degrees of freedom, and their rates.
     reaction
-        (nodes, 12) what the supports exert, at the time within the step before at which it is balanced.
+        (nodes, 12) forces of the supports, at the time within the step before at which they are balanced.
     length
         Of the step before, s.
     iterations
@@ -62,9 +62,9 @@ class Instant:
     lost
         Energy that impacts and friction have taken since rest, J.
     touch
-        (n, 3) what obstacles exerted on their points in the step before, N, or None where there are none.
+        (n, 3) contact forces in the step before, N; None without obstacles.
     impulse
-        (nodes, 12) what they change the velocity by in a step: v is that before an impulse.
+        (nodes, 12) change of the velocity by contact in a step: v is the velocity before an impulse.
     """
 
     t: float
@@ -81,5 +81,5 @@ class Instant:
 
     @property
     def velocity(self) -> Array:
-        """(nodes, 12) the velocity: where something presses all along, in the middle of its impulse."""
+        """(nodes, 12) the velocity; in lasting contact, that in the middle of the impulse."""
         return self.v if self.impulse is None else self.v + self.impulse / 2

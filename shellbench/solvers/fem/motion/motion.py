@@ -1,7 +1,7 @@
-"""A case in motion: stepped through time on one mesh, and on finer meshes with shorter steps until it settles.
+"""A case in motion: it is integrated in time on one mesh, and on finer meshes with shorter steps until it settles.
 
-Halving the step divides the error in time by four, and so does a mesh finer by the square root of two that of the
-fourth-order element: a level does both.
+Halving the step divides the error in time by four. A mesh finer by the square root of two divides the error of the
+fourth-order element by four. Each level does both.
 """
 
 from __future__ import annotations
@@ -49,16 +49,17 @@ BASE = 12  # cells of the coarsest mesh along the longer side
 COURANT = 0.3
 FEWEST_STEPS, MOST_STEPS = 100, 1000  # of the coarsest level, whatever the speed of waves
 ORDER = 2.0  # of the errors in the number of cells: the fourth in the size of one
-# In log2 of a growth: what whole numbers of cells may miss of the root of two a side that a level asks for. Set with
-# `contact_bar`, whose meshes grow unevenly; where no rate is observed it states 34 % instead of 3 %.
+# In log2 of a growth: allowed departure, by whole numbers of cells, from a level's growth by the root of two a side.
+# Set with `contact_bar`, whose meshes grow unevenly; without an observed rate its stated uncertainty is 34 % instead of
+# 3 %.
 WHOLE = 0.1
 MOST_LEVELS = 3  # from three values on the rate is observed
 MOST_WORK = 400_000  # cells times steps: no level that takes more is begun
-# Relative uncertainty after two levels beyond which a third one would tell no more: the motion depends on its meshes.
+# Relative uncertainty after two levels beyond which a third one would be of no use: the motion depends on its meshes.
 UNPREDICTABLE = 0.05
-# Of its size that a shell moves, at most, for its motion to be compared with itself.
+# Of the shell's size: a motion of at most this size is compared with itself.
 HARDLY = 1e-2
-SHORTEST = 2.0**-8  # of the usual step: where a shorter one were needed, the run ends
+SHORTEST = 2.0**-8  # of the usual step: if a shorter one is needed, the run ends
 # Local error of a step in the displacement, relative to the size of the shell, beyond which it is cut. Less costs
 # steps.
 SMOOTH = 1e-3
@@ -67,7 +68,7 @@ FRAMES = 240  # instants that are kept of a run, evenly; between them the motion
 
 
 def declined(case: Case) -> str | None:
-    """Return what in a case in motion fem can't do, as a clause, or None."""
+    """Return the property of a case in motion that fem can't take, as a clause, or None."""
     if any(isinstance(load, MomentLoad) for load in case.loads):
         return "it can't follow moments on edges in time"
     if case.following:
@@ -81,14 +82,14 @@ def declined(case: Case) -> str | None:
 
 
 def usual_cells(case: Case, level: int, grading: float) -> Cells:
-    """Return the cells of a level, as `mesh.axis_lines` counts them: fewer along the shorter coordinate lines."""
+    """Return the cells of a level, as counted by `mesh.axis_lines`: fewer along the shorter coordinate lines."""
     domain = case.surface.domain
     x = case.surface.derivatives(domain.grid(SIZE_POINTS, SIZE_POINTS), order=1)
     sides = [size * float(np.linalg.norm(x[key], axis=-1).mean()) for size, key in zip(domain.size, FIRST, strict=True)]
     counts = []
     for axis, side in enumerate(sides):
         aim = max(FEWEST, round(BASE * 2 ** (level / 2) * side / max(sides)))
-        # `axis_lines` counts cells of the longest part only: the least request is sought that gives `aim` in all.
+        # `axis_lines` counts cells of the longest part only: find the least request that gives `aim` cells in all.
         counts.append(next(n for n in count(FEWEST) if len(axis_lines(case, axis, n, grading)) > aim))
     return counts[0], counts[1]
 
@@ -96,11 +97,11 @@ def usual_cells(case: Case, level: int, grading: float) -> Cells:
 def usual_step(case: Case) -> float:
     """Return the step in time of the coarsest level, s: a share of the time in which a wave crosses one of its cells.
 
-    Membrane waves travel at sqrt(D / rho); it is they that are slow enough in cloth to be seen.
+    Membrane waves travel at sqrt(D / rho); in cloth they are slow enough to be visible.
     """
     assert case.dynamics is not None
     speed = math.sqrt(case.material.membrane_stiffness / case.material.areal_density)
-    # An implicit step need not obey Courant's number to be stable. It does so to follow the wave.
+    # An implicit step is stable at any Courant number. The bound serves to resolve the wave.
     crossing = shell_size(case) / BASE / speed
     until = case.dynamics.until
     steps = math.ceil(until / (COURANT * crossing))
@@ -122,10 +123,10 @@ def solve(
     Parameters
     ----------
     case
-        What moves.
+        The case in motion.
     cells, step
-        Mesh and step in time of the one and only level; where one of them is None it is the usual one, and where
-        both are, levels are refined.
+        Mesh and step in time of the only level; if one of them is None it is the usual one; if both are None, levels
+        are refined.
     scheme
         Of the steps in time.
     grading, quadrature_order
@@ -133,7 +134,7 @@ def solve(
     tolerance
         Uncertainty, relative to a quantity's scale, at which it counts as settled.
     progress
-        Is told about the steps.
+        Called with the progress of the steps.
 
     Raises
     ------
@@ -143,10 +144,10 @@ def solve(
     assert case.dynamics is not None
     began = time.perf_counter()
     # Levels refine space and time at once, so that one sequence of values converges at one order, h^2:
-    # 1. Mesh and step of the level; stop before one that takes too long.
+    # 1. Choose mesh and step of the level; stop before one that takes too long.
     # 2. Follow the motion, and measure its quantities.
     # 3. Extrapolate in 1 / h, and compare the largest uncertainty with the tolerance.
-    # 4. Stop where two levels differ so much that a third would tell no more.
+    # 4. Stop if two levels differ so much that a third would be of no use.
     only = cells is not None or step is not None
     values: dict[str, list[float]] = {q.name: [] for q in case.quantities}
     levels: list[Step] = []
@@ -159,7 +160,7 @@ def solve(
         mesh = graded_mesh(case, mesh_cells, grading)
         if level and math.prod(mesh.cells) * case.dynamics.until / h > MOST_WORK:
             break
-        # A level that fails leaves the answer of the one before, which is whole.
+        # If a level fails, the complete answer of the level before stays.
         kept = f"; what is kept is the whole motion on {_cells(solution.mesh)}" if solution else ""
         try:
             found = follow(case, mesh, h, scheme, quadrature_order, progress)
@@ -175,7 +176,7 @@ def solve(
         for name, value in quantities.items():
             values[name].append(value)
         estimates = {name: estimate(v, resolutions) for name, v in values.items()}
-        # Where cells are whole numbers of few, it grows by less, or not at all: changes say less of its error, then.
+        # Small whole numbers of cells grow by less, or not at all: changes then underestimate the error.
         last = [k for k, n in enumerate(meshes) if n not in meshes[k + 1 :]]  # the level with the least step on each
         for name, v in values.items():
             least = estimate([v[k] for k in last], _as_asked([meshes[k] for k in last]), ORDER).uncertainty
@@ -194,9 +195,9 @@ def solve(
 
 
 def _as_asked(meshes: list[float]) -> list[float]:
-    """Return how fine meshes are, without what three or more miss of an even growth as cells are whole numbers."""
-    # A rate that is observed on three meshes is sensitive to that: 12, 18, 24 cells are meant to grow alike. Two show
-    # no rate, and growth far from even is not forgiven.
+    """Return the refinement of meshes; three or more that grow nearly evenly count as even, without rounding."""
+    # An observed rate of three meshes is sensitive to rounded numbers: 12, 18, 24 cells are meant to grow evenly. Two
+    # meshes show no rate, and growth far from even is kept as it is.
     growths = np.diff(np.log2(meshes))
     asked = np.round(2 * growths) / 2  # sides that grow by the root of two
     if len(meshes) < 3 or not asked.all() or np.abs(growths - asked).max() > WHOLE:
@@ -209,9 +210,10 @@ def _cells(mesh: TensorMesh) -> str:
 
 
 def _scale(solution: MotionSolution, quantity: QuantityModel, quantities: Mapping[str, float]) -> float:
-    """Return what the uncertainty of a quantity is compared with: the size, the sum of energies, or the weight.
+    """Return the scale of a quantity's uncertainty: the size of the shell, the sum of energies, or the weight.
 
-    Of a shell that hardly moves it is how far it does, and its own energies: to its size all of that is nothing.
+    If the shell hardly moves, the scale is its largest displacement, or its own energies: these are nothing beside its
+    size.
     """
     case = solution.case
     value, size = abs(quantities[quantity.name]), shell_size(case)
@@ -222,7 +224,7 @@ def _scale(solution: MotionSolution, quantity: QuantityModel, quantities: Mappin
         case EnergyQuantity() | MotionEnergy():
             frame = solution.frame(case.dynamics.until)
             speed = math.sqrt(case.material.membrane_stiffness / case.material.areal_density)
-            # An energy may pass through zero. It is compared with one that the shell could have, not with itself.
+            # An energy may pass through zero. It is compared with a possible energy of the shell, not with itself.
             least = case.material.areal_density * frame.area * speed**2  # of strains of order one
             return max(value, sum(frame.energies()), 0.0 if hardly else 1e-2 * least, float(np.finfo(float).tiny))
         case ReactionQuantity() | TorqueQuantity():
@@ -276,7 +278,7 @@ def follow(
     quadrature_order: int,
     progress: Callable[[Progress], None],
 ) -> MotionSolution:
-    """Follow a motion on one mesh by steps of a usual length, shorter where that is needed.
+    """Follow a motion on one mesh by steps of a usual length, shorter if needed.
 
     Raises
     ------
@@ -287,9 +289,9 @@ def follow(
     began, until = time.perf_counter(), case.dynamics.until
     # One mesh in time, a step in four:
     # 1. Step. If Newton's method fails, or the local error is too large, halve the step and repeat it.
-    # 2. Double the next one where the error leaves room, up to the usual length.
-    # 3. Keep the balance of energy: kinetic, elastic and sprung, less what loads and supports have supplied. What
-    #    impacts and friction take is no drift.
+    # 2. Double the next one if the error leaves room, up to the usual length.
+    # 3. Record the balance of energy: kinetic, elastic and that of springs, less the work of loads and supports. The
+    #    loss by impacts and friction is no drift.
     # 4. Keep every n-th instant, and the ends of steps of another length.
     # Textbooks scale a step by a root of its error. Here it is halved and doubled only: lengths repeat, and a
     # factorised tangent serves one length (`time_step`).
@@ -314,7 +316,7 @@ def follow(
             why = "" if local <= allowed or now.t == 0.0 else f"the motion is too quick for a step of {h:.2g} s"
         except NotConvergedError:
             why = f"a step of {h:.2g} s did not converge"
-        # The shell is at `now` still: a step that is refused leaves no trace but its cost.
+        # The state `now` is unchanged: a refused step only costs time.
         if why and h > SHORTEST * usual:
             h /= 2
             continue
@@ -324,8 +326,8 @@ def follow(
         # Reactions balance within the step, not at its end.
         middle = now.t + (1 - scheme.alpha_f) * h
         whole = h == usual
-        # An impulse belongs to the begin of its step, and rates that are told to its middle where something is pressed
-        # all along. An impact leaves the way before it alone.
+        # An impulse belongs to the beginning of its step. In lasting contact, stored rates are those in the middle of
+        # the impulse. An impact does not change the path before it.
         if kept[-1] is now and now.touch is not None and np.any(now.touch):
             kept[-1] = replace(now, impulse=found.impulse)
         now = found
@@ -375,7 +377,7 @@ def _solution(
     touched = [instant for instant in kept if instant.touch is not None]
     shape = (mesh.node_count, COMPONENTS, len(KINDS), -1)
     ties = problem.ties(kept[-1].t)
-    # What supports prescribe changes in time, which nodes they hold does not: the last instant's ties serve all.
+    # Prescribed values change in time, but held nodes do not: the last instant's ties serve for all.
     shares = ties.sharing.shares(np.stack([r[ties.nodes] for _, r in reactions], axis=-1))
     forces = shares.reshape(len(case.supports), len(ties.nodes), *shape[1:-1], len(reactions))
     return MotionSolution(

@@ -1,4 +1,4 @@
-"""The finite element answer to a motion: bicubic elements in space, cubic Hermite in time."""
+"""The finite element solution of a motion: bicubic elements in space, cubic Hermite polynomials in time."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class MotionSolution(ShellSolution):
         (r,) times, and (supports, m, 3, 4, r) the forces that each of the case's supports exerts at them: the method
         balances forces within a step.
     touch_times, touching
-        (m,) times, and what obstacles exert at them: impulses at the begins of steps. Empty where there are none.
+        (m,) times, and the contact forces at them: impulses at the beginnings of steps. Empty without obstacles.
     """
 
     formats: ClassVar[tuple[str | int, ...]] = FORMATS
@@ -93,7 +93,7 @@ class MotionSolution(ShellSolution):
         )
 
     def _span(self, at: float) -> tuple[int, float, float]:
-        """Return the number of the span of times that holds a time, its length, and the place in it."""
+        """Return the number of the interval that contains a time, its length, and the position in it."""
         number = int(np.clip(np.searchsorted(self.times, at, side="right") - 1, 0, len(self.times) - 2))
         length = float(self.times[number + 1] - self.times[number])
         return number, length, (at - float(self.times[number])) / length
@@ -130,7 +130,7 @@ class MotionSolution(ShellSolution):
         return self._on(xi, self._hermite(self.frame(at).states[0], rate=True))
 
     def _on(self, xi: Array, coefficients: Array) -> Array:
-        """Return a field with coefficients (nodes, 3, 4) at points (N, 2): they are asked for again, at other times."""
+        """Return a field with coefficients (nodes, 3, 4) at points (N, 2); the basis there is cached."""
         return np.asarray(self._bases(xi.tobytes()) @ np.swapaxes(coefficients, 1, 2).reshape(-1, COMPONENTS))
 
     @cached_property
@@ -152,7 +152,7 @@ class MotionSolution(ShellSolution):
         return self.frame(float(self.times[0])).energy_rule
 
     def touch(self, at: float | None = None) -> Touch:
-        """Return what obstacles exert, linear in time between the times that are kept, and constant after the last."""
+        """Return the contact forces, linear in time between the times that are kept, and constant after the last."""
         times, last = self.touch_times, time_reached(self.case, float(self.times[-1]), at)
         place = float(np.interp(last, times, np.arange(len(times))))
         first, second = self.touching[int(place)], self.touching[math.ceil(place)]
@@ -165,8 +165,8 @@ class MotionSolution(ShellSolution):
     def rounded(self, format: NumberFormat) -> tuple[MotionSolution, int]:
         """Return the motion with its coefficients and their rates rounded to a format, and the bytes it takes.
 
-        Each of the two is scaled by its largest magnitude before (see `rounding`), and kept in the format:
-        only what a time asks for is expanded. Mesh lines and times, of which there are few, stay as they are.
+        Each of the two is scaled by its largest magnitude before (see `rounding`), and kept in the format; only the
+        values of a requested time are expanded. Mesh lines and times, of which there are few, are not rounded.
         """
         values, rates = shortened(self.coefficients, format), shortened(self.rates, format)
         if values.numbers is self.coefficients and rates.numbers is self.rates:
@@ -176,7 +176,7 @@ class MotionSolution(ShellSolution):
         return replace(self, coefficients=values.numbers, rates=rates.numbers, exponents=exponents), bytes_taken
 
     def kept(self) -> tuple[Words, Arrays]:
-        """Return what a file holds beside the case and the history."""
+        """Return the data that a file holds beside the case and the history."""
         return {"quadrature_order": self.quadrature_order}, {
             "lines1": self.mesh.lines[0],
             "lines2": self.mesh.lines[1],
@@ -192,7 +192,7 @@ class MotionSolution(ShellSolution):
 
     @classmethod
     def restored(cls, case: Case, words: Words, arrays: Arrays) -> MotionSolution:
-        """Make a solution of what a file holds; ValueError or KeyError if it does not fit together."""
+        """Make a solution from the data of a file; ValueError or KeyError if they are inconsistent."""
         mesh = TensorMesh(case.surface.domain, (arrays["lines1"], arrays["lines2"]))
         nodes = np.asarray(arrays["support_nodes"], dtype=np.int64)
         shape = (mesh.node_count, 3, 4, len(arrays["times"]))
@@ -220,7 +220,7 @@ class MotionSolution(ShellSolution):
 
 
 def basis_at(mesh: TensorMesh, points: Array) -> csr_matrix:
-    """Return the matrix that takes the coefficients (nodes * kinds, ...) of a field to its values at points (n, 2)."""
+    """Return the matrix from the coefficients (nodes * kinds, ...) of a field to its values at points (n, 2)."""
     nodes, unit, sizes = mesh.locate(points)
     values = tabulate(unit, (0, 0), mesh.degree) * kind_scales(sizes, mesh.degree)[:, None]
     kinds = len(mesh.kinds)

@@ -6,13 +6,13 @@ With x = (1 - alpha_f) q_{n+1} + alpha_f q_n, the displacement at the time t_n +
     q_{n+1} = q_n + h v_n + h^2 ((1/2 - beta) a_n + beta a_{n+1}),
     v_{n+1} = v_n + h ((1 - gamma) a_n + gamma a_{n+1})
 
-(Chung & Hulbert 1993) says that x makes stationary
+(Chung & Hulbert 1993) is the condition that x makes stationary
 
     W(x) + x . K_s x / 2 - f . x + c (x - x*) . M (x - x*) / 2,    c = (1 - alpha_m) / ((1 - alpha_f) beta h^2),
 
-where x* is where x would go without any force. Obstacles add impulses: see `contact_in_motion`. For a short step
-that is convex, and Newton's method with a line search finds its minimum. The factorised tangent is kept from iteration
-to iteration and from step to step until it is too old to converge quickly.
+where x* is the value of x without any force. Obstacles add impulses: see `contact_in_motion`. For a short step this
+potential is convex, and Newton's method with a line search finds its minimum. The factorised tangent is kept from
+iteration to iteration and from step to step until it converges too slowly.
 
 Chung & Hulbert (1993), A time integration algorithm for structural dynamics with improved numerical dissipation:
 the generalized-alpha method, Journal of Applied Mechanics 60.
@@ -41,23 +41,24 @@ from shellbench.solvers.stepping.control import NotConvergedError
 
 Array = NDArray[np.float64]
 
-# Work of the residual on the last correction, relative to the energies: with a new tangent its square is what is left.
+# Work of the residual on the last correction, relative to the energies: with a new tangent its square remains.
 CONVERGED = 1e-11
-# Of that work: a step that does not move the shell by more is not made, as strains are dear.
+# Of that work: a step with less is not made, as strains are expensive.
 UNMOVED = 1e-3
 MOST_ITERATIONS = 20  # a step that takes more is cut
-# Ratio of that work from iteration to iteration beyond which an old tangent is replaced: 0.2 of the error. Less
-# factorises more often; more iterates longer with an old tangent. It costs time only: what ends a step is `CONVERGED`.
+# Ratio of that work from iteration to iteration beyond which an old tangent is replaced: 0.2 of the error. A smaller
+# ratio factorises more often; a larger one iterates longer with an old tangent. It affects time only: `CONVERGED` ends
+# a step.
 SLOW = 0.04
-# Armijo's constant as textbooks have it (Nocedal & Wright 2006, section 3.1): the share of the linear prediction by
-# which a step along the search direction must lower the potential.
+# Armijo's constant of the textbooks (Nocedal & Wright 2006, section 3.1): the share of the linear prediction by which a
+# step along the search direction must lower the potential.
 SUFFICIENT = 1e-4
 SHORTEST_SEARCH = 2.0**-10  # of the Newton step
 
 
 @dataclass
 class _Kept:
-    """A factorised tangent that is used as long as it converges quickly; of one length of step, without obstacles."""
+    """A factorised tangent, used as long as it converges quickly; for one length of step, without obstacles."""
 
     factor: Factor | None = None
     length: float = 0.0
@@ -66,7 +67,7 @@ class _Kept:
 
 @dataclass(frozen=True)
 class MovingShell:
-    """A case with dynamics on a mesh, and how it steps in time."""
+    """A case with dynamics on a mesh, with its scheme in time."""
 
     problem: FiniteProblem
     scheme: Scheme
@@ -103,16 +104,16 @@ class MovingShell:
 
     @cached_property
     def points(self) -> TouchingPoints | None:
-        """Where obstacles are asked for their distance."""
+        """Points at which gaps to obstacles are evaluated."""
         return TouchingPoints.on_mesh(self.problem.case, self.problem.mesh) if self.problem.case.obstacles else None
 
     @cached_property
     def _inertia(self) -> Factor:
-        """The factorised mass matrix; what supports hold does not depend on the time."""
+        """The factorised mass matrix; the held degrees of freedom do not depend on the time."""
         return factorise(self.problem.ties(0.0).reduce(self.mass), self.problem.dissection)
 
     def at_rest(self, h: float) -> Instant:
-        """Return the begin of the motion; `h` is the step over which supports are taken to gather speed evenly."""
+        """Return the initial state; over the step `h`, supports are assumed to accelerate evenly."""
         problem = self.problem
         q = np.zeros((problem.mesh.node_count, 12))
         ties = problem.ties(0.0)
@@ -144,12 +145,12 @@ class MovingShell:
             If Newton's method does not converge: the step is too long.
         """
         problem, s = self.problem, self.scheme
-        # 1. Collect what is known of q_{n+1}: `coast` is all of it but a_{n+1}, `free` has no mean acceleration.
+        # 1. Compute the known part of q_{n+1}: `coast` is all of it except a_{n+1}, `free` has no mean acceleration.
         # 2. Guess by a constant acceleration, moved onto the supports.
         # 3. Minimise the incremental potential over x.
         # 4. Recover q, a, v at the end from x, and the supports' reactions from the residual.
-        # Chung and Hulbert state the method for linear springs. Of its two extensions this takes W' at the mean
-        # displacement, not the mean of W' at the two ends. So x alone is the step's unknown.
+        # Chung and Hulbert state the method for linear springs. It has two extensions; this one takes W' at the mean
+        # displacement, not the mean of W' at the two ends. Therefore x alone is the step's unknown.
         end, middle = start.t + h, start.t + (1 - s.alpha_f) * h
         ties = problem.ties(end)
         loads = problem.loads(middle)
@@ -177,17 +178,18 @@ class MovingShell:
             supplied += contact.work(forces)
             # impulses change the kinetic energy by their work on the velocity in their middle
             lost += contact.work(forces) - h * float(np.sum(nodal * (start.v + h / 2 * push)))
-            # the equation of x counts impulses `share` times, and supports feel them once
+            # the equation of x contains impulses `share` times, and reactions contain them once
             residual = residual + (minimum.share - 1) * (self.momentum(push) - nodal)
-        for clamp in problem.clamps:  # the part of its terms without dm is what its support exerts
+        for clamp in problem.clamps:  # the part of its terms without dm is the force of its support
             clamped = clamp.at(x, middle)
             residual = residual + clamped.gradient(len(x)) - clamped.gap_forces(len(x))
         a = (q - coast - h**2 * push) / (s.beta * h**2)
         v = start.v + h * ((1 - s.gamma) * start.a + s.gamma * a + push)
         reaction = np.zeros_like(q)
         reaction[ties.nodes] = -residual[ties.nodes]
-        # Loads by the trapezium rule. Reactions balance at t_n + (1 - alpha_f) h, which is not the middle of the step.
-        # the work of the supports is theirs at the middle of the step, between the instants where reactions are known
+        # The work of loads is by the trapezium rule. Reactions balance at t_n + (1 - alpha_f) h, which is not the
+        # middle of the step. the work of the supports is theirs at the middle of the step, between the instants where
+        # reactions are known
         late = (s.alpha_f - 0.5) * h / ((1 - s.alpha_f) * h + s.alpha_f * start.length)
         exerted = reaction + late * (reaction - start.reaction)
         loaded = 0.5 * (problem.loads(start.t) + problem.loads(end)) + exerted
@@ -205,9 +207,9 @@ class MovingShell:
 
 @dataclass(frozen=True)
 class _Minimum:
-    """The incremental potential of one step, whose forces balance at the time t.
+    """The incremental potential of one step, with forces balanced at the time t.
 
-    `kinetic` is the energy, J, that the shell begins it with, and `begin` its displacement.
+    `kinetic` is the kinetic energy, J, at the beginning of the step, and `begin` the displacement.
     """
 
     shell: MovingShell
@@ -227,7 +229,7 @@ class _Minimum:
 
     @property
     def share(self) -> float:
-        """What a force that moves the step's end by h^2 M^-1 R counts in the equation of x, in R."""
+        """Factor, in the equation of x, of a force R that moves the step's end by h^2 M^-1 R."""
         return (1 - self.shell.scheme.alpha_m) / self.shell.scheme.beta
 
     def find(self, x: Array, h: float) -> tuple[Array, Array, Array, int]:
@@ -235,12 +237,12 @@ class _Minimum:
 
         Forces (n, 3), N, are those of obstacles.
         """
-        # Newton's method on the incremental potential, with an old tangent as long as it will do:
-        # 1. step = K^-1 r; the decrement r . step is twice what the quadratic model gains. With obstacles it is the
-        #    least of the model among displacements that enter none: sequential quadratic programming.
-        # 2. Backtrack by Armijo's rule, because an old tangent and one made definite may overshoot.
+        # Newton's method on the incremental potential, with an old tangent as long as it converges:
+        # 1. Compute step = K^-1 r; the decrement r . step is twice the gain of the quadratic model. With obstacles the
+        #    step minimises the model among displacements that enter none: sequential quadratic programming.
+        # 2. Backtrack by Armijo's rule, because an old or modified tangent may overshoot.
         # 3. Stop when a full step has a decrement at the floor, or when the next one would have a thousandth of that:
-        #    then it is not made, as strains are dear.
+        #    that one is not made, as strains are expensive.
         # 4. Drop the tangent when decrements fall too slowly, or the step was cut.
         # The textbook factorises at each iteration. The inertia c M does not change and grows as 1 / h^2. For a short
         # step it dominates, and the tangent of the step before is nearly right.
@@ -279,14 +281,14 @@ class _Minimum:
             x, value, residual = moved, found, self._residual(moved, strained)
             if decrement <= floor and share == 1.0 and self._closed(x):
                 return x, residual + touch.nodal, touch.forces, iteration
-            # A new tangent has no decrement before it, so that it is never judged by its first step.
+            # A new tangent has no earlier decrement, so that its first step never replaces it.
             if decrement > SLOW * before or share < 1.0:
                 kept.factor = None
             before = decrement
         raise NotConvergedError
 
     def _pushed(self, contact: StepContact, x: Array, step: Array, kept: _Kept) -> tuple[Pushed, Array]:
-        """Return what obstacles exert where a step would enter them, and the step with that."""
+        """Return the contact forces if a step would enter obstacles, and the step with these forces."""
         factor, ties = kept.factor, self.ties
         assert factor is not None
         if kept.compliance is None:
@@ -301,7 +303,7 @@ class _Minimum:
         return Pushed(forces, self.share * contact.points.nodal(forces), rubbing, weight), step
 
     def _entered(self, x: Array, touch: Pushed) -> float:
-        """Return what the merit has beside the potential, J: depths, and the work against friction as a dead force."""
+        """Return the merit without the potential, J: depths in obstacles, and work against friction as a dead force."""
         if self.contact is None:
             return 0.0
         u = self.contact.points.displacement(self.end(x))
@@ -334,12 +336,12 @@ class _Minimum:
         reduced = self.ties.reduce(matrix)
         if not np.all(np.isfinite(reduced.blocks)):
             raise NotConvergedError
-        try:  # where the potential is not convex, a descent direction all the same
+        try:  # if the potential is not convex, take a descent direction
             return factorise(reduced, self.shell.problem.dissection, "imposed")
         except NotPositiveDefiniteError:
             raise NotConvergedError from None
 
 
 def _solved(ties: Ties, factor: Factor, right: Array) -> Array:
-    """Return the displacements (nodes, 12, n) that forces (nodes, 12, n) make on what supports leave free."""
+    """Return the displacements (nodes, 12, n) of the free unknowns under forces (nodes, 12, n)."""
     return np.asarray(ties.to_nodal(factor.solve(ties.to_free(right)) * ties.free[..., None]))

@@ -1,17 +1,17 @@
-"""Through buckling: the critical state by the inertia of the tangent, and the way from there to a stable one.
+"""Continuation through buckling: the critical state by the tangent's inertia, and a descent from it to a stable state.
 
-On a path of states that are all in equilibrium the first one at which the tangent has a negative eigenvalue is
-bracketed by regula falsi. Beyond it the shell is left to itself: from a state pushed a little along the softest mode,
+On a path of equilibrium states, regula falsi brackets the first state at which the tangent has a negative eigenvalue.
+Beyond it the shell moves freely to a stable state. From a state pushed slightly along the softest mode,
 pseudo-transient continuation,
 
     (K + mu M) dq = r,
 
-goes downhill in the potential energy, M being the shell's area as a mass and 1/mu the length of a step in time
-(Kelley & Keyes 1998). mu is large enough that the matrix is positive definite and the energy falls, and smaller the
-better that works; at the end it is Newton's method. Only a minimum is taken for an answer.
+descends in the potential energy; M is the shell's area as a mass, and 1/mu is the length of a step in time (Kelley &
+Keyes 1998). mu is large enough that the matrix is positive definite and the energy falls. It decreases as the steps
+succeed, and the iteration becomes Newton's method at the end. Only a minimum is accepted as an answer.
 
-Waves that may travel around a shell of revolution are held where they are (`revolution`); in a relaxation, which is
-free to move them, mu does not fall below `NEUTRAL` of the softest stiffness at rest.
+Waves that may travel around a shell of revolution are fixed (`revolution`). A relaxation may move them; there mu does
+not fall below `NEUTRAL` of the softest stiffness at rest.
 
 Kelley & Keyes (1998), Convergence analysis of pseudo-transient continuation, SIAM J. Numer. Anal. 35.
 """
@@ -38,15 +38,16 @@ from shellbench.solvers.stepping.control import CUT, EASY, GROWTH, Illinois, Not
 
 Array = NDArray[np.float64]
 
-# All of these came with the sleeves (`sleeve_compression`, `sleeve_twist`) and a column; what other values cost was
-# not recorded. Only `BRACKET` is in an answer: the others say how a minimum is found, and a minimum is what is taken.
+# All of these were set on the sleeves (`sleeve_compression`, `sleeve_twist`) and a column; the cost of other values was
+# not recorded. Only `BRACKET` affects an answer: the others control the search of a minimum, and only a minimum is
+# accepted.
 NEUTRAL = 1e-3  # least mu, relative to the stiffness of the softest mode at rest
-BRACKET = 1e-6  # of the load factor: how closely the critical state is bracketed
+BRACKET = 1e-6  # of the load factor: width of the bracket of the critical state
 EASY_WITH_OLD = 2  # times as many iterations count as easy as by new tangents: old ones make more, and cheaper ones
-BEYOND = 0.01  # of the critical load factor: how far beyond it the shell is left to itself
+BEYOND = 0.01  # of the critical load factor: distance beyond it at which the descent begins
 INVERSE_STEPS = 12  # of inverse iteration for the softest mode, at most
 MODE_SETTLED = 1e-6  # relative change of its stiffness that ends them: its square root is the error of the mode
-PUSH = 0.05  # of the thickness: how far a state is pushed along its softest mode
+PUSH = 0.05  # of the thickness: push of a state along its softest mode
 SADDLES = 5  # that are left again before a relaxation gives up
 EASIER, HARDER = 0.2, 8.0  # of mu after a step that lowers the energy as it should, and after one that does not
 GAINED = 0.25  # share of the predicted gain of energy below which mu does not fall
@@ -62,9 +63,9 @@ def following_steps(
     Parameters
     ----------
     problem
-        What is solved.
+        The problem to solve.
     marks
-        Load factors that are landed on, increasing.
+        Increasing load factors to land on.
     first, shortest
         Length of the first step, and of the shortest one.
 
@@ -73,13 +74,13 @@ def following_steps(
     PathEndsError
         If no stable state is found, or the shell buckles before a mark of a path that ends there.
     """
-    # 1. Load steps with Newton's method, as long as their states are minima.
-    # 2. Between the first state that is none and the one before find the critical one, and yield it.
-    # 3. End there, or from there go downhill to a stable state a little beyond, wherever that lies.
-    # 4. Load steps again, with travelling waves held. A step that fails or ends on a saddle is cut.
-    # 5. Where none can be cut further, leave the shell to itself once more.
-    # Textbooks switch branches at the critical point by its eigenvector. That needs an isolated, simple mode. Thin
-    # shells buckle in clusters of modes, and the branch found may be unstable: downhill finds a minimum.
+    # 1. Take load steps with Newton's method, as long as their states are minima.
+    # 2. Find the critical state between the first state that is no minimum and the one before, and yield it.
+    # 3. End there, or descend from there to a stable state slightly beyond, wherever it lies.
+    # 4. Take load steps again, with travelling waves held. Cut a step that fails or ends on a saddle.
+    # 5. If none can be cut further, descend once more.
+    # Textbooks switch branches at the critical point by its eigenvector. This needs an isolated, simple mode. Thin
+    # shells buckle in clusters of modes, and the branch found may be unstable; a descent finds a minimum.
     buckling = Buckling(problem)
     state, step, buckled = problem.rest(), first, False
     for mark in marks:
@@ -90,7 +91,7 @@ def following_steps(
                 stable = found.stable
             except NotConvergedError:
                 found, stable = state, False
-            # A step that did not converge says nothing of buckling: only an unstable equilibrium starts the search.
+            # A step that did not converge is no sign of buckling: only an unstable equilibrium starts the search.
             if not stable and not buckled and found is not state:
                 state = buckling.critical(state, found)
                 yield replace(state, critical=True)
@@ -149,10 +150,10 @@ class Buckling:
         return replace(self.problem, holding=True)
 
     def softest_mode(self, ties: Ties, factor: TangentFactor) -> tuple[Array, float]:
-        """Return the mode (nodes, 12) of the stiffness nearest zero, of unit largest displacement, and that, N/m^3."""
+        """Return the mode (nodes, 12) of the stiffness nearest zero, at most 1 m, and that stiffness, N/m^3."""
         # Inverse iteration, M-weighted, for the eigenvalue nearest zero, until Rayleigh's quotient of the mode settles:
         # x . K x = x . M m where K x = M m. In a cluster any mixture of its modes is soft, and only the direction of a
-        # push is wanted. The seed is fixed, so that answers repeat.
+        # push is needed. The seed is fixed, so that answers are reproducible.
         mode, stiffness = np.random.default_rng(0).normal(size=(self.problem.mesh.node_count, 12)), math.inf
         weighted = _times(self.area, mode)
         for _ in range(INVERSE_STEPS):
@@ -170,7 +171,7 @@ class Buckling:
         return self.problem.tangent(state.q, state.t, state.strained, state.strained.stresses)
 
     def stiffness(self, tangent: BlockMatrix, t: float, mu: float = 0.0) -> Factor:
-        """Return the factorised K + mu M on what the supports leave free at a load factor.
+        """Return the factorised K + mu M on the free unknowns at a load factor.
 
         Raises
         ------
@@ -182,14 +183,14 @@ class Buckling:
         if not np.all(np.isfinite(reduced.blocks)):
             raise NotConvergedError
         try:
-            # Not "imposed": pivots made positive front by front give some descent direction. K + mu M gives that of a
-            # short time of motion. The caller raises mu until no pivot is negative.
+            # Not "imposed": pivots made positive front by front give an arbitrary descent direction. K + mu M gives
+            # that of a short motion. The caller raises mu until no pivot is negative.
             return factorise(reduced, self.problem.dissection, "reported")
         except NotPositiveDefiniteError:
             raise NotConvergedError from None
 
     def critical(self, below: FiniteState, above: FiniteState) -> FiniteState:
-        """Return the last stable state between a stable and an unstable one, within `BRACKET` of where that ends.
+        """Return the last stable state between a stable and an unstable one, within `BRACKET` of the stability limit.
 
         Raises
         ------
@@ -201,14 +202,14 @@ class Buckling:
         low, high, unstable = below, above.t, above.t
         root = Illinois(self._least_stiffness(below), self._least_stiffness(above))
         while high - low.t > BRACKET * high:
-            # Beside the root, where the tangent is singular, on the side of the end that is farther away.
+            # The trial is beside the root, where the tangent is singular, toward the farther end.
             share = root.share
             trial = low.t + share * (high - low.t) + math.copysign(BRACKET / 4 * high, 0.5 - share)
             try:
                 middle = self.equilibrium(low, trial)
                 value = self._least_stiffness(middle)
             except NotConvergedError:
-                high, root.at_high = trial, None  # too long a step, or beyond buckling: a shorter one tells
+                high, root.at_high = trial, None  # too long a step, or beyond buckling: a shorter one decides
                 continue
             if value > 0:
                 low = middle
@@ -228,8 +229,8 @@ class Buckling:
         NotConvergedError
             If Newton's method does not get there, or the tangent is singular.
         """
-        # Newton's method leaves a tangent of some earlier iteration. Beside a critical state that is too early. The own
-        # one is also that by which the next step begins.
+        # Newton's method leaves the tangent of an earlier iteration, which is too inaccurate near a critical state. The
+        # next step also begins with the state's own tangent.
         problem = self.holding if holding else self.problem
         found = equilibrium(problem, start, t, frugal=True)
         tangent = self.tangent(found)
@@ -245,17 +246,17 @@ class Buckling:
         return least if state.stable else -least
 
     def relaxed(self, start: FiniteState, t: float) -> FiniteState:
-        """Return a stable state at a load factor, downhill from another state whose supports are moved there.
+        """Return a stable state at a load factor, by descent from another state whose supports are moved there.
 
         Raises
         ------
         NotConvergedError
             If none is found.
         """
-        # 1. Move the supports, and let the shell answer by its tangent.
-        # 2. Push the state along its softest mode, off the saddle or critical point it may stand on.
-        # 3. Go downhill until the gain is small, then try Newton's method, which alone converges quadratically.
-        # 4. Take a minimum. If Newton's method finds a saddle or nothing, go further down; in the end, push again.
+        # 1. Move the supports, with the shell's response by its tangent.
+        # 2. Push the state along its softest mode, off a saddle or critical point.
+        # 3. Descend until the gain is small, then try Newton's method, which converges quadratically.
+        # 4. Accept a minimum. If Newton's method finds a saddle or nothing, descend further; in the end, push again.
         state = self._carried(start, t)
         for _ in range(SADDLES):
             state = self._pushed(state)
@@ -266,11 +267,11 @@ class Buckling:
                 except NotConvergedError:
                     continue
                 if found.stable:
-                    return found  # a saddle is not taken: there is a way further down
+                    return found  # a saddle is not accepted: a descent direction exists
         raise NotConvergedError
 
     def _carried(self, start: FiniteState, t: float) -> FiniteState:
-        """Return a state with its supports moved, and what the shell answers to that by its tangent."""
+        """Return a state with its supports moved, and the shell's response by its tangent."""
         ties = self.problem.ties(t)
         moved = ties.particular[..., 0] + ties.to_nodal(ties.to_free(start.q[..., None]))[..., 0] - start.q
         if np.any(moved):
@@ -279,22 +280,22 @@ class Buckling:
 
     def _pushed(self, state: FiniteState) -> FiniteState:
         """Return a state pushed along its softest mode, to the side where the energy is less."""
-        # At a symmetric state both sides gain alike in second order. The energy itself decides, third order included.
+        # At a symmetric state both sides gain equally in second order. The energy itself decides, third order included.
         mode, _ = self.softest_mode(self.problem.ties(state.t), self.stiffness(self.tangent(state), state.t))
         push = PUSH * self.problem.case.material.thickness * mode
         sides = [self.problem.state_at(state.t, state.q + sign * push, state) for sign in (1.0, -1.0)]
         return min(sides, key=self.problem.potential)
 
     def _downhill(self, state: FiniteState, relaxed: float) -> FiniteState:
-        """Go downhill in the potential energy until a step is predicted to gain no more than a share of it."""
+        """Descend in the potential energy until a step is predicted to gain at most a share of it."""
         problem, ties = self.problem, self.problem.ties(state.t)
         # Pseudo-transient continuation, a step in four:
-        # 1. K + mu M, with mu raised until it is positive definite: the step then is downhill.
-        # 2. dq = (K + mu M)^-1 r, whose quadratic model gains r . dq / 2 at least.
+        # 1. Factorise K + mu M, with mu raised until it is positive definite: the step then is a descent.
+        # 2. Compute dq = (K + mu M)^-1 r, whose quadratic model gains at least r . dq / 2.
         # 3. Move if the energy falls at all.
         # 4. Lower mu if it fell by a fair share of the prediction, and raise it otherwise.
-        # Kelley and Keyes set mu by the residual's norm, which may well rise where the energy falls.
-        # Steps are judged by the energy instead, as in a trust region, whose radius 1 / mu stands for.
+        # Kelley and Keyes set mu by the residual's norm, which may rise while the energy falls. Here steps are judged
+        # by the energy, as in a trust region with the radius 1 / mu.
         mu, value, tangent = self.softest, problem.potential(state), self.tangent(state)
         for _ in range(MOST_RELAXING_STEPS):
             factor = self.stiffness(tangent, state.t, mu)

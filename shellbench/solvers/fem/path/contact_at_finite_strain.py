@@ -1,12 +1,13 @@
-"""Obstacles at rest and finite strain: what presses on a displaced shell within one step of Newton's method.
+"""Static obstacles at finite strain: contact forces on a displaced shell within one step of Newton's method.
 
-The augmented Lagrangian is that of `contact`, with gaps g(q) and directions where the shell is at each iteration:
+The augmented Lagrangian is that of `contact`, with gaps g(q) and directions at the shell's displacement in each
+iteration:
 
     W(q) - f . q + sum over points of A (max(0, p - k g(q))^2 - p^2) / 2 k.
 
 Newton's method changes the points in contact from iteration to iteration. Once it has converged, the pressures become
-the multipliers p, until gaps are closed. A shell that comes from afar would be thrown back by a stiff obstacle: where
-no pressures are known, k begins as soft as bending over the shell's length, and hardens.
+the multipliers p, until gaps are closed. A stiff obstacle would throw a distant shell back. Therefore, if no pressures
+are known, k begins as soft as bending over the shell's length, and hardens.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ from shellbench.solvers.fem.mesh.mesh import COMPONENTS
 
 Array = NDArray[np.float64]
 
-# Of the shell's size: over which normals of obstacles are compared. About the cube root of eps, where truncation and
-# rounding of a central difference are alike.
+# Of the shell's size: step of the differences of obstacles' normals. It is about the cube root of eps, where truncation
+# and rounding of a central difference are equal.
 DIFFERENCE = 1e-6
 
 
 @dataclass(frozen=True)
 class Pressed:
-    """What obstacles exert on a displaced shell.
+    """Contact of obstacles with a displaced shell.
 
     Attributes
     ----------
@@ -41,9 +42,9 @@ class Pressed:
     normal
         (n, 3) of the obstacles there.
     pressure
-        (n,) Pa; less than zero where a point is held that would part.
+        (n,) Pa; negative at a held point that would separate.
     active
-        (n,) which points are in contact.
+        (n,) True at points in contact.
     forces, nodal
         (n, 3) at the points, N, and (nodes, 12) of the mesh.
     """
@@ -58,19 +59,19 @@ class Pressed:
 
     @property
     def closed(self) -> bool:
-        """Whether no point is inside an obstacle, and none that is pressed is apart from it."""
+        """True if no point is inside an obstacle, and no pressed point is off it."""
         gap = np.where(self.pressure > 0, np.abs(self.gap), -self.gap)
         return bool(np.all(gap <= CLOSED * np.abs(self.displacement).max()))
 
 
 @dataclass(frozen=True)
 class Pressing:
-    """Obstacles at a load factor; see the top.
+    """Obstacles at a load factor; see the module's docstring.
 
     Attributes
     ----------
     points
-        Where the gap is asked.
+        Points at which the gap is evaluated.
     t
         Load factor.
     multipliers
@@ -78,7 +79,7 @@ class Pressing:
     held
         (n,) points that stay in contact whatever their gap; None for those with p > k g.
     softer
-        Factors of k that are still to come before 1: the first is in use.
+        Remaining factors of k before 1; the first is in use.
     """
 
     points: ContactPoints
@@ -94,13 +95,13 @@ class Pressing:
 
     @classmethod
     def from_pressure(cls, points: ContactPoints, t: float, pressure: Array | None) -> Pressing:
-        """Begin with the pressures (n,) of another state, whose points stay in contact for one iteration, or softly."""
+        """Begin with the pressures (n,) of another state and its points in contact, or else with a soft k."""
         if pressure is None or not np.any(pressure > 0):
             return cls(points, t, np.zeros(len(points.points)), None, tuple(points.softness()))
         return cls(points, t, pressure, pressure > 0)
 
     def at(self, q: Array) -> Pressed:
-        """Return what obstacles exert on the shell displaced by q (nodes, 12)."""
+        """Return the contact with the shell displaced by q (nodes, 12)."""
         points = self.points
         u = points.displacement(q[..., None])
         gap, normal = gaps(points.case, points.points, u, self.t)
@@ -112,8 +113,8 @@ class Pressing:
 
     def add_stiffness(self, matrix: BlockMatrix, pressed: Pressed) -> None:
         """Add the second derivative of the augmented Lagrangian at points in contact to a matrix."""
-        # k n n - (p - k g) dn/dx. The second term is that of curved obstacles: a point that slides on a ball turns
-        # the force on it. Without it Newton's method is slow there, and the inertia says nothing of stability.
+        # k n n - (p - k g) dn/dx. The second term is that of curved obstacles: the force on a point that slides on a
+        # ball turns. Without this term Newton's method is slow there, and the inertia does not show stability.
         points, case = self.points, self.points.case
         on = np.flatnonzero(pressed.active)
         if not len(on):
@@ -136,7 +137,7 @@ class Pressing:
         add_cell_matrices(matrix.blocks, points.mesh.nodes[cells], terms)
 
     def next_round(self, pressed: Pressed) -> Pressing:
-        """Take what presses as multipliers."""
+        """Take the pressures as multipliers."""
         return replace(self, multipliers=pressed.pressure)
 
 

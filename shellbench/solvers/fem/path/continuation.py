@@ -1,9 +1,9 @@
 """Following the path of equilibrium from rest: load steps, displacement control, and arc length.
 
-Load steps are as long as Newton's method takes them, and cut where it does not. Under displacement control and arc
-length the load factor is an unknown: the additional equation prescribes the path's displacement, or lies in the plane
-normal to the path's tangent (Riks 1979), so that limit points and snap-backs are passed. Marks (`Case.states`) are
-always landed on, by load or by displacement.
+Load steps grow as long as Newton's method converges, and are cut if it does not. Under displacement control and arc
+length the load factor is an unknown. The additional equation prescribes the path's displacement, or keeps the step in
+the plane normal to the path's tangent (Riks 1979), so that limit points and snap-backs are passed. The path always
+lands on marks (`Case.states`), by load or by displacement.
 
 Riks (1979), An incremental approach to the solution of snapping and buckling problems, IJSS 15.
 """
@@ -56,14 +56,14 @@ NEAR = 4  # times as long may one be where stations lead: their tangents may tel
 
 @dataclass(frozen=True)
 class Station:
-    """A state of the path as another mesh found it.
+    """A state of the path from another mesh.
 
     Attributes
     ----------
     q, t
         Displacement (nodes, 12) on this mesh, and load factor.
     value
-        The path's displacement on the other one.
+        The path's displacement on the other mesh.
     """
 
     q: Array
@@ -73,7 +73,7 @@ class Station:
 
 @dataclass(frozen=True)
 class ByDisplacement:
-    """A problem whose path is followed by the displacement row . q."""
+    """A problem whose path is controlled by the displacement row . q."""
 
     problem: FiniteProblem
     row: Array
@@ -83,7 +83,7 @@ class ByDisplacement:
         return float(np.sum(self.row * self.problem.drift(state)))
 
     def first_rate(self, drift: Array) -> float:
-        """Return the rate of the displacement at rest, of dq/dt there; PathEndsError if the loads don't move it."""
+        """Return the rate of the displacement at rest by dq/dt; PathEndsError if the loads don't move it."""
         return checked_rate(float(np.sum(self.row * drift)), float(np.linalg.norm(self.row) * np.linalg.norm(drift)))
 
     def to_displacement(self, state: FiniteState, value: float, target: float) -> FiniteState:
@@ -96,9 +96,10 @@ class ByDisplacement:
         return on_path(self.problem, state, Constraint(self.row, 0.0, target), (change * drift, change))
 
     def check_branch(self, found: FiniteState, rises: bool) -> None:
-        """Check that only limit points were passed: these change the tangent's inertia by one, and the load's way."""
-        # At a limit point one eigenvalue changes its sign, and so does dt along the path. At a branch dt does not. An
-        # even number of negative ones therefore goes with a load that rises. Two branches in one step go unseen.
+        """Check that only limit points were passed: they change the tangent's inertia by one, and the load's sense."""
+        # At a limit point one eigenvalue changes its sign, and so does dt along the path. At a branch dt does not.
+        # Therefore the load rises if the number of negative eigenvalues is even. Two branches in one step are not
+        # detected.
         if found.factor is not None and (found.factor.negative % 2 == 0) != rises:
             raise PathEndsError(branch_passed(self.problem.case, found.t))
 
@@ -144,8 +145,8 @@ def arc_length_steps(
 ) -> Iterator[FiniteState]:
     """Yield the states along the path by arc length, until the displacement row . q first reaches `end`.
 
-    The first step moves the displacement by this share of the path, and none is much longer. Marks are landed on at the
-    displacement's first passage. Where another mesh has followed the path, its states lead from one to the next.
+    The first step moves the displacement by this share of the path, and none is much longer. The path lands on marks at
+    the displacement's first passage. If another mesh has followed the path, its states guide the steps.
 
     Raises
     ------
@@ -154,15 +155,16 @@ def arc_length_steps(
         not get there.
     """
     # Arc length after Riks, each step in five:
-    # 1. Predict by an arc along the tangent of the path, in the direction of travel. Where stations lead, predict the
-    #    next one, moved by what lies between the one before and this mesh's own state.
+    # 1. Predict by an arc along the tangent of the path, in the direction of travel. With stations, predict the next
+    #    station, shifted by the difference of this mesh's state from the station before.
     # 2. Correct in the plane normal to the tangent: row_of_arc . q = its value at the state + arc.
-    # 3. Refuse what is not straight ahead, and check for branches.
-    # 4. Where load or displacement turns, refuse the step too, as it tells where: go there, and over it in short steps
-    #    that crowd at the turning point, because a curve is drawn through the states. Stations crowd there already.
+    # 3. Refuse a step that turns away from the tangent, and check for branches.
+    # 4. If load or displacement turns, refuse the step too, since it locates the turning point. Go there and beyond in
+    #    short steps that crowd at the turning point, because a curve is drawn through the states. Stations already
+    #    crowd there.
     # 5. Land on the marks that were passed, by displacement control, and go on from the state of the step.
-    # Riks counts t in the arc, whose weight is then arbitrary. Here only displacements count, as Crisfield proposed.
-    # Crisfield's cylinder leaves two roots to choose from. A plane leaves one.
+    # Riks includes t in the arc, with an arbitrary weight. Here only displacements count, as Crisfield proposed.
+    # Crisfield's cylinder has two roots to choose from, a plane has one.
     weights = np.zeros(row.shape)
     weights[:, :: len(KINDS)] = 1.0 / len(row)  # the mean square of the nodes' displacements
 
@@ -171,8 +173,8 @@ def arc_length_steps(
 
     def ways(start: FiniteState, found: FiniteState) -> tuple[Array, float, Array]:
         """Return dq/dt at a state, the sign of dt along the path, and the rates of load and displacement in the arc."""
-        # The direction of travel is kept by the step just made. The textbook takes the sign of det K. That one turns at
-        # a branch too, where the path goes straight on.
+        # The last step determines the direction of travel. The textbook takes the sign of det K, which changes at a
+        # branch too, where the path continues straight.
         drift = problem.drift(found)
         sign = float(np.sign(np.sum(weights * (found.q - start.q) * drift)))
         return drift, sign, sign / size(drift) * np.array([1.0, np.sum(row * drift)])
@@ -186,8 +188,8 @@ def arc_length_steps(
     arc = end * share / abs(first) * size(drift)
     longest = LONGEST_ARC * arc
     short = CLOSE * longest
-    planned: list[float] = []  # arcs on the way to a turning point and over it; the stations wait
-    landing = False  # whether they lead exactly there
+    planned: list[float] = []  # arcs to a turning point and beyond; stations are not used meanwhile
+    landing = False  # True if they end exactly there
     leading, astray, behind = deque(stations), np.zeros_like(row), 0.0
     for _ in range(MOST_ARCS):
         row_of_arc = weights * drift * sign / size(drift)
@@ -212,7 +214,7 @@ def arc_length_steps(
             if arc < STRAIGHT * size(found.q - state.q):
                 raise NotConvergedError
             drift_found, sign_found, rates_found = ways(state, found)
-            # An old tangent does not tell where the path turns.
+            # An old tangent does not show where the path turns.
             if station is None and np.any(rates * (2 * rates_found - rates) <= 0):
                 found = problem.with_own_tangent(found)
                 drift_found, sign_found, rates_found = ways(state, found)
@@ -242,7 +244,7 @@ def arc_length_steps(
         landing = landing and bool(planned)
         state, value = found, reached
         drift, sign, rates = drift_found, sign_found, rates_found
-        # Unlike a load step an arc is also cut after a slow step that converged. The cut is milder than after a
+        # Unlike a load step, an arc is also cut after a slow step that converged. The cut is milder than after a
         # failure.
         growth = ARC_GROWTH if found.iterations <= EASY else ARC_CUT
         growth = SPEEDING if found.iterations <= VERY_EASY else growth
@@ -251,6 +253,6 @@ def arc_length_steps(
 
 
 def _crowded(there: float, close: float) -> list[float]:
-    """Return arcs that lead to a turning point and beyond, and are shorter the closer they come."""
+    """Return arcs to a turning point and beyond, shorter the closer they are to it."""
     places = [place for place in (there - 3 * close, there - close) if place > close / 2]
     return [float(arc) for arc in np.diff([0.0, *places, there, there + close])]

@@ -1,4 +1,4 @@
-"""States at finite strain, and what else Newton's method asks of a step: one more equation, or a direction held."""
+"""States at finite strain, and conditions on a step of Newton's method: one more equation, or a held direction."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from shellbench.solvers.fem.mesh.mesh import ROUNDING
 
 Array = NDArray[np.float64]
 
-KRYLOV = 60  # products of a step; one that takes more is used as it is, and makes Newton's method an inexact one
+KRYLOV = 60  # products of a step; a longer iteration is stopped, which makes Newton's method an inexact one
 
 
 @dataclass(frozen=True)
 class PressedFactor:
-    """The tangent K - A on what the supports leave free, K factorised.
+    """The tangent K - A on the free unknowns, with K factorised.
 
     Attributes
     ----------
     symmetric
         Factorisation of K.
     free
-        (nodes, 12) which unknowns are free.
+        (nodes, 12) mask of the free unknowns.
     skew
         A, reduced as K is.
     """
@@ -39,21 +39,21 @@ class PressedFactor:
 
     @classmethod
     def on_free(cls, symmetric: Factor, skew: BlockMatrix, ties: Ties) -> PressedFactor:
-        """Reduce A to what is free."""
+        """Reduce A to the free unknowns."""
         return cls(symmetric, ties.free.astype(float), ties.reduce(skew))
 
     @property
     def negative(self) -> int:
         """Number of negative eigenvalues of K.
 
-        If there is none, no step does negative work: the state does not diverge, whatever A is. The converse is not
-        true, so that a path may be ended too early.
+        If there is none, no step does negative work, whatever A is: the state does not diverge. The converse is not
+        true, so that a path may end too early.
         """
         return self.symmetric.negative
 
     def solve(self, right: Array) -> Array:
         """Solve (K - A) x = right for (nodes, 12, n) right-hand sides."""
-        # x - K^-1 A x = K^-1 right, by GMRES. Where K is positive definite K^-1 A has imaginary eigenvalues only, which
+        # x - K^-1 A x = K^-1 right, by GMRES. If K is positive definite, K^-1 A has imaginary eigenvalues only, which
         # accumulate at zero: 1 - K^-1 A is never singular.
         return np.stack([self._solve(right[..., k]) for k in range(right.shape[-1])], axis=-1)
 
@@ -75,14 +75,14 @@ class PressedFactor:
 
 @dataclass(frozen=True)
 class TurnedFactor:
-    """The factorised tangent of a state, as an approximate one where supports have moved on.
+    """The factorised tangent of a state, used as an approximation after supports have moved.
 
     Attributes
     ----------
     factor
-        The tangent on what the supports leave free at the state.
+        The tangent on the free unknowns at the state.
     before, ties
-        The supports there, and where it is used.
+        The supports at the state, and at the place of use.
     """
 
     factor: TangentFactor
@@ -96,7 +96,7 @@ class TurnedFactor:
 
     def solve(self, right: Array) -> Array:
         """Solve for (nodes, 12, n) right-hand sides."""
-        # The bases of free directions are not comparable: by way of nodal degrees of freedom.
+        # The bases of free directions differ; therefore the solve goes through nodal degrees of freedom.
         free = self.before.to_free(self.ties.to_nodal(right))
         return self.ties.to_free(self.before.to_nodal(self.factor.solve(free) * self.before.free[..., None]))
 
@@ -129,7 +129,7 @@ class FiniteState:
     forgiven
         Negative eigenvalues of the tangent that belong to waves that may travel.
     pressure, touch
-        Of obstacles at the contact points, (n,), Pa, and (n, 3), N; None where there are none, or it is not known.
+        Contact at the contact points, (n,), Pa, and (n, 3), N; None without obstacles, or if unknown.
     tangent
         Tangent stiffness of the state itself, supports not applied, if `factor` is its factorisation; else None.
     """
@@ -149,15 +149,16 @@ class FiniteState:
 
     @property
     def stable(self) -> bool:
-        """Whether the state is a minimum of the potential energy.
+        """True if the state is a minimum of the potential energy.
 
-        Under a pressure that follows there is none: then, whether all steps from the state do positive work.
+        A pressure that follows the shell has no potential. Then it is True if all steps from the state do positive
+        work.
         """
         return self.factor is not None and self.factor.negative == self.forgiven
 
     @property
     def relieved(self) -> FiniteState:
-        """The state without what only the next step needs, which takes most of the memory."""
+        """The state without the data that only the next step needs, which take most of the memory."""
         return replace(self, factor=None, tangent=None, strained=replace(self.strained, deformations=(), stresses=()))
 
 
@@ -172,14 +173,14 @@ class Constraint:
 
 @dataclass(frozen=True)
 class Hold:
-    """A direction w in which a step makes no progress, w . dq = 0; none where `answer` is None.
+    """A direction w that is excluded from a step, w . dq = 0; no direction if `answer` is None.
 
     Attributes
     ----------
     row, answer
-        (nodes, 12) w, and what the shell answers to it as a force.
+        (nodes, 12) w, and the shell's displacement under w as a force.
     negative
-        Whether it is along w that the tangent has a negative eigenvalue: holding w takes it away.
+        Whether the tangent's negative eigenvalue is along w, so that holding w removes it.
     """
 
     row: Array
@@ -188,23 +189,23 @@ class Hold:
 
     @classmethod
     def from_ties(cls, ties: Ties, factor: TangentFactor, row: Array | None) -> Hold:
-        """Hold a direction, if there is one, beside the supports."""
+        """Hold a direction, if there is one, in addition to the supports."""
         if row is None:
             return cls(np.zeros(0))
-        # w is held by a multiplier m: K dq + m w = r and w . dq = 0. That takes one more solve, A = K^-1 w. By the
-        # inertia of the bordered matrix, w . A < 0 says that K has one negative eigenvalue less across w.
+        # A multiplier m holds w: K dq + m w = r and w . dq = 0. This takes one more solve, A = K^-1 w. By the inertia
+        # of the bordered matrix, w . A < 0 means that K has one negative eigenvalue less across w.
         answer = on_free(ties, factor, row)
         return cls(row, answer, bool(np.sum(row * answer) < 0))
 
     def step(self, step: Array) -> Array:
-        """Return a step without what would move along w."""
+        """Return a step without its part along w."""
         if self.answer is None:
             return step
-        # m = (w . K^-1 r) / (w . A), by which K itself and its factor stay as they are.
+        # m = (w . K^-1 r) / (w . A), so that K and its factor need no change.
         return step - self.answer * (np.sum(self.row * step) / np.sum(self.row * self.answer))
 
 
 def on_free(ties: Ties, factor: TangentFactor, right: Array) -> Array:
-    """Return what the shell answers to forces (nodes, 12) where the supports leave it free."""
+    """Return the displacement of the shell under forces (nodes, 12) where the supports leave it free."""
     free = ties.to_free(right[..., None])
     return np.asarray(ties.to_nodal(factor.solve(free) * ties.free[..., None])[..., 0])

@@ -4,15 +4,15 @@ With g = a1 x a2 of the deformed surface, a pressure p along the deformed normal
 
     F(u; v) = int p g . v dxi1 dxi2,    L(u; v, w) = int p v . (w,1 x a2 + a1 x w,2) dxi1 dxi2,
 
-per deformed area, L its derivative in the direction w. By parts, where p is constant,
+per deformed area, with L its derivative in the direction w. Integration by parts gives, for constant p,
 
     L(v, w) - L(w, v) = closed integral of p (v x w) . dx over the deformed edge,
 
-which vanishes where edges are held. At a free edge it does not: such a load has no potential (Schweizerhof & Ramm 1984,
+which vanishes at held edges. At a free edge it does not: such a load has no potential (Schweizerhof & Ramm 1984,
 Displacement dependent pressure loads in nonlinear finite element analyses, Computers & Structures 18).
 
-So the tangent is K - A, K = W'' - (L + L^T) / 2 symmetric and A = (L - L^T) / 2. K is factorised as ever, and
-preconditions an iteration for K - A. A acts through the edges alone, so that a few products with it suffice.
+The tangent therefore is K - A, with K = W'' - (L + L^T) / 2 symmetric and A = (L - L^T) / 2. K is factorised as usual,
+and preconditions an iteration for K - A. A acts through the edges only, so that a few products with it suffice.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ ROWS, COLUMNS = (1, 2, 3), (4, 5, 6)  # axes of cells' matrices
 
 @dataclass(frozen=True)
 class FollowingPressure:
-    """All pressures of a case that follow, on the mesh and the quadrature of its strain energy."""
+    """All following pressures of a case, on the mesh and the quadrature of its strain energy."""
 
     case: Case
     energy: StrainEnergy
@@ -100,8 +100,8 @@ class FollowingPressure:
 
     def _cell_matrices(self, portion: Portion, q: Array, pressure: Array) -> Array:
         """Return L as (cells, 3, 4, 4, 3, 4, 4), for pressures (n,) times parametric weights."""
-        # 1. dg = -a2 x w,1 + a1 x w,2 at each point, as matrices on the slopes of the unit cell.
-        # 2. Times all products of a value and a slope, summed over the points of a cell.
+        # 1. Compute dg = -a2 x w,1 + a1 x w,2 at each point, as matrices on the slopes of the unit cell.
+        # 2. Multiply by all products of a value and a slope, and sum over the points of a cell.
         a1, a2 = self._base(portion, q)
         count = len(portion.steps)
         spread = np.stack([-cross_matrix(a2), cross_matrix(a1)], axis=1) * pressure[:, None, None, None]

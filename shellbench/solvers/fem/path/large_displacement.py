@@ -1,4 +1,4 @@
-"""A case of the non-linear theory on one mesh: its path from rest, and what of it is kept."""
+"""A case of the non-linear theory on one mesh: its path from rest, and the states that are kept."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ from shellbench.solvers.stepping.paths import over_edit
 
 Array = NDArray[np.float64]
 
-# Of the way from one state of a trail to the next: the shortest step in between.
+# Of the distance from one state of a trail to the next: the shortest step in between.
 SHORTEST = 1e-2
 # Component of a rotation among the loose rigid motions that is rounding: others are of order one.
 RIGID = 1e-6
 
 
 class PathEndedError(SolveFailure):
-    """A path that ended early; `equilibrium` is what it came to."""
+    """A path that ended early; `equilibrium` is its partial solution."""
 
     def __init__(self, reason: str, equilibrium: Equilibrium) -> None:
         last = equilibrium.solution.history[-1].at
@@ -57,7 +57,7 @@ class PathEndedError(SolveFailure):
 
 
 def declined(case: Case) -> str | None:
-    """Return what in a case of the non-linear theory fem can't do, as a clause, or None."""
+    """Return the property of a case of the non-linear theory that fem can't take, as a clause, or None."""
     for support in case.supports:
         if support.clamped and isinstance(support.motion, Value):
             return f"it can't move the clamped support '{support.name}' by a formula at finite strain"
@@ -93,13 +93,13 @@ def solve(
     Parameters
     ----------
     case, mesh, quadrature_order
-        What is solved, on what, and the degree to which a cell's Gauss rule is exact.
+        The case, its mesh, and the degree to which a cell's Gauss rule is exact.
     steps
         The load step to begin with, and the shortest one, as parts of the path.
     trail
-        All states of the path on another mesh: under load control they are corrected one by one, by arc length they
-        lead. Or those of an earlier shell, of which the case is an edit: then the states that are asked for are reached
-        from its own.
+        All states of the path on another mesh. Under load control they are corrected one by one; under arc length they
+        guide the steps. Or the states of an earlier shell, of which the case is an edit: the asked states then start
+        from these.
     tell
         Called with the load factor of each new state.
     share
@@ -119,10 +119,10 @@ def solve(
     SolveFailure
         If no state beyond rest converged.
     """
-    # 1. Check that loads do no work on rigid motions that nothing holds.
-    # 2. Follow the path, keeping what each state needs later and dropping its factorisation.
-    # 3. Give the history displacements without the rigid motions that nothing holds.
-    # 4. Keep the states at the marks and the critical ones, and what converged if the path ends early.
+    # 1. Check that loads do no work on free rigid motions.
+    # 2. Follow the path; keep the data of each state that are needed later, and drop its factorisation.
+    # 3. Record displacements in the history without free rigid motions.
+    # 4. Keep the states at the marks and the critical ones, and the converged ones if the path ends early.
     began = time.perf_counter()
     problem = FiniteProblem.on_mesh(case, mesh, Quadrature.of_order(mesh, quadrature_order))
     loose = free_motions(case)
@@ -146,7 +146,7 @@ def solve(
         reason = "the tangent stiffness is singular"
     if not states:
         raise SolveFailure(f"{reason}: no state beyond rest converged")
-    # A mark is a value of what is controlled, be it the load factor or a displacement.
+    # A mark is a value of the controlled quantity: the load factor or a displacement.
     marks = [state.t if controlled is None else float(np.sum(controlled * state.q)) for state in states]
     history = tuple(
         Step(
@@ -176,9 +176,9 @@ def solve(
 def prescribed(case: Case, mesh: TensorMesh, quadrature_order: int) -> Equilibrium:
     """Return the interpolant of a displacement that the case prescribes everywhere, at its marks.
 
-    The support carries the loads; what it does besides, to keep the shell in shape, has no resultant.
+    The support carries the loads; its further forces, which keep the shell in shape, have no resultant.
     """
-    # Nothing is solved for: coefficients are derivatives of the motion at the nodes, and bubbles what these leave.
+    # Nothing is solved for: coefficients are derivatives of the motion at the nodes, and bubbles fit the remainder.
     support, place = next(case.supported_places())
 
     def moved(points: Array, t: float) -> Mapping[Derivative, Array]:
@@ -238,8 +238,8 @@ def _path(
 
 def _corrected(problem: FiniteProblem, trail: FemSolution) -> Iterator[FiniteState]:
     """Yield the states at the load factors of a trail, each from its own displacement there."""
-    # Nested iteration: the coarser mesh's state at the same t is the guess that Newton's method corrects. It may have
-    # been on a branch that this mesh does not have. Then load steps lead there from the state before.
+    # Nested iteration: the coarser mesh's state at the same t is the initial guess of Newton's method. It may lie on a
+    # branch that this mesh does not have. Then load steps reach t from the state before.
     before: FiniteState | None = None
     for t in trail.states:
         near = before or problem.undeformed()
@@ -258,7 +258,7 @@ def _corrected(problem: FiniteProblem, trail: FemSolution) -> Iterator[FiniteSta
 
 
 def _edited(problem: FiniteProblem, earlier: FemSolution, lengths: tuple[float, float]) -> Iterator[FiniteState]:
-    """Yield the states that are asked for, from those of an earlier shell, or from rest where that fails."""
+    """Yield the asked states, starting from those of an earlier shell, or from rest if that fails."""
     case, mesh, rest = problem.case, problem.mesh, problem.undeformed()
 
     def found_at(t: float, q: Array, share: float) -> tuple[FiniteState, Array]:
@@ -283,7 +283,7 @@ def _edited(problem: FiniteProblem, earlier: FemSolution, lengths: tuple[float, 
 def _stations(mesh: TensorMesh, trail: FemSolution) -> Iterator[Station]:
     """Yield all states of a path on another mesh, interpolated on this one."""
     for number, (value, step) in enumerate(zip(trail.states, trail.history, strict=True)):
-        # by number: on a path that turns, several states have one displacement
+        # by number: on a path that turns, several states have the same displacement
         alone = replace(trail, coefficients=trail.coefficients[..., number : number + 1], states=(1.0,))
         yield Station(_interpolated(mesh, alone, 1.0), step.at, value)
 
@@ -295,10 +295,10 @@ def _interpolated(mesh: TensorMesh, solution: FemSolution, at: float) -> Array:
 
 
 def _kept(case: Case, marks: Sequence[float], complete: bool) -> list[int]:
-    """Return the numbers of the states at the case's marks, or as far as the path goes, and its last one."""
+    """Return the numbers of the states at the case's marks that the path reached, and of its last one."""
     kept = []
     for mark in case.states:
-        # Marks are landed on but for rounding. On a path that turns, the first passage counts.
+        # The path lands on marks up to rounding. On a path that turns, the first passage counts.
         there = [k for k, value in enumerate(marks) if same(value, mark)]
         kept += there[:1]
     if not complete and len(marks) - 1 not in kept:
@@ -311,12 +311,12 @@ def _unknowns(problem: FiniteProblem) -> int:
 
 
 def _held(problem: FiniteProblem, states: Sequence[FiniteState]) -> list[Array]:
-    """Return the displacements (nodes, 12) of states without the rigid motions that nothing holds."""
+    """Return the displacements (nodes, 12) of states without free rigid motions."""
     loose, scales = free_motions(problem.case), problem.mesh.node_scales[:, None, :, None]
     if not loose.size:
         return [state.q for state in states]
-    # Pins hold single displacements, wherever these are. An answer has no rigid motion in the mean over the area
-    # instead.
+    # Pins hold single displacements at arbitrary places. An answer instead has no rigid motion in the mean over the
+    # area.
     stacked = np.stack([state.q for state in states], axis=-1)
     fields = stacked.reshape(-1, COMPONENTS, len(KINDS), len(states)) / scales
     fields = fields - mean_rigid_motion(problem.case, problem.mesh, problem.quadrature, fields, loose)

@@ -2,10 +2,10 @@
 
 On a path that no load factor marks, the load factor t is an unknown, and the additional equation is c . q + d t = s.
 
-Newton's method takes the stresses in the geometric part of the tangent from the linear prediction of the step before,
-C (eps(q) + eps'(q) dq), and those of the displacement itself everywhere else (the mixed integration point method:
-Magisano, Leonetti & Garcea 2017). A thin shell's membrane stresses follow from a displacement only when that is exact
-to second order; with their prediction a large step converges in a few iterations, still quadratically.
+Newton's method takes the stresses in the geometric part of the tangent from the linear prediction of the step before, C
+(eps(q) + eps'(q) dq), and those of the displacement itself everywhere else (the mixed integration point method:
+Magisano, Leonetti & Garcea 2017). A thin shell's membrane stresses follow from a displacement only if that is exact to
+second order. With their prediction a large step converges in a few iterations, still quadratically.
 
 Magisano, Leonetti & Garcea (2017), How to improve efficiency and robustness of the Newton method in geometrically
 non-linear structural problem discretized via displacement-based finite elements, CMAME 313.
@@ -31,19 +31,19 @@ Array = NDArray[np.float64]
 
 # Work of the residual on the last step, relative to the energy: with a new tangent the next one's is its square, 1e-20.
 CONVERGED = 1e-10
-# Largest residual force before the last step, relative to the largest nodal force: a large one along a stiff direction
-# does hardly any work.
+# Largest residual force before the last step, relative to the largest nodal force: along a stiff direction a large one
+# does little work.
 BALANCED = 1e-3
 MOST_ITERATIONS = 14  # a step that takes more is cut
-MOST_IN_CONTACT = 40  # the same where points come into contact and part, and gaps close round by round
+MOST_IN_CONTACT = 40  # the same with contact, where points touch and separate, and gaps close in rounds
 FEW = 3  # iterations with an obstacle that is soft
-# Growth of that work that no iteration comes back from. The first steps of a thin shell raise it by its membrane
+# Growth of that work beyond which no iteration converges. The first steps of a thin shell raise it by its membrane
 # stresses.
 HOPELESS = 1e8
 # Ratio of that work from iteration to iteration beyond which an old tangent is replaced: 0.1 of the error.
 SLOW = 1e-2
 UNKNOWN = float(np.finfo(float).max)  # work before a first step by an old tangent: the second one tells of it
-# Of `CONVERGED`, where the last step was made by an old tangent: what is to come is up to `SLOW` of it, 1e-16.
+# Of `CONVERGED`, if the last step was made by an old tangent: the next one is up to `SLOW` of it, 1e-16.
 STRICT = 1e-4
 
 
@@ -59,7 +59,8 @@ def equilibrium(
 ) -> FiniteState:
     """Return the state at a load factor, from another one.
 
-    Newton's method keeps its tangents as long as they will do if it is to be `frugal`: the state's is one nearby.
+    If `frugal`, Newton's method keeps its tangents as long as it converges; the state's tangent is then that of a
+    nearby state.
 
     Raises
     ------
@@ -67,7 +68,7 @@ def equilibrium(
         If Newton's method does not get there.
     """
     ties = problem.ties(t)
-    # The change of q that puts the start onto the supports as they are at t, and touches nothing else.
+    # The change of q that moves the start onto the supports at t, and changes nothing else.
     moved = ties.particular[..., 0] + ties.to_nodal(ties.to_free(start.q[..., None]))[..., 0] - start.q
     known: Known | None = None
     if not _stays(problem, start, moved):
@@ -77,19 +78,19 @@ def equilibrium(
     except NotConvergedError:
         if start.pressure is None:
             raise
-        # by way of soft obstacles, which know nothing of the points that were in contact
+        # through soft obstacles, without the points that were in contact
         return _newton(problem, replace(start, pressure=None), t, ties, moved, None, tolerance, None, frugal)
 
 
 def _stays(problem: FiniteProblem, start: FiniteState, step: Array) -> bool:
-    """Whether a step (nodes, 12) is no more than rounding; where points may touch, any is more."""
+    """Return True if a step (nodes, 12) is no more than rounding; with possible contact, only if it is zero."""
     return bool(np.abs(step).max() <= (ROUNDING * np.abs(start.q).max() if problem.points is None else 0.0))
 
 
 def carried(problem: FiniteProblem, start: FiniteState, t: float, ties: Ties, moved: Array) -> tuple[Array, Known]:
-    """Return a motion of the supports with what the shell answers to it by its tangent at the start, and that."""
-    # A support that jumps alone would strain only the cells beside it, and these far too much. One linear solve at
-    # the start, K dq = r(q, t) - K moved, spreads the motion over the shell.
+    """Return a motion of the supports with the shell's response by its tangent at the start, and that tangent."""
+    # A support that moves alone would strain only the cells beside it, and these far too much. One linear solve at the
+    # start, K dq = r(q, t) - K moved, spreads the motion over the shell.
     pressing = problem.pressing(start, t)
     own = None if pressing else start.tangent
     matrix = own or problem.tangent(start.q, start.t, start.strained, start.strained.stresses)
@@ -146,20 +147,20 @@ def _newton(
 ) -> FiniteState:
     """Iterate from `start` after a first step that satisfies the supports (and is a mere prediction)."""
     # Newton's method with predicted stresses:
-    # 1. Residual r = f - W' at q, and its size relative to the largest nodal force.
-    # 2. Factorise K: strains from q, but the stresses of its geometric part from the step before (see the top).
-    # 3. dq = K^-1 r, without travelling waves where they are held, or bordered by the constraint of a path.
-    # 4. Predict the next stresses, C (eps + eps' dq), from where q was, if a new K asks for them.
-    # 5. Stop when the work r . dq is at rounding and r was already small before the step. Beside the shell's own
-    #    forces and energy counts what rounding makes of a shell that is only moved, which has neither.
-    # 6. Obstacles press on all that, and add to K. Those that are touched for the first time are soft for a few
-    #    iterations, and ever harder. Where gaps are still open at the end, go on with the pressures as multipliers.
-    # 7. Where it is frugal, try the old tangent first in 2. and 3.: a solve costs a tenth of a tangent. Its step is
-    #    kept if the work falls fast; the work falls by a constant ratio then, and 5. asks for less of it.
+    # 1. Compute the residual r = f - W' at q, and its size relative to the largest nodal force.
+    # 2. Factorise K: strains from q, but the stresses of its geometric part from the step before (see the module's
+    #    docstring).
+    # 3. Compute dq = K^-1 r, without travelling waves if they are held, or bordered by the constraint of a path.
+    # 4. Predict the next stresses, C (eps + eps' dq), from the old q, if a new K needs them.
+    # 5. Stop when the work r . dq is at rounding and r was already small before the step. The scales are the shell's
+    #    own forces and energy, plus those by rounding in a rigidly moved shell, which has neither.
+    # 6. Add the forces of obstacles and their part of K. Obstacles that are touched for the first time are soft for a
+    #    few iterations, and then harden. If gaps are still open at the end, continue with the pressures as multipliers.
+    # 7. If `frugal`, try the old tangent first in 2. and 3.: a solve costs a tenth of a tangent. Its step is kept if
+    #    the work falls fast. The work then falls by a constant ratio, and 5. requires less of it.
     # The textbook takes the stresses of q itself, and damps its steps by a line search. A thin shell's membrane
-    # stresses after a bending step are spurious and large, and so would be that K. There is no line search: the
-    # residual may grow at first, and the step still be right. A step that does not converge is made shorter by the
-    # caller instead.
+    # stresses after a bending step are spurious and large, and would spoil K. There is no line search, since the
+    # residual may grow at first although the step is right. The caller shortens a step that does not converge.
     q, strained, predicted = start.q, start.strained, partial(tuple, start.strained.stresses)
     factor: TangentFactor | None = None
     pressing = problem.pressing(start, t)
@@ -180,7 +181,7 @@ def _newton(
         if pressed:
             forces = forces + pressed.nodal
         right = forces - strained.forces
-        # The start's forces count too: a shell that is unloaded has no others at its end.
+        # The scale includes the start's forces: an unloaded shell has no others at its end.
         largest = max(np.abs(forces).max(), np.abs(strained.forces).max(), np.abs(start.strained.forces).max())
         unbalanced, moved = _size(ties, right), UNSTRAINED * float(np.abs(q).max())
         residuals.append(unbalanced / max(largest, np.finfo(float).tiny))
@@ -204,13 +205,13 @@ def _newton(
         predicted = partial(problem.energy.predicted_stresses, strained, step)
         q = q + step
         strained = problem.energy.at(q)
-        # So does the start's energy, for the same reason.
+        # The scale also includes the start's energy, for the same reason.
         scale = max(strained.energy + abs(float(np.sum(forces * q))), start.strained.energy)
         first = first or decrement
-        # Spurious stresses may raise the work for a few iterations, but not so far.
+        # Spurious stresses may raise the work for a few iterations, but not beyond this bound.
         if not np.isfinite(scale) or decrement > HOPELESS * first:
             break
-        # r . K^-1 r is small also for a large r along a stiff direction, hence the second condition.
+        # r . K^-1 r is also small for a large r along a stiff direction, hence the second condition.
         least = STRICT * tolerance if aged else tolerance
         idle = decrement <= max(least * scale, membrane * moved**2)
         settled = idle and unbalanced <= max(BALANCED * largest, membrane * moved)

@@ -45,7 +45,7 @@ class FiniteProblem:
     Attributes
     ----------
     case, mesh, quadrature
-        What is solved, and on what.
+        The case, its mesh and quadrature.
     energy
         Strain energy of the mesh.
     moments
@@ -53,11 +53,11 @@ class FiniteProblem:
     clamps
         Clamped edges whose normals turn along them.
     pressure
-        Pressures that follow the shell, if there are any.
+        Pressures that follow the shell, if any.
     dissection
         Elimination order of the mesh.
     holding
-        Whether Newton's method holds waves that may travel around a shell of revolution where they are.
+        Whether Newton's method fixes waves that may travel around a shell of revolution.
     """
 
     case: Case
@@ -81,19 +81,20 @@ class FiniteProblem:
 
     @cached_property
     def points(self) -> ContactPoints | None:
-        """Where obstacles are asked for their distance; None without any, and in motion, whose steps ask them."""
+        """Points at which gaps are evaluated; None without obstacles, or in motion, which has its own points."""
         if not self.case.obstacles or self.case.dynamics is not None:
             return None
         return ContactPoints.on_mesh(self.case, self.mesh)
 
     def pressing(self, start: FiniteState, t: float) -> Pressing | None:
-        """Return what obstacles there are at a load factor, with the pressures of a state."""
+        """Return the obstacles at a load factor, with the pressures of a state; None without obstacles."""
         return None if self.points is None else Pressing.from_pressure(self.points, t, start.pressure)
 
     @cached_property
     def ties(self) -> Callable[[float], Ties]:
-        """The ties of the supports, and of what pins rigid motions, at a load factor."""
-        # Supports that stand still tie alike at every t. Those that move are resolved anew, and the last few kept.
+        """Ties of the supports, and of pins against rigid motions, at a load factor."""
+        # Supports at rest have the same ties at every t. Moving ones are resolved again, and the last few ties are
+        # cached.
         if any(support.motion is not None for support in self.case.supports):
             return lru_cache(maxsize=4)(self._ties)
         fixed = self._ties(1.0)
@@ -102,9 +103,9 @@ class FiniteProblem:
     def _ties(self, t: float) -> Ties:
         ties = support_ties(self.case, self.mesh, (t,))
         if self.case.dynamics is not None:
-            return ties  # what nothing holds moves
-        # Rigid motions that neither supports nor loads mind would leave K singular. Determinate pins hold them, without
-        # a reaction, as the loads balance.
+            return ties  # in motion, free rigid motions are part of the answer
+        # Free rigid motions would make K singular. Determinate pins hold them, without a reaction, since the loads are
+        # in balance.
         loose = free_motions(self.case)
         if not loose.size:
             return ties
@@ -128,10 +129,10 @@ class FiniteProblem:
         return lambda t: t * unit
 
     def rest(self) -> FiniteState:
-        """Return the state that nothing loads, with its tangent."""
+        """Return the unloaded state, with its tangent."""
         state = self.undeformed()
         try:
-            # A mechanism is singular at rest, which ends a path only if its first step needs this tangent.
+            # A mechanism has a singular tangent at rest, which ends a path only if its first step needs this tangent.
             return replace(state, factor=self.factorised(state.q, 0.0, state.strained, state.strained.stresses))
         except NotPositiveDefiniteError:
             return state
@@ -151,13 +152,13 @@ class FiniteProblem:
         return replace(state, factor=factor)
 
     def undeformed(self) -> FiniteState:
-        """Return the state that nothing loads, without its tangent: no path goes on from it, it only tells angles."""
+        """Return the unloaded state without its tangent: no path starts from it; it only provides angles."""
         q = np.zeros((self.mesh.node_count, NODE_DOFS))
         angles = tuple(np.zeros(len(moment.points)) for moment in self.moments)
         return FiniteState(0.0, q, self.energy.at(q), angles, None)
 
     def state_at(self, t: float, q: Array, near: FiniteState) -> FiniteState:
-        """Return a displacement as if it were a state of equilibrium; its angles are the closest to those of `near`."""
+        """Return a displacement as a state, without a check of equilibrium; angles are closest to those of `near`."""
         return FiniteState(t, q, self.energy.at(q), self.angles(q, near), None)
 
     def applied(self, q: Array, t: float) -> Array:
@@ -178,8 +179,7 @@ class FiniteProblem:
 
     def reactions(self, state: FiniteState) -> Array:
         """Return the nodal forces (nodes, 12) that the supports exert."""
-        # What the shell asks less what the loads give. Of a clamp's terms between the nodes the part with dm is no
-        # reaction.
+        # Internal forces less loads. In a clamp's terms between the nodes, the part with dm is no reaction.
         total = state.strained.forces - self.applied(state.q, state.t)
         if self.points is not None and state.touch is not None:
             total = total - self.points.nodal(state.touch)[..., 0]
@@ -188,7 +188,7 @@ class FiniteProblem:
         return total
 
     def potential(self, state: FiniteState) -> float:
-        """Return strain energy less the work of the loads, J; of a pressure that follows, as if it had come dead."""
+        """Return strain energy less the work of the loads, J; a following pressure counts as a dead load."""
         work = float(np.sum(self.loads(state.t) * state.q))
         if self.pressure is not None:
             work += float(np.sum(self.pressure.forces(state.q, state.t) * state.q))
@@ -230,11 +230,11 @@ class FiniteProblem:
 
     @cached_property
     def revolution(self) -> Revolution | None:
-        """What is symmetric about the case, where waves could travel around it."""
+        """The shell of revolution, if waves can travel around the case; else None."""
         return Revolution.from_case(self.case, self.mesh)
 
     def travelling(self, q: Array) -> Array | None:
-        """Return the direction in which a state's waves travel, if Newton's method is to hold them."""
+        """Return the direction in which a state's waves travel, if Newton's method has to hold them; else None."""
         return self.revolution.direction(q) if self.holding and self.revolution is not None else None
 
     def force_rate(self, q: Array) -> Array:
@@ -249,7 +249,7 @@ class FiniteProblem:
         stresses: tuple[Array, ...],
         contact: tuple[Pressing, Pressed] | None = None,
     ) -> TangentFactor:
-        """Return the factorised tangent on what the supports leave free; NotPositiveDefiniteError if it is singular."""
+        """Return the factorised tangent on the free unknowns; NotPositiveDefiniteError if it is singular."""
         ties, matrix = self.ties(t), self.tangent(q, t, strained, stresses)
         if contact:
             contact[0].add_stiffness(matrix, contact[1])
@@ -259,13 +259,13 @@ class FiniteProblem:
         return PressedFactor.on_free(symmetric, self.pressure.skew(q, t), ties)
 
     def reduced_factor(self, ties: Ties, matrix: BlockMatrix) -> Factor:
-        """Return a symmetric matrix factorised on what supports leave free; NotPositiveDefiniteError if singular."""
+        """Return a symmetric matrix factorised on the free unknowns; NotPositiveDefiniteError if singular."""
         reduced = ties.reduce(matrix)
         if not np.all(np.isfinite(reduced.blocks)):
             raise NotPositiveDefiniteError
-        # Newton's method needs no definite K. Unstable states lie on a path too, and the inertia tells them.
+        # Newton's method needs no definite K. A path also has unstable states, which the inertia shows.
         return factorise(reduced, self.dissection, "reported")
 
     def angles(self, q: Array, near: FiniteState) -> tuple[Array, ...]:
-        """Return by edge moment the angles by which normals have turned, closest to those of another state."""
+        """Return by edge moment the rotation angles of the normals, closest to those of another state."""
         return tuple(m.angles(q, a) for m, a in zip(self.moments, near.angles, strict=True))

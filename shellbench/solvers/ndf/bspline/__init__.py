@@ -1,4 +1,4 @@
-"""A grid of B-splines in the place of the network, for comparison: `bspline-ritz`.
+"""A grid of B-splines instead of the network, for comparison: `bspline-ritz`.
 
-It may import `linear` and the rooms below it.
+It may import `linear` and the packages below it.
 """

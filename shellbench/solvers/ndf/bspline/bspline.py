@@ -1,7 +1,7 @@
 """The recipe `bspline-ritz`: a grid of cubic B-splines whose coefficients are solved for, on ever more cells.
 
-Strains, energy, loads and supports are those of all fields here; what differs are the trial functions. Each is zero
-but on a few cells, so that the equations are sparse, and the cells of the grid are the panels of the quadrature.
+Strains, energy, loads and supports are those of all fields here; only the trial functions differ. Each is zero except
+on a few cells, so that the equations are sparse, and the cells of the grid are the panels of the quadrature.
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ CELL_POINTS = 2  # Gauss points of a cell along a side beyond the degree: bounda
 CERTIFYING_POINTS = 2  # more of them, for the certificate
 CELL_BATCH = 2048  # points whose strain rows are held at once, in whole cells
 SLOPE_POINTS = 2  # of a cell at an edge whose slope is held: as many as splines there, nearly twice
-FEWEST = 3  # levels that tell how fast changes shrink
-UNTOLD = 1.0  # of the last change that an answer may still miss, where fewer do
+FEWEST = 3  # levels that show how fast changes shrink
+UNTOLD = 1.0  # of the last change: estimated remaining error if there are fewer levels
 
 
 def why_not_held(case: Case) -> str | None:
-    """Return why a grid can't hold a case of the linear theory, as one clause, or None if it can."""
+    """Return the reason that a grid can't represent a case of the linear theory, as one clause, or None if it can."""
     if case.dynamics is not None:
         return "it moves, and this solver takes shells at rest"
     if case.prescribed:
@@ -78,7 +78,7 @@ class Equations:
 
 
 def rule_of(case: Case, cells: int, settings: SplineSettings) -> RuleSpec:
-    """Return the panels of a level, which are the grid's cells: graded as settings ask."""
+    """Return the panels of a level, which are the grid's cells, graded by the settings."""
     panels = [cells * (2 if closed else 1) for closed in case.surface.domain.periodic]
     layers = edge_layers(case) if settings.layers and not foci(case) else None
     return RuleSpec(
@@ -92,7 +92,7 @@ def rule_of(case: Case, cells: int, settings: SplineSettings) -> RuleSpec:
 
 @dataclass(frozen=True)
 class CellPoints:
-    """Points of whole cells, with what the energy needs there."""
+    """Points of whole cells, with the data of the energy there."""
 
     table: Table
     numbers: Integers
@@ -118,10 +118,10 @@ def cell_points(ansatz: Ansatz, splines: Splines, spec: RuleSpec) -> Iterator[Ce
 
 def equations_of(ansatz: Ansatz, splines: Splines, spec: RuleSpec) -> Equations:
     """Integrate the energy of the coefficients, cell by cell."""
-    # 1. At the points of a cell: rows of the roots of stiffness and weight, on the jets of the splines there.
-    # 2. K of the cell, rows^T rows, into a sparse matrix; likewise work of the loads, and means of rigid motions.
-    # 3. Forces and moments at points and edges.
-    # 4. Conditions: rigid motions left free have no mean; point supports; slopes that no factor holds.
+    # 1. Compute, at the points of a cell, rows of the roots of stiffness and weight, on the jets of the splines there.
+    # 2. Add K of the cell, rows^T rows, to a sparse matrix; likewise the work of the loads, and means of rigid motions.
+    # 3. Add forces and moments at points and edges.
+    # 4. State the conditions: rigid motions left free have no mean; point supports; slopes that no factor holds.
     case, placement, focal = ansatz.case, splines.placement, focal_points(ansatz.case)
     count, unknowns = splines.count, 3 * splines.count
     load, constant = np.zeros(unknowns), 0.0
@@ -171,9 +171,10 @@ def least(equations: Equations) -> tuple[Array, Array]:
     SolveFailure
         If the equations have no solution.
     """
-    # 1. Scale to a unit diagonal. A spline that no energy knows gets one of its own, and stays zero.
-    # 2. Of the conditions, directions that differ (singular vectors): rows at many points of an edge say the same.
-    # 3. The saddle system of both, once more for its residual.
+    # 1. Scale to a unit diagonal. A spline without energy gets a unit diagonal entry, and stays zero.
+    # 2. Take the independent directions of the conditions (singular vectors): rows at many points of an edge repeat
+    #    each other.
+    # 3. Solve the saddle system of both, and once more for its residual.
     diagonal = equations.stiffness.diagonal()
     root = np.where(diagonal > 0, 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), 1.0)
     scaled = diags(root) @ equations.stiffness @ diags(root) + diags(np.where(diagonal > 0, 0.0, 1.0))
@@ -227,7 +228,7 @@ class SolvedGrid:
     values: dict[str, float]
 
     def missed(self, finer: SolvedGrid) -> Miss:
-        """Return what it has missed at least, as a finer answer tells."""
+        """Return lower bounds of its errors, from its difference to a finer answer."""
         changes = {name: abs(value - self.values[name]) for name, value in finer.values.items()}
         return Miss(changes, abs(self.potential - finer.potential) / finer.stored)
 
@@ -240,10 +241,10 @@ def solve(case: Case, settings: SplineSettings, progress: ProgressCallback) -> S
     SolveFailure
         If the equations have no solution.
     """
-    # 1. Twice the cells, level by level. What an answer changes is what the one before had missed.
-    # 2. From three levels on, the energies tell by what ratio changes shrink; the rest of the series is what the last
-    #    answer misses still. It shrinks no faster than splines of this degree converge where all is smooth.
-    # 3. Settled: that, and what a finer rule says of the energy, is a small part of each quantity.
+    # 1. Double the cells, level by level. The change of an answer estimates the error of the one before.
+    # 2. From three levels on, the energies give the ratio of successive changes; the rest of the series estimates the
+    #    error of the last answer. The ratio is at most the convergence of splines of this degree for smooth solutions.
+    # 3. Stop if this error, and the difference to a finer rule in the energy, are a small part of each quantity.
     began, steps = time.perf_counter(), list[Step]()
     answers: list[SolvedGrid] = []
     levels = [level for level in LEVELS if level < settings.most_cells] + [settings.most_cells]
@@ -276,7 +277,8 @@ def solve_level(case: Case, settings: SplineSettings, cells: int) -> SolvedGrid:
     fine = replace(spec, order=spec.order + CERTIFYING_POINTS)
     membrane, bending, springs = certified(ansatz, splines, fine, weights)
     rounding = rounding_energy(case.material.membrane_stiffness, surface_area(ansatz, rule))
-    # Strains on both rules; where a support moves, the lift strains the shell, too, and only the finer rule says so.
+    # Strains are computed on both rules; if a support moves, the lift strains the shell too, which only the finer rule
+    # shows.
     stored, strained = membrane + bending + springs, 0.5 * float(weights @ (equations.stiffness @ weights))
     gap = 0.0 if ansatz.lift.moves else abs(strained - stored) / (stored + rounding)
     solution = SplineSolution(
@@ -309,10 +311,10 @@ def _step(answer: SolvedGrid, number: int, seconds: float) -> Step:
 
 
 def still_missed(last: float, former: float, fastest: float) -> float:
-    """Return what an answer misses still, in units of its last change.
+    """Return the estimated error of an answer, in units of its last change.
 
-    The rest of a geometric series, from the shares of energy that this change and the one before have gained; its
-    ratio is `fastest` at least.
+    It is the rest of a geometric series. Its ratio is that of the shares of energy gained by this change and by the one
+    before, but not below `fastest`.
     """
     if not last < former:
         return math.inf if last > former else UNTOLD

@@ -1,4 +1,4 @@
-"""The solution of `bspline-ritz`: coefficients of a grid of splines, asked anywhere and kept in one file."""
+"""The solution of `bspline-ritz`: coefficients of a grid of splines, evaluated anywhere and kept in one file."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ SPEC = FieldSpec(slopes="rows")
 
 
 def solved_part(case: Case, symmetry: bool) -> Part:
-    """Return the part of a shell that is solved: the least that planes of symmetry allow, if they are to be used."""
-    # A part knows neither springs nor parts of edges, and forces of its point supports would have to be shared out.
+    """Return the part of a shell that is solved: with `symmetry`, the smallest that planes of symmetry allow."""
+    # Parts support neither springs nor parts of edges, and forces of point supports would have to be divided.
     whole = case.springs or case.edge_parts or case.focus or point_supports(case, SPEC.t)
     return whole_of(case) if whole or not symmetry else part_of(case)
 
 
 def splines_of(case: Case, rule: RuleSpec, degree: int) -> Splines:
-    """Return the splines whose cells are the panels of a rule. Where a formula has a kink, ends of cells are double."""
+    """Return the splines whose cells are the panels of a rule. At kinks of formulas, ends of cells are double."""
     domain, focal = case.surface.domain, focal_points(case)
     lines = []
     for axis in (0, 1):
@@ -47,14 +47,14 @@ def splines_of(case: Case, rule: RuleSpec, degree: int) -> Splines:
 class GridField:
     """u = lift + M F on a part of a shell, F a sum of splines, and its mirror images.
 
-    It answers as a `shellbench.solvers.ndf.field.field.Field` of the whole shell does.
+    It has the methods of a `shellbench.solvers.ndf.field.field.Field` of the whole shell.
 
     Attributes
     ----------
     part
-        What was solved.
+        The part that was solved.
     on_part, ansatz
-        How supports of the part are built in, and those of the whole.
+        Supports of the part, and of the whole, as built into the field.
     features
         Splines on the part.
     output
@@ -83,7 +83,7 @@ class GridField:
         found = matrix_product(matrix, placement.tensor(free)[..., None])[..., 0]
         if self.on_part.lift.moves:
             found = found + self.on_part.lift.jet(folded.points, placement)[: len(found)]
-        # a mirror turns a component of the displacement, and each derivative along a coordinate
+        # a mirror changes the sign of a component of the displacement, and of each derivative along a coordinate
         turned = np.stack([folded.turned[:, 0] ** i * folded.turned[:, 1] ** j for i, j in PLANES[: len(found)]])
         return found * placement.tensor(folded.signs) * placement.tensor(turned)[..., None]
 
@@ -95,7 +95,7 @@ class SplineSolution(ShellSolution):
     Attributes
     ----------
     symmetry
-        Whether a part was solved where planes of symmetry allow it.
+        Whether a part was solved, if planes of symmetry allow it.
     degree, rule
         Of the splines, and the quadrature whose panels are their cells.
     coefficients
@@ -159,13 +159,13 @@ class SplineSolution(ShellSolution):
         return self._answered.pushed(number, centre, focal_points(self.case))
 
     def kept(self) -> tuple[Words, Arrays]:
-        """Return what `restored` needs of a file."""
+        """Return the data that `restored` needs of a file."""
         words = {name: getattr(self, name) for name in ("symmetry", "degree", "membrane", "bending", "point_forces")}
         return {**words, "rule": asdict(self.rule)}, {name: getattr(self, name) for name in self.numbers}
 
     @classmethod
     def restored(cls, case: Case, words: Words, arrays: Arrays) -> SplineSolution:
-        """Make a solution of what `kept` gave; ValueError or KeyError if it does not fit together."""
+        """Make a solution from the data of `kept`; ValueError or KeyError if they are inconsistent."""
         said = words["rule"]
         panels, layers, joints = tuple(said["panels"]), tuple(said["layers"]), tuple(map(tuple, said["joints"]))
         found = cls(

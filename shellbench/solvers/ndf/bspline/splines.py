@@ -1,7 +1,8 @@
 """B-splines on the parametric rectangle as features of a field: products of splines of each coordinate, exact jets.
 
 The grid of Shu et al., "Spatially Adaptive Cloth Regression with Implicit Neural Representations", without layers
-behind it: the field is linear in the values at the grid. Cells may be of any size, and go around a closed coordinate.
+behind it: the field is linear in the values at the grid. Cells may have any size, and are periodic along a closed
+coordinate.
 """
 
 from __future__ import annotations
@@ -73,7 +74,7 @@ class Line:
 
     @property
     def knots(self) -> Array:
-        """Knots: the ends of cells, and beyond both bounds these again, or those of the cells around."""
+        """Knots: the ends of cells, with the bounds repeated, or continued around a closed coordinate."""
         ends, size = self.ends, self.ends[-1] - self.ends[0]
         before = ends[-1 - self.degree : -1] - size if self.closed else np.full(self.degree, ends[0])
         beyond = ends[1 : self.degree + 1] + size if self.closed else np.full(self.degree, ends[-1])

@@ -1,4 +1,4 @@
 """One field for all materials of a range: `ndf-conditioned`.
 
-It may import `motion` and the rooms below it.
+It may import `motion` and the packages below it.
 """

@@ -1,13 +1,13 @@
 """One neural field for all materials of a range: `ndf-conditioned`.
 
-The hidden layer is drawn once, and knows no material. Its output layer is a function of the material,
+The hidden layer is drawn once, and does not depend on the material. The output layer is a function of the material,
 
     u(xi; material) = sum over k of c_k(material) u_k(xi),   u_k = W_k phi(xi),
 
 with W_k the output layers that were solved for at some materials of the range, and c the coefficients of least energy,
-which any material gets from a small system (`reduced`). So what is solved for are the layers W_k; nothing is trained by
-descent, and nothing is interpolated between materials. The published recipe (Kairanda et al., section 4.4) makes
-thickness and modulus inputs of a network instead, and trains it by descent at random materials.
+which follow for any material from a small system (`reduced`). Only the layers W_k are solved for; nothing is trained by
+descent, and nothing is interpolated between materials. Departure from the published recipe (Kairanda et al., section
+4.4): that makes thickness and modulus inputs of a network, and trains it by descent at random materials.
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ from shellbench.solvers.ndf.linear.solve import solve_part
 from shellbench.solvers.ndf.strains.energy import exploits
 
 FORMAT = "ndf-conditioned, format 1"
-CANDIDATES = (9, 7)  # thicknesses and Poisson's ratios of the grid that materials are chosen from
-LAST_FIELDS = 2  # fields that must not change the displacement of any candidate any more
-CHALLENGED = 8  # fields that are solved for without challengers, too: the first ones, at the ends of the ranges
+CANDIDATES = (9, 7)  # thicknesses and Poisson's ratios of the grid from which materials are chosen
+LAST_FIELDS = 2  # last fields, which must not change the displacement of any candidate
+CHALLENGED = 8  # first fields, at the ends of the ranges, which are also solved for without challengers
 ASKED_TIMES = 50  # answers by which their time is measured
 """How the field is built.
 
@@ -71,7 +71,7 @@ class ConditionedField(ConditionedAnswer):
     spec
         The choices from which the field is rebuilt.
     features
-        Of all fields.
+        Features of all fields.
     layers
         (n, 3, M): their output layers W_k.
     rigid
@@ -92,7 +92,7 @@ class ConditionedField(ConditionedAnswer):
 
     @property
     def parameters(self) -> int:
-        """Output weights that were solved for, of all materials."""
+        """Number of output weights that were solved for, of all materials."""
         return int(self.layers.numel())
 
     @property
@@ -108,7 +108,7 @@ class ConditionedField(ConditionedAnswer):
         Raises
         ------
         InputError
-            If the material is beyond the ranges, or figures are missing.
+            If the material is beyond the ranges, or parameters are missing.
         """
         chosen = self.case.chosen_material(material)
         c = torch.as_tensor(self.reduced.coefficients(chosen), dtype=self.layers.dtype)
@@ -140,7 +140,7 @@ class ConditionedField(ConditionedAnswer):
         return {**network_tensors(self.features.network), "layers": self.layers, "rigid": self.rigid, **energies}
 
     def save(self, path: Path) -> Path:
-        """Write the field as safetensors, all else as JSON in its header; return the file with its suffix."""
+        """Write the field as safetensors, all other data as JSON in its header; return the file with its suffix."""
         words = {
             "format": FORMAT,
             "case": self.case.data(),
@@ -152,7 +152,7 @@ class ConditionedField(ConditionedAnswer):
 
     @classmethod
     def load(cls, path: Path) -> ConditionedField:
-        """Read what `save` wrote; InputError in one sentence if it is none."""
+        """Read a file of `save`; InputError in one sentence if it is no such file."""
         with described(path, FORMAT, "conditioned field") as (words, tensors):
             case = ConditionedCase.model_validate(words["case"])
             spec, features = kept_features(case, words, tensors)
@@ -187,20 +187,20 @@ def solve(case: ConditionedCase, settings: ConditionedSettings, progress: Progre
     SolveFailure
         If the field exploits its quadrature at a held-out material or one that was solved for.
     """
-    # 1. One hidden layer, that of `ndf-ritz` with its challengers at the middle of the ranges. The four matrices of
-    #    its features, once.
-    # 2. Material after material: the output layer of least energy, of the first ones without the challengers, too.
-    #    It ends when the last fields no longer change the displacement of any candidate.
-    # 3. The four matrices of these fields, on a finer quadrature: strains of the fields themselves, so that nothing
-    #    cancels.
-    # 4. Uncertainty of each held-out figure: what challengers change in the span of the first fields, what the last
-    #    fields change, and the gap.
+    # 1. Draw one hidden layer, that of `ndf-ritz` with its challengers at the middle of the ranges. Integrate the four
+    #    matrices of its features once.
+    # 2. Solve for the output layer of least energy at one material after the other, at the first ones also without the
+    #    challengers. Stop when the last fields no longer change the displacement of any candidate.
+    # 3. Integrate the four matrices of these fields on a finer quadrature, from strains of the fields themselves, so
+    #    that nothing cancels.
+    # 4. State the uncertainty of each held-out value: the change by challengers in the span of the first fields, the
+    #    change by the last fields, and the gap.
     with torch.no_grad():
         return _Build(case, settings, progress).field()
 
 
 class _Build:
-    """The steps of `solve`, and what they share."""
+    """The steps of `solve`, and their common data."""
 
     def __init__(self, case: ConditionedCase, settings: ConditionedSettings, progress: ProgressCallback) -> None:
         self.begin = time.perf_counter()
@@ -219,6 +219,13 @@ class _Build:
         self.asked = asked_row(self.ansatz, self.features)
 
     def field(self) -> ConditionedField:
+        # 1. Integrate the four matrices of the features, and solve for fields at chosen materials, with and without
+        #    challengers.
+        # 2. Integrate the four matrices of these fields on the rule of the solves and on the finer one.
+        # 3. Reduce: orthonormal combinations of the fields, once of those with challengers and once of those without.
+        # 4. State uncertainties at the held-out materials, and refuse a field that exploits its quadrature.
+        # The textbook's reduced basis has its matrices on one quadrature. Here the finer one serves for answers, and
+        # the difference of the two is the gap.
         rule = area_rule(self.shell.surface.domain, self.focal, self.chosen.rule)
         check_balance(self.shell, rule, self.chosen.rule, self.focal)
         self.progress(Progress(0, None, "integrating the energy of the features"))
@@ -293,7 +300,7 @@ class _Build:
         return full, alone, steps
 
     def _moved(self, equations: Equations, layers: Sequence[Tensor]) -> float:
-        """Return by how much the last fields change the displacement of any candidate, as a share of it."""
+        """Return the largest relative change of a candidate's displacement by the last fields."""
         stacked = torch.stack(list(layers))
         parts, load = equations.of_fields(stacked), (stacked @ equations.load).numpy()
         now = Reduced.from_fields(parts, parts, load, (stacked @ self.asked).numpy(), self.case.middle)
@@ -302,14 +309,14 @@ class _Build:
 
 
 def candidates(case: ConditionedCase) -> tuple[list[Material], Array]:
-    """Return the materials that are chosen from, and their places (n, 2) in the unit square: denser at its ends."""
+    """Return the candidate materials, and their places (n, 2) in the unit square, denser at its ends."""
     thick, ratios = ((1 - np.cos(np.linspace(0, np.pi, count))) / 2 for count in CANDIDATES)
     places = np.array([(h, nu) for h in thick for nu in ratios])
     return [case.ranges.material((float(h), 0.5, float(nu))) for h, nu in places], places
 
 
 def chosen_materials(case: ConditionedCase, most: int) -> Iterator[Material]:
-    """Yield candidates: the middle one, then each as far from those before as can be."""
+    """Yield candidates: the middle one, then each as far as possible from those before."""
     materials, places = candidates(case)
     taken = [int(np.argmin(np.abs(places - 0.5).sum(axis=1)))]
     yield materials[taken[0]]
@@ -343,7 +350,7 @@ def uncertainties(case: ConditionedCase, first: Reduced, second: Reduced) -> tup
 
 
 def _changed(one: Reduced, other: Reduced, material: Material, quantity: Any) -> float:
-    """Return how two answers differ in a quantity at some material: relative for a displacement."""
+    """Return the difference of two answers in a quantity at some material, relative if it is a displacement."""
     first, second = (quantity_of(each, material, quantity) for each in (one, other))
     return abs(first - second) / (abs(first) if isinstance(quantity, Value) else 1.0)
 
@@ -356,7 +363,7 @@ def quantity_of(reduced: Reduced, material: Material, quantity: Any) -> float:
 
 
 def _unsettled(case: ConditionedCase, reduced: Reduced, uncertainty: Mapping[str, float]) -> str | None:
-    """Return the clause that says why an answer has not settled, or None if it has."""
+    """Return the reason that an answer has not settled, as a clause, or None if it has."""
     shares = {
         q.name: uncertainty[q.name] / abs(reduced.value(case.materials[q.material]))
         for q in case.quantities

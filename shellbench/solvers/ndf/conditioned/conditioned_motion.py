@@ -4,13 +4,12 @@ The hidden layer is drawn once. Its output weights are a function of time and of
 
     u(xi, t; material) = W(t, log(E h), nu) phi(xi),
 
-a polynomial through Chebyshev points of a box; thickness and modulus enter by their product alone (`plane_motion`). At
-each point of the materials Newton's law is integrated for the output weights. Its states do not lie in the span of a
-few fields, as the answers of a linear shell do (`reduced`), so that nothing is reduced.
+a polynomial through Chebyshev points of a box; thickness and modulus enter only by their product (`plane_motion`). At
+each material point Newton's law is integrated for the output weights. In contrast to the answers of a linear shell
+(`reduced`), its states do not lie in the span of a few fields, so that nothing is reduced.
 
-The stated uncertainty is that of what is told, value q or derivative, and comes from the construction alone. With the
-same field of features of a lower degree, q', and the field without its last `LAST_POLYNOMIALS` along time, log(E h) or
-nu, q_k, it is
+The stated uncertainty of a value or derivative q comes from the construction alone. With q' from the same field of
+features of a lower degree, and q_k from the field without its last `LAST_POLYNOMIALS` along time, log(E h) or nu, it is
 
     the largest, over the held-out materials at the end, of  abs(q - q') + sum over k of abs(q - q_k),
 
@@ -52,11 +51,11 @@ from shellbench.solvers.ndf.strains.energy import exploits
 from shellbench.solvers.ndf.strains.smooth import finer, widest
 
 FORMAT = "ndf-conditioned in motion, format 2"
-DEGREE, FEWER = 13, 3  # of the features along a side; how many less those have by which their error is told
+DEGREE, FEWER = 13, 3  # of the features along a side; and the difference to the lower degree that estimates the error
 COUNTS = (33, 9, 5)  # points along time, log(E h) and nu
-LAST_POLYNOMIALS = 2  # polynomials of each axis that must not matter: odd and even ones may differ
-SETTLED_DERIVATIVE = 1e-2  # of the logarithm: what gates of fields ask for; not tuned
-ROUNDING_OF_SUMS = 500 * np.finfo(float).eps  # relative: what a sum of so many polynomials may leave of zero
+LAST_POLYNOMIALS = 2  # last polynomials of each axis, which must be negligible: odd and even ones may differ
+SETTLED_DERIVATIVE = 1e-2  # of the logarithm: required by gates of fields; not tuned
+ROUNDING_OF_SUMS = 500 * np.finfo(float).eps  # relative rounding of a sum of so many polynomials
 UNUSED = ("snapshots", "tolerance")  # settings of shells at rest
 
 
@@ -69,7 +68,7 @@ class Polynomials:
 
     @classmethod
     def of_case(cls, case: ConditionedCase) -> Polynomials:
-        """Return those of all materials of a case, from rest to its end."""
+        """Return the polynomials of all materials of a case, from rest to its end."""
         ends = [coordinates(case.ranges.material((share, share, share))) for share in (0.0, 1.0)]
         until = case.shell_of(case.middle).states[-1]
         return cls(np.array([0.0, *ends[0]]), np.array([until, *ends[1]]))
@@ -97,12 +96,12 @@ class Polynomials:
         return coefficients
 
     def told(self, asked: Array, at: float, material: Material, by: Parameter | None) -> float:
-        """Return what is asked, of coefficients (times, n, m), or the derivative of its logarithm by a parameter.
+        """Return the asked value of coefficients (times, n, m), or the derivative of its logarithm by a parameter.
 
         Raises
         ------
         InputError
-            If the value is zero but for rounding, and a derivative is asked.
+            If the value is zero up to rounding, and a derivative is asked.
         """
         place = coordinates(material)
         value = float(self.evaluated(asked, at, place))
@@ -148,7 +147,7 @@ class ConditionedMotion(ConditionedAnswer):
 
     @property
     def parameters(self) -> int:
-        """Output weights that were solved for, at all points."""
+        """Number of output weights that were solved for, at all points."""
         return int(self.coefficients.numel())
 
     @property
@@ -201,7 +200,7 @@ class ConditionedMotion(ConditionedAnswer):
         return {**network_tensors(self._network), **own}
 
     def save(self, path: Path) -> Path:
-        """Write the field as safetensors, all else as JSON in its header; return the file with its suffix."""
+        """Write the field as safetensors, all other data as JSON in its header; return the file with its suffix."""
         words = {
             "format": FORMAT,
             "case": self.case.data(),
@@ -213,7 +212,7 @@ class ConditionedMotion(ConditionedAnswer):
 
     @classmethod
     def load(cls, path: Path) -> ConditionedMotion:
-        """Read what `save` wrote; InputError in one sentence if it is none."""
+        """Read a file of `save`; InputError in one sentence if it is no such file."""
         with described(path, FORMAT, "conditioned field") as (words, tensors):
             case = ConditionedCase.model_validate(words["case"])
             spec, features = kept_features(case, words, tensors)
@@ -225,12 +224,12 @@ class ConditionedMotion(ConditionedAnswer):
 
 
 def is_motion(path: Path) -> bool:
-    """Whether a file says that it holds such a field; InputError if it can't be read."""
+    """Return True if the header of a file states that it holds such a field; InputError if it can't be read."""
     return FORMAT in read_tensors(path)[0].get(HEADER, "")
 
 
 def asked_of(case: ConditionedCase, features: Combined, weights: Array) -> Array:
-    """Return what is asked (...), m, of output weights (..., 2, r)."""
+    """Return the asked displacement (...), m, of output weights (..., 2, r)."""
     shell = case.shell_of(case.middle)
     points = np.array([shell.points[name] for name in case.asked.points])
     directions = np.broadcast_to(np.array(case.asked.direction, dtype=float), (len(points), 3))[:, :PLANE]
@@ -243,14 +242,15 @@ def solve(case: ConditionedCase, settings: ConditionedSettings, progress: Progre
     Raises
     ------
     InputError
-        If settings have no use in motion, or too few neurons are asked.
+        If settings do not apply to motions, or there are too few neurons.
     SolveFailure
         If a motion can't be followed, or exploits its quadrature.
     """
-    # 1. Features of one degree, and Newton's law of their weights.
-    # 2. Follow the motions of all materials of the grid, those of one stiffness together, and interpolate the weights.
-    # 3. The same with features of a lower degree: with the last polynomials it tells the uncertainty.
-    # 4. Energies at the end, on a finer rule.
+    # 1. Build features of one degree, and Newton's law of their weights.
+    # 2. Integrate the motions of all materials of the grid, those of one stiffness together, and interpolate the
+    #    weights.
+    # 3. Repeat with features of a lower degree: this and the last polynomials give the uncertainty.
+    # 4. Compute the energies at the end on a finer rule.
     begin, shell = time.perf_counter(), case.shell_of(case.middle)
     for name in UNUSED:
         if name in settings.model_fields_set:
@@ -264,7 +264,7 @@ def solve(case: ConditionedCase, settings: ConditionedSettings, progress: Progre
     steps: list[Step] = []
 
     def built(degree: int) -> tuple[Array, ConditionedMotion, float]:
-        """Return what is asked as coefficients, the field of a degree, and its quadrature gap."""
+        """Return the coefficients of the asked displacement, the field of a degree, and its quadrature gap."""
         motion, features = features_of(shell, degree, settings)
         law = plane_motion(motion, features)
         fine = plane_motion(Motion(shell, motion.spec, features, finer(motion.rule_spec)), features)
@@ -316,7 +316,7 @@ def solve(case: ConditionedCase, settings: ConditionedSettings, progress: Progre
 
 
 def why_unsettled(shares: Mapping[Parameter | None, float]) -> str | None:
-    """Return why uncertainties, None for that of values, are too large, as one clause, or None if they are not."""
+    """Return the uncertainty that is too large, as one clause, or None if none is; the key None is that of values."""
     for by, share in shares.items():
         if not share <= (SETTLED if by is None else SETTLED_DERIVATIVE):
             asked = "displacements" if by is None else f"derivatives by {by}"
@@ -327,7 +327,7 @@ def why_unsettled(shares: Mapping[Parameter | None, float]) -> str | None:
 def doubt(
     polynomials: Polynomials, both: tuple[Array, Array], materials: tuple[Material, ...], by: Parameter | None
 ) -> float:
-    """Return the uncertainty at the end; of values relative to them. `both` are those of more and fewer features."""
+    """Return the uncertainty at the end, relative for values. `both` are the results of more and fewer features."""
     asked, coarse = both
     shorter = []
     for axis in range(asked.ndim):

@@ -1,8 +1,8 @@
 """Newton's law of cloth in its plane, for the output weights of scalar features and many materials at once.
 
-In its plane cloth does not bend. The membrane's energy has the stiffness D = E h / (1 - nu^2) (Kairanda et al., eqs.
-(17), (18)), so that thickness and modulus enter by their product alone. The general law (`motion_problem`) carries
-three components and second derivatives through every evaluation; here both components share one table of slopes.
+Cloth does not bend in its plane. The membrane's energy has the stiffness D = E h / (1 - nu^2) (Kairanda et al., eqs.
+(17), (18)), so that thickness and modulus enter only by their product. The general law (`motion_problem`) carries three
+components and second derivatives through every evaluation; here both components share one table of slopes.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ PLANE = 2  # components of the motion
 
 
 def refusal(case: ConditionedCase) -> str | None:
-    """Return why a shell's motions can't be followed here, as one clause, or None if they can."""
+    """Return the reason that the motions of a shell can't be followed here, as one clause, or None if they can."""
     shell = case.shell_of(case.middle)
     if not shell.material.uniform:
         return "its modulus or thickness varies"
@@ -50,7 +50,7 @@ def refusal(case: ConditionedCase) -> str | None:
 
 
 def coordinates(material: Material) -> tuple[float, float]:
-    """Return log(E h), E h in N/m, and Poisson's ratio: all of a material that plane motion knows."""
+    """Return log(E h), E h in N/m, and Poisson's ratio: the parameters of plane motion."""
     return float(np.log(material.youngs_modulus * material.thickness)), material.poissons_ratio
 
 
@@ -85,7 +85,7 @@ class PlaneMotion:
 
     @classmethod
     def of_features(cls, motion: Motion, features: Combined, sampled: Sampled) -> PlaneMotion:
-        """Tabulate features at the points that are sampled."""
+        """Tabulate features at the sample points."""
         case, jets = motion.case, sampled.jets
         share = motion.share.numpy()
         values = jets[:, VALUE].numpy()
@@ -126,7 +126,7 @@ class PlaneMotion:
     def accelerations(self, weights: Array, places: Array) -> Array:
         """Return the second time derivative (k, 2, r) of weights (k, 2, r), m/s^2 m, of materials (k, 2)."""
         a1, a2, _, stress = self._stresses(weights, places)
-        # n^ab a_b is conjugate to u,a: no bending, as the normal stays as it is.
+        # n^ab a_b is conjugate to u,a: the normal does not change, so that there is no bending.
         along_x = stress[0] * a1 + stress[2] * a2
         along_y = stress[2] * a1 + stress[1] * a2
         conjugate = np.concatenate([along_x, along_y], axis=-1).transpose(1, 0, 2)
@@ -155,7 +155,7 @@ class PlaneMotion:
             weights, rates = state.reshape(shape)
             return np.concatenate([rates.ravel(), self.accelerations(weights, places).ravel()])
 
-        with np.errstate(invalid="ignore", over="ignore"):  # of steps that turn out too long
+        with np.errstate(invalid="ignore", over="ignore"):  # in steps that are too long
             rest = np.zeros(int(np.prod(shape)))
             found = solve_ivp(law, (0.0, times[-1]), rest, "DOP853", t_eval=times, rtol=RTOL, atol=ATOL)
         if found.status != 0:
@@ -173,7 +173,7 @@ def features_of(shell: Case, degree: int, settings: ConditionedSettings) -> tupl
     network = random_features(spread, width or widest(shell, degree), settings.seed, spec.activation)
     features = build_features(shell, spec, network, placement, inputs)
     motion = prepared(shell, spec, MotionLevel(degree, features), POINTS_A_DEGREE)
-    # As prepared they are orthonormal in all three components, of which one is held.
+    # The prepared features are orthonormal in all three components, of which one is held.
     values = motion.sampled.jets[:, VALUE]
     assert isinstance(motion.features, Combined)  # features of a network are combined
     root = torch.linalg.cholesky(values.T @ (motion.share[:, None] * values))

@@ -1,19 +1,19 @@
 """The energy of a linear shell as a function of its material, and its least within the span of a few solved fields.
 
-The energy density is W = 1/2 (D H eps eps + B H kappa kappa), with H = nu G + (1 - nu) S (Kairanda et al., eqs. (17)
-to (19)), G = a^ab a^cd and S the symmetric rest. So the stiffness of any field is exactly
+The energy density is W = 1/2 (D H eps eps + B H kappa kappa), with H = nu G + (1 - nu) S (Kairanda et al., eqs. (17) to
+(19)), G = a^ab a^cd and S the symmetric rest. Therefore the stiffness of any field is exactly
 
     K(material) = D nu K_1 + D (1 - nu) K_2 + B nu K_3 + B (1 - nu) K_4,
 
-with four matrices that know nothing of the material. Integrated once, they give the energy of any material.
+with four matrices that do not depend on the material. Integrated once, they give the energy of any material.
 
-Within the span of n fields that were solved for at n materials, the best field of another material follows from an
-n x n system: the reduced basis method (Hesthaven, Rozza & Stamm 2016, chapter 3). It is Ritz's method on few functions,
-so that its energy can only be too high, and its derivative by the material is exact: K u' = -K' u.
+Within the span of n fields that were solved for at n materials, the best field of another material follows from an n x
+n system: the reduced basis method (Hesthaven, Rozza & Stamm 2016, chapter 3). It is Ritz's method on few functions. Its
+energy is an upper bound, and its derivative by the material is exact: K u' = -K' u.
 
-Also here: the four parts of features, and of fields that they make. The parts are the trace and the rest of the
-membrane's energy, then of the bending's. Each is the half sum of squares of rows, as in `energy`: one row a trace,
-three a rest.
+The module also computes the four parts for features, and for fields. The parts are the trace and the rest of the
+membrane's energy, then of the bending's. Each is half the sum of squares of rows, as in `energy`: one row for a trace,
+three for a rest.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ class Reduced:
 
     @classmethod
     def from_fields(cls, parts: Array, coarse: Array, load: Array, asked: Array, middle: Material) -> Reduced:
-        """Choose combinations that are orthonormal in the energy of one material; what is rounding is left out."""
+        """Choose combinations that are orthonormal in the energy of one material, without those at rounding."""
         gram = np.tensordot(stiffnesses(middle), parts, 1)
         unit = 1 / np.sqrt(gram.diagonal())
         values, vectors = np.linalg.eigh(gram * unit[:, None] * unit)
@@ -103,7 +103,7 @@ class Reduced:
         return cls(parts, coarse, load, asked, unit[:, None] * vectors[:, kept] / np.sqrt(values[kept]))
 
     def without_last(self, number: int, middle: Material) -> Reduced:
-        """Return the same of all fields but the last ones."""
+        """Return the same without the last fields."""
         n = len(self.load) - number
         return Reduced.from_fields(self.parts[:, :n, :n], self.coarse[:, :n, :n], self.load[:n], self.asked[:n], middle)
 
@@ -132,7 +132,7 @@ class Reduced:
         return -0.5 * float(self.load @ self.coefficients(material))
 
     def gap(self, material: Material) -> float:
-        """Return the quadrature gap: how far the stiffness of the answer differs on the coarser quadrature."""
+        """Return the quadrature gap: the relative difference of the answer's stiffness on the coarser quadrature."""
         c, factors = self.coefficients(material), stiffnesses(material)
         fine, coarse = (float(c @ np.tensordot(factors, one, 1) @ c) for one in (self.parts, self.coarse))
         return abs(coarse / fine - 1)
@@ -199,7 +199,7 @@ def part_rows(ansatz: Ansatz, points: Array, weights: Array, placement: Placemen
 def _split_tables(
     ansatz: Ansatz, rule: Rule, placement: Placement
 ) -> Iterator[tuple[Array, Table, tuple[Tensor, ...]]]:
-    """Yield points, table and rows of the parts of one batch of a rule after the other."""
+    """Yield points, table and rows of the parts, batch by batch of a rule."""
     area = surface_area(ansatz, rule)
     for batch in rule.batches():
         table = tabulate(ansatz, batch, placement, area)
@@ -211,7 +211,7 @@ def of_fields_on(
 ) -> tuple[Array, Array]:
     """Return the four matrices (4, n, n) of fields with output layers (n, 3 M) on a rule, and the loads' works (n,).
 
-    From the strains of each field, not from the matrices of the features, whose large weights would cancel.
+    They come from the strains of each field, not from the matrices of the features, whose large weights would cancel.
     """
     n = len(layers)
     stacked = layers.view(n * 3, -1)

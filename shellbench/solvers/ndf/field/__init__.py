@@ -1,5 +1,5 @@
-"""A displacement field: jets of functions, what a network sees and gives, and factors that hold the supports.
+"""A displacement field: jets of functions, inputs and outputs of the network, and factors that hold the supports.
 
-How a field is built from a case: `build`. Where a support is applied: `factors`. Nothing here knows strains. It may
-import no other room of `ndf`.
+`build` builds a field from a case. `factors` applies the supports. The package contains no strains. It may import no
+other package of `ndf`.
 """

@@ -1,6 +1,6 @@
 """The parts of a displacement u = lift + M F: the lift and the matrix M of the supports, and the features of F.
 
-Also here: combinations of features that are independent.
+The module also computes independent combinations of features.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ DEPENDENT = 1e-12  # combinations less stiff than this share of the stiffest are
 
 
 class Factors(Protocol):
-    """What multiplies the network so that supports are held."""
+    """Boundary factors: they multiply the network so that supports are held."""
 
     def matrix(self, points: Array, placement: Placement) -> Tensor:
         """Return the jet (6, N, 3, 3) of M at points (N, 2)."""
@@ -33,11 +33,11 @@ class Factors(Protocol):
 
 
 class Lifting(Protocol):
-    """What moves the supports as prescribed."""
+    """Lift: it moves the supports as prescribed."""
 
     @property
     def moves(self) -> bool:
-        """Whether any support is moved at all."""
+        """True if any support is moved."""
         ...
 
     def jet(self, points: Array, placement: Placement) -> Tensor:
@@ -47,9 +47,9 @@ class Lifting(Protocol):
 
 @dataclass(frozen=True)
 class Ansatz:
-    """A case with the way its supports are built in: u = lift + M F for any F; if `soft`, springs hold them instead.
+    """A case with its supports built in: u = lift + M F for any F; if `soft`, springs hold the supports instead.
 
-    With `mirrors`, for any F that is even about their planes.
+    With `mirrors`, F has to be even about their planes.
     """
 
     case: Case
@@ -62,7 +62,7 @@ class Ansatz:
 
     @cached_property
     def free_motions(self) -> Array:
-        """The rigid motions (6, r) that supports leave free; of a field that is its own image, the means of images."""
+        """The rigid motions (6, r) that supports leave free; with mirrors, the means over their images."""
         free, surface = free_motions(self.case), self.case.surface
         if self.mirrors is None or not free.size:
             return free
@@ -93,7 +93,7 @@ class FeatureSet(Protocol):
 
     @property
     def placement(self) -> Placement:
-        """Where they live and in what precision."""
+        """Device and precision of the tensors."""
         ...
 
     def jets(self, points: Array) -> Tensor:
@@ -107,7 +107,7 @@ class FeatureSet(Protocol):
 
 @dataclass(frozen=True)
 class Combined:
-    """Combinations (M, r) of other features, independent in a stiffness (M, M) if it is given."""
+    """Combinations (M, r) of other features, independent in a stiffness (M, M) if given."""
 
     features: FeatureSet
     combine: Tensor
@@ -124,7 +124,7 @@ class Combined:
 
     @property
     def placement(self) -> Placement:
-        """Where they live and in what precision."""
+        """Device and precision of the tensors."""
         return self.features.placement
 
     def jets(self, points: Array) -> Tensor:

@@ -1,9 +1,9 @@
-"""From a case and a few choices to the parts of a field: what a file of weights needs beside its tensors.
+"""Construction of the parts of a field from a case and a few choices, which a file keeps beside its tensors.
 
-Also here: how fine a Ritz field and its quadrature must be, from the case alone. What decides is whether the midsurface
-is curved (then edges have layers of the length sqrt(R h)) and whether forces act at points (then the solution is
-resolved over that length, away from edges). The figures were chosen by certified energy on plates, roofs of four
-thicknesses, a hyperbolic paraboloid, and pinched and twisted cylinders.
+The module also derives the resolution of a Ritz field and its quadrature from the case alone. It depends on two
+properties. If the midsurface is curved, edges have layers of the length sqrt(R h). If forces act at points, the
+solution is resolved over that length, away from edges. The constants were chosen by certified energy on plates, roofs
+of four thicknesses, a hyperbolic paraboloid, and pinched and twisted cylinders.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ from shellbench.solvers.ndf.field.quadrature import ROUNDING, RuleSpec
 
 
 def built_in(case: Case, spec: FieldSpec) -> Mirrors | None:
-    """Return the planes of symmetry that are built into a field; None if there are none, or none are asked for.
+    """Return the planes of symmetry to build into a field; None if there are none, or if the choices exclude them.
 
-    Only those are about which the boundary matrix is its own image.
+    Only planes about which the boundary matrix is its own image are built in.
     """
     plain = spec.supports == "hard" and spec.components == "cartesian" and spec.periodic_input == "both"
     if not spec.mirrors or not plain or turns(case):
@@ -70,7 +70,7 @@ def build_inputs(case: Case, spec: FieldSpec) -> Inputs:
 
 def build_features(case: Case, spec: FieldSpec, network: Network, placement: Placement, inputs: Inputs) -> Features:
     """Return the features of which the field is a linear combination."""
-    # Other components, and supports that are springs, would need other powers.
+    # Other components, and soft supports, would need other powers.
     exact = spec.supports == "hard" and spec.components == "cartesian" and not turns(case)
     corners = CornerPowers.from_case(case, spec.detail) if exact and spec.detail else None
     creases = Creases(case.surface.domain, spec.creases) if spec.creases else None
@@ -85,7 +85,7 @@ def build_features(case: Case, spec: FieldSpec, network: Network, placement: Pla
 
 
 def build_ansatz(case: Case, spec: FieldSpec) -> Ansatz:
-    """Return the way the case's supports are built in."""
+    """Return the ansatz with the case's supports built in."""
     if spec.supports == "soft":
         return Ansatz(case, NoFactors(case, spec.components == "covariant"), NoLift(), spec.t, soft=True)
     if spec.vanishing:
@@ -107,7 +107,7 @@ def focal_points(case: Case) -> Array:
 def graded_points(case: Case, spec: FieldSpec) -> Array:
     """Return the points (k, 2) toward which the quadrature of a field is graded: forces, or else stretched edges.
 
-    A coordinate toward which nothing is graded is NaN.
+    A coordinate without grading is NaN.
     """
     focal, domain = focal_points(case), case.surface.domain
     if len(focal) or not spec.edge_stretched or edge_layers(case) is None:
@@ -126,7 +126,7 @@ class Resolution:
     """Width and scales of random features, and the rules that they are integrated with.
 
     `along` multiplies the scale of the plain inputs of each coordinate; `edge_scale` is that of inputs stretched toward
-    edges. As many challengers as a `share` of the neurons tell what these have missed.
+    edges. The number of challengers that estimate the error is the `share` of the neurons.
     """
 
     neurons: int
@@ -146,12 +146,12 @@ class Resolution:
 
 
 def is_flat(case: Case) -> bool:
-    """Tell whether the midsurface has no curvature."""
+    """Return True if the midsurface has no curvature."""
     return not strongest_curvature(case)
 
 
 def usual_resolution(case: Case) -> Resolution:
-    """Return the resolution that a case asks for."""
+    """Return the default resolution of a case."""
     flat = is_flat(case)
     if foci(case):
         neurons = 700 if any(case.surface.domain.periodic) else 300 if flat else 400
@@ -175,8 +175,8 @@ LENGTHWAYS, CROSSWAYS = 0.6, -0.25
 def path_level_count(case: Case) -> int:
     """Return the number of levels of a path.
 
-    Where forces act at points the first ones are wide already, and there is one less. The last one is for strips that
-    are so long that the scales of the others do not follow their sides.
+    With forces at points the first levels are already wide, and there is one less. The last level is for strips so long
+    that the scales of the others do not suit their sides.
     """
     usual = len(LENGTHENED) - 1
     if foci(case):
@@ -185,7 +185,7 @@ def path_level_count(case: Case) -> int:
 
 
 def first_path_level(case: Case) -> int:
-    """Return the first level of a path that is of use: half of the usual width holds no waves of a buckled shell."""
+    """Return the first useful level of a path: half of the usual width can't represent waves of a buckled shell."""
     return int(case.path.after_buckling == "follow")
 
 
@@ -200,7 +200,8 @@ def _slenderness(case: Case) -> float:
 def path_resolution(case: Case, number: int) -> Resolution:
     """Return one of ever finer resolutions for large displacements.
 
-    Linear theory tells little of how a thin strip coils, so finer levels resolve its length better than its width.
+    Linear theory does not predict the coiling of a thin strip, so that finer levels refine its length more than its
+    width.
     """
     usual = usual_resolution(case)
     neurons = usual.neurons * 3 // 4 if foci(case) else usual.neurons
@@ -240,7 +241,7 @@ def joints_of(case: Case) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 
 def _around_points(case: Case, panels: int, cuts: int) -> RuleSpec:
-    """Return a rule that is cut at focal points, with as many more panels as coordinates are stretched somewhere."""
+    """Return a rule that is cut at focal points, with more panels in proportion to the stretch of the coordinates."""
     spec = _rule(case, panels, 7, POINT_GRADING, cuts)
     first, second = (round(n * uneven) for n, uneven in zip(spec.panels, unevenness(case), strict=True))
     return replace(spec, panels=(first, second), point_cuts=cuts)

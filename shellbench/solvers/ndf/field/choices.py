@@ -1,4 +1,4 @@
-"""Choices that fields are made by, as settings and files name them; nothing here needs more than their names."""
+"""Choices of a field, by their names in settings and files."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Crease = tuple[int, float, int]
 
 
 def _from_bool(value: Any) -> Any:
-    """Return what a boolean said in files of earlier versions."""
+    """Return the choice that a boolean stood for in files of earlier versions; any other value as it is."""
     return {True: "both", False: "none"}[value] if isinstance(value, bool) else value
 
 
@@ -50,27 +50,27 @@ class FieldSpec(Model):
     activation
         Of the network.
     periodic_input
-        How a periodic coordinate enters: as (cos, sin); as its cosine, so that the field is even about the seam; or
-        plainly, so that it answers for a slit shell.
+        Input of a periodic coordinate: (cos, sin); its cosine, so that the field is even about the seam; or the plain
+        coordinate, so that the field is that of a slit shell.
     components
-        What the output layer gives: Cartesian components, or covariant ones.
+        Components of the output layer: Cartesian or covariant.
     supports
         Whether boundary factors or springs hold the supports.
     pins
-        Of the published boundary functions, where nothing holds the shell.
+        Pins of the published boundary functions, if nothing holds the shell.
     slopes
-        How the slope of components is held that are free at its edge.
+        Method by which the slope of components that are free at its edge is held.
     stretched
         Whether stretched coordinates are added about points that carry a force.
     layer
         Their length l in units of sqrt(h R).
     edge_stretched
-        Whether they are added toward the edges of a curved shell that carries no force at points.
+        Whether such coordinates are added toward the edges of a curved shell without forces at points.
     multipliers
         Functions that multiply r^2 log r^2 about each such point; 0 leaves the singular features out.
     detail
-        What is there beside these: 0 nothing; from 1 on, coordinates stretched toward the edges of any shell, and few
-        powers of the distance from corners that are held; 2 more powers.
+        Additional features: 0 none; from 1 on, coordinates stretched toward the edges of any shell, and few powers of
+        the distance from held corners; 2 more powers.
     creases
         Coordinate lines along which the third derivative jumps: edges of contact.
     t
@@ -80,7 +80,7 @@ class FieldSpec(Model):
     mirrors
         Whether planes of symmetry are built into the field; in linear theory, at rest.
     vanishing
-        Whether features vanish at held edges by themselves, as products do: the boundary matrix is then the identity.
+        Whether features vanish at held edges by themselves, like products: the boundary matrix is then the identity.
     """
 
     activation: str = "sine"

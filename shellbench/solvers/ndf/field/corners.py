@@ -1,14 +1,15 @@
 """Powers of the distance from corners, as output features of a field.
 
-Where two edges meet of which one is held at least, moments or membrane forces may be infinite: near such a corner the
+If two edges meet and at least one of them is held, moments or membrane forces may be infinite. Near such a corner the
 solution is a sum of r**lambda phi(theta) (Williams 1952), with exponents that follow from the angle and the supports.
-They are not looked for here. Powers at a few fixed exponents span those between them: on a half line of log r, sums of
-exp(-mu_j s) come as near to exp(-mu s) as the product of abs(mu - mu_j) / (mu + mu_j) (Muentz), which is below 1e-2 for
-four exponents. What they are multiplied by are harmonics of the angle in the tangent plane.
+This module does not compute the exponents. Powers at a few fixed exponents span those between them: on a half line of
+log r, sums of exp(-mu_j s) approximate exp(-mu s) to the product of abs(mu - mu_j) / (mu + mu_j) (Muentz), which is
+below 1e-2 for four exponents. The powers are multiplied by harmonics of the angle in the tangent plane.
 
-How fast the boundary factors vanish decides which powers of F have finite energy. The normal displacement must go as
-r**(1 + mu) with mu > 0, the tangential one as r**mu. Where no edge holds a tangential displacement, membrane forces are
-finite (Williams's exponents of a wedge with two free edges are 1 and more), and what is tangential has no powers.
+The order at which the boundary factors vanish determines the powers of F with finite energy. The normal displacement
+must scale as r**(1 + mu) with mu > 0, the tangential one as r**mu. If no edge holds a tangential displacement, membrane
+forces are finite (Williams's exponents of a wedge with two free edges are 1 and more), and tangential components have
+no powers.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, constant,
 from shellbench.solvers.ndf.field.quadrature import ROUNDING
 from shellbench.solvers.ndf.field.supports import edge_supports
 
-# Any few exponents span those between them (top). What other ones give is not on record.
+# Any few exponents span those between them (see the module's docstring). The effect of other ones is not on record.
 FEW = (0.25, 0.5)
 EXPONENTS = ((), FEW, (*FEW, 0.1, 1.0))  # mu, by the detail that is asked for
 HARMONICS = (0, 2, 3)  # of the angle, by the same
@@ -42,9 +43,9 @@ class Corner:
     xi
         (xi1, xi2).
     shift
-        What is added to mu to give the exponent of F.
+        Exponent of F less mu.
     components
-        Which of F's components have these powers: those that need the lowest ones.
+        Components of F with these powers: those that need the lowest ones.
     """
 
     xi: tuple[float, float]
@@ -86,11 +87,11 @@ class CornerPowers:
     Attributes
     ----------
     case
-        Whose surface carries the chords.
+        The case, on whose surface the chords are measured.
     corners
-        Where.
+        Corners of the powers.
     exponents, harmonics
-        mu, and how many pairs (cos m theta, sin m theta) beside 1.
+        mu, and the number of pairs (cos m theta, sin m theta) beside 1.
     """
 
     case: Case
@@ -109,14 +110,14 @@ class CornerPowers:
         return len(self.corners) * len(self.exponents) * (1 + 2 * self.harmonics)
 
     def former(self) -> Array:
-        """Return (count,): whether each feature is there with one detail less."""
+        """Return (count,): True for features that also exist with one detail less."""
         detail = EXPONENTS.index(self.exponents) - 1 if self.exponents else 0
         powers = np.arange(len(self.exponents)) < len(EXPONENTS[detail])
         turns = np.arange(1 + 2 * self.harmonics) < 1 + 2 * HARMONICS[detail]
         return np.tile(np.outer(powers, turns).ravel(), len(self.corners))
 
     def allowed(self) -> Array:
-        """Return (3, count): whether each component of F has each feature."""
+        """Return (3, count): True if a component of F has a feature."""
         each = len(self.exponents) * (1 + 2 * self.harmonics)
         return np.repeat(np.array([c.components for c in self.corners], dtype=bool).reshape(-1, 3).T, each, axis=1)
 

@@ -1,22 +1,22 @@
-"""Boundary factors: the matrix M in u = lift + M F that holds the supports whatever the network says.
+"""Boundary factors: the matrix M in u = lift + M F that holds the supports for any output of the network.
 
 Held components carry factors that vanish linearly at their edges; slopes are held by a projector,
 
     M = D [I - (1 - B) p p^T / (p . p)],   p = P D' a3,
 
 with D the diagonal of the factors, B the factor that vanishes at the slope-held edges, P the components that are held
-there, and D' the factors of the other edges. At such an edge u = 0 and u,n . a3 = B,n a3 . (I - p p^T/..) F = 0;
-where one factor is common to all components that a3 has, this is B [I - (1 - B) a3 (x) a3] F. Components left free at
-a slope-held edge, as on planes of symmetry, get even inputs instead (`inputs`), or rows of the output layer (`solve`).
+there, and D' the factors of the other edges. At such an edge u = 0 and u,n . a3 = B,n a3 . (I - p p^T/..) F = 0; if one
+factor is common to all components of a3, this is B [I - (1 - B) a3 (x) a3] F. Components left free at a slope-held
+edge, as on planes of symmetry, get even inputs instead (`inputs`), or rows of the output layer (`solve`).
 
-Also here the lift: a smooth displacement that moves every support as the case prescribes; the field adds to it.
+The module also defines the lift: a smooth displacement that moves every support as prescribed; the field adds to it.
 
-Each held component is blended by itself from the motions of the edges that hold it. A weight is one on its own edge
+Each held component is blended separately from the motions of the edges that hold it. A weight is one on its own edge
 and zero on the opposite one, with vanishing slope at both, so that the lift has a clamped edge's own slope. Edges of
-both coordinates meet at corners: they are joined there as a Coons patch (Coons 1967), which is exact on all edges
-where the prescribed motions agree at the corners.
+both coordinates meet at corners. There they are joined as a Coons patch (Coons 1967), which is exact on all edges if
+the prescribed motions agree at the corners.
 
-Last, clamped edges that turn by finite angles: they carry the shell, its normals, and the field's own axes along.
+Clamped edges that turn by finite angles carry the shell, its normals, and the field's own axes along.
 
 Each edge's motion is a rigid one, scaled by the edge's weight: one on the edge, with vanishing slope, and zero on the
 opposite edge. The lift is the composition of these motions, x -> T_1(T_2(x)): to first order in the distance from an
@@ -25,9 +25,9 @@ axes that turn with it,
 
     u = lift + Q M F,    Q = R_1(w_1 angle_1) R_2(w_2 angle_2),
 
-with the boundary matrix M of the undeformed shell: on an edge Q is its rotation R, and the projector of M
-becomes the one along the turned normal R a3. A tube whose rims are turned against each other is so far twisted as it is
-by small angles that F hardly changes from step to step.
+with the boundary matrix M of the undeformed shell: on an edge Q is its rotation R, and the projector of M becomes the
+one along the turned normal R a3. In a tube whose rims are turned against each other, Q takes up the twist, so that F
+hardly changes from step to step.
 """
 
 from __future__ import annotations
@@ -68,13 +68,13 @@ from shellbench.solvers.ndf.field.mirrors import Mirrors
 from shellbench.solvers.ndf.field.quadrature import ROUNDING
 from shellbench.solvers.ndf.field.supports import EdgeSupport, Sides, edge_supports, even_sides
 
-NORMAL_SAMPLES = 17  # points a side of the grid on which a3 is looked at
+NORMAL_SAMPLES = 17  # points a side of the grid on which a3 is sampled
 
 
 def edge_factor(domain: Domain, edges: set[Edge], even: Sides, points: Array, placement: Placement) -> Tensor:
     """Return the jet (6, N) of a factor that vanishes linearly at the given edges and is at most 1.
 
-    At a bound where inputs are even, and which it does not hold, the factor is even too.
+    At a bound with even inputs that the factor does not hold, the factor is even too.
     """
     factor = constant(placement.tensor(np.ones(len(points))), placement.planes)
     for axis in (0, 1):
@@ -103,11 +103,11 @@ class BoundaryFactors:
     Attributes
     ----------
     case
-        Whose supports it holds.
+        The case whose supports it holds.
     covariant
-        Whether the network gives covariant components instead of Cartesian ones.
+        Whether the network's outputs are covariant components instead of Cartesian ones.
     slopes
-        How the slope of free components is held.
+        Method by which the slope of free components is held.
     """
 
     case: Case
@@ -214,7 +214,7 @@ class Lift:
 
     @property
     def moves(self) -> bool:
-        """Whether any edge is moved at all."""
+        """True if any edge is moved."""
         return self._whole is not None or any(support.motion for edges in self._edges for _, support in edges)
 
     def jet(self, points: Array, placement: Placement) -> Tensor:
@@ -238,7 +238,7 @@ class Lift:
         first = self._across(c, sides[0], points, placement, frozen=True)
         for edge, support in sides[1]:
             motion = self._frozen(edge, support, points, placement)[..., c]
-            for other, _ in sides[0]:  # what the other pair of edges has put here already
+            for other, _ in sides[0]:  # contribution of the other pair of edges
                 corner = other.project(self.case.surface.domain, edge.project(self.case.surface.domain, points))
                 value = self._motion(edge, support, corner, placement)[VALUE, :, c]
                 weight = edge_weight(self.case, other, len(sides[0]) == 1, points, placement)
@@ -267,12 +267,12 @@ class Lift:
 
 
 def turns(case: Case) -> bool:
-    """Tell whether a clamped edge turns by a finite angle."""
+    """Return True if a clamped edge turns by a finite angle."""
     return not case.linear and any(s.clamped and isinstance(s.motion, Rotation) for s in case.supports)
 
 
 def why_not_turned(case: Case) -> str | None:
-    """Return why the clamped edges of a case can't be turned by finite angles, as one clause, or None if they can."""
+    """Return the reason that clamped edges of a case can't be turned by finite angles, as one clause, or None."""
     if not turns(case):
         return None
     name = next(s.name for s in case.supports if s.clamped and isinstance(s.motion, Rotation))
@@ -303,7 +303,7 @@ class Turning:
 
     @property
     def moves(self) -> bool:
-        """Whether any edge is moved at all."""
+        """True if any edge is moved."""
         return True
 
     @cached_property
@@ -349,7 +349,7 @@ class Turning:
 
 @dataclass(frozen=True)
 class MirroredFactors:
-    """Boundary factors times functions that are odd where a component of the answer is: the matrix M O."""
+    """Boundary factors times functions with the parity of each component of the answer: the matrix M O."""
 
     factors: Factors
     mirrors: Mirrors
@@ -387,7 +387,7 @@ class NoFactors:
 
 @dataclass(frozen=True)
 class NoLift:
-    """A lift of zero: springs draw supports to where they are moved."""
+    """A lift of zero: springs pull supports to their prescribed places."""
 
     moves: bool = False
 

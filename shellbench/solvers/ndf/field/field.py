@@ -51,19 +51,19 @@ class FixedFeatures:
     Attributes
     ----------
     case
-        Whose surface carries the chords.
+        The case, on whose surface the chords are measured.
     foci
         Points that carry a force.
     multipliers
-        How many functions multiply r^2 log r^2.
+        Number of functions that multiply r^2 log r^2.
     kept
-        Which of these features are used: all, unless an edge asks for even ones.
+        Numbers of the features that are used: all, unless an edge requires even ones.
     corners, creases, hinges
         Powers about corners, and about edges of contact, and integrals across hinges; they come last.
     mirrors
         Planes about which each feature is made even, as the mean of its images.
     averaged
-        Of each feature, the planes about which it is not even by itself.
+        For each feature, the planes about which it is not even by itself.
     """
 
     case: Case
@@ -89,9 +89,9 @@ class FixedFeatures:
         mirrors: Mirrors | None = None,
         hinges: Hinges | None = None,
     ) -> FixedFeatures:
-        """Derive the features of a case: those that are even where inputs are, and about `seams`.
+        """Derive the features of a case that are even at the bounds of even inputs, and about `seams`.
 
-        With `mirrors`, those whose means of all images are independent.
+        With `mirrors`, take the features with independent means over all images.
         """
         total = 1 + multipliers * len(around) + sum(part.count for part in (corners, creases, hinges) if part)
         everything = cls(case, around, multipliers, tuple(range(total)), corners, creases, hinges=hinges)
@@ -107,7 +107,7 @@ class FixedFeatures:
         return replace(everything, kept=kept) if mirrors is None else everything._made_even(kept, mirrors)
 
     def _made_even(self, kept: tuple[int, ...], mirrors: Mirrors) -> FixedFeatures:
-        """Return the features with their images' means in their place, of which those remain that are independent."""
+        """Return the features replaced by the means over their images, reduced to independent ones."""
 
         def values(points: Array) -> Tensor:
             return self.jets(points, Placement(planes=1))[VALUE]
@@ -126,7 +126,7 @@ class FixedFeatures:
         return len(self.kept)
 
     def former(self) -> Array:
-        """Return (count,): whether each feature is there with one detail less: all but new powers about corners."""
+        """Return (count,): True for features that exist with one detail less: all but new powers about corners."""
         first = np.ones(1 + self.multipliers * len(self.foci), dtype=bool)
         powers = [self.corners.former()] if self.corners else []
         cut = [np.ones(self.creases.count, dtype=bool)] if self.creases else []
@@ -134,7 +134,7 @@ class FixedFeatures:
         return np.asarray(np.concatenate([first, *powers, *cut])[list(self.kept)])
 
     def allowed(self) -> Array:
-        """Return (3, count): whether each component of F has each feature."""
+        """Return (3, count): True if a component of F has a feature."""
         first = np.ones((3, 1 + self.multipliers * len(self.foci)), dtype=bool)
         powers = [self.corners.allowed()] if self.corners else []
         cut = [np.ones((3, part.count), dtype=bool) for part in (self.creases, self.hinges) if part]
@@ -154,7 +154,7 @@ class FixedFeatures:
         return self.mirrors.mean(some, points, [self.averaged[k] for k in self.kept])
 
     def _columns(self, points: Array, placement: Placement, kept: Sequence[int]) -> Tensor:
-        """Return the jets (6, N, n) of features with these numbers, as they are without mirrors."""
+        """Return the jets (6, N, n) of features with these numbers, without mirrors."""
         columns: dict[int, Tensor] = {}
         start = 0
         for count, made in self._parts(points, placement):
@@ -164,7 +164,7 @@ class FixedFeatures:
         return torch.stack([columns[k] for k in kept], dim=-1)
 
     def _parts(self, points: Array, placement: Placement) -> Iterator[tuple[int, Callable[[], list[Tensor]]]]:
-        """Yield numbers of features that belong together, with what gives their jets (6, N)."""
+        """Yield numbers of features that belong together, with a function that returns their jets (6, N)."""
         yield 1, lambda: [constant(placement.tensor(np.ones(len(points))), placement.planes)]
 
         @cache
@@ -173,7 +173,7 @@ class FixedFeatures:
 
         for focus in self.foci:
             yield self.multipliers, partial(self._around, focus, position, placement)
-        # With planes of symmetry most corners are images of one, whose features stand for theirs.
+        # With planes of symmetry most corners are images of one corner, whose features represent all.
         alone = [replace(self.corners, corners=(c,)) for c in self.corners.corners] if self.corners else []
         powers = alone if self.mirrors else [self.corners]
         for part in (*powers, self.creases, self.hinges):
@@ -196,7 +196,7 @@ class FixedFeatures:
 
 @dataclass(frozen=True)
 class Features:
-    """The scalar features of which F is a linear combination: the network's, the fixed ones, those of others beside."""
+    """The scalar features of which F is a linear combination: those of the network, fixed ones, and further ones."""
 
     inputs: Inputs
     network: Network
@@ -210,12 +210,12 @@ class Features:
         return self.network.width + self.fixed.count + (self.beside.count if self.beside else 0)
 
     def allowed(self) -> Array:
-        """Return (3, M): whether each component of F has each feature."""
+        """Return (3, M): True if a component of F has a feature."""
         parts = [np.ones((3, self.network.width), dtype=bool), self.fixed.allowed()]
         return np.concatenate([*parts, *([self.beside.allowed()] if self.beside else [])], axis=1)
 
     def pairs(self, part: Integers) -> Array:
-        """Return which of the (component, feature) pairs (3 M,) are solved for, of features with these numbers."""
+        """Return the numbers of the (component, feature) pairs (3 M,) to solve for, of features with these numbers."""
         allowed = self.allowed()
         return np.concatenate([part[allowed[c, part]] + c * self.count for c in range(3)])
 
@@ -242,7 +242,7 @@ class Field:
     output
         (3, M): the output layer's weights.
     rigid
-        (6,): the rigid motion that is taken away, in the basis of `shellbench.problems.shell.posed.rigid.rigid_modes`.
+        (6,): the rigid motion that is subtracted, in the basis of `shellbench.problems.shell.posed.rigid.rigid_modes`.
     """
 
     ansatz: Ansatz
@@ -272,7 +272,7 @@ class Field:
         return u
 
     def jet(self, points: Array) -> Tensor:
-        """Return the jet (6, N, 3) of the displacement at points (N, 2), the rigid motion (unstrained) left in."""
+        """Return the jet (6, N, 3) of the displacement at points (N, 2), with the rigid motion (without strain)."""
         placement = self.features.placement
         free = (self.features.jets(points) @ self.output.T)[..., None]
         matrix = self.ansatz.factors.matrix(points, placement)
@@ -288,7 +288,7 @@ class Field:
         modes = rigid_modes(case.surface, rule.points)[0, 0] @ free
         whole = replace(self, rigid=torch.zeros_like(self.rigid))
         displacement = whole.displacement(rule.points).cpu().numpy()
-        # Least squares over the area, for the modes that no support holds.
+        # Least squares over the area, for the modes without a support.
         gram = np.einsum("p,pik,pil->kl", area, modes, modes)
         moments = np.einsum("p,pik,pi->k", area, modes, displacement)
         return placement.tensor(free @ np.linalg.pinv(gram, rcond=ROUNDING, hermitian=True) @ moments)

@@ -1,9 +1,9 @@
 """Reference geometry of the midsurface at points, and the linear strains of a displacement field on it.
 
-Written for this package alone and in its own form, by jets of the base vectors; the finite element reference has its
-own. Index letters as in Kairanda et al., section 3: a_1, a_2, a3 covariant, a^1, a^2 contravariant base vectors.
+This package has its own implementation, by jets of the base vectors; the finite element reference has another. Index
+letters as in Kairanda et al., section 3: a_1, a_2, a3 covariant, a^1, a^2 contravariant base vectors.
 
-Strains are made of the displacement's gradients and that geometry,
+Strains follow from the displacement's gradients and this geometry,
 
     eps_ab = 1/2 (phi_ab + phi_ba),  phi_ab = u,a . a_b,  and  kappa_ab = -(u,ab - Gamma^m_ab u,m) . a3
 
@@ -38,7 +38,7 @@ from shellbench.solvers.ndf.field.jets import (
     product,
 )
 
-SURFACE_SAMPLES = 9  # points a side of the grid on which a surface is looked at
+SURFACE_SAMPLES = 9  # points a side of the grid on which a surface is sampled
 
 LINE = 65  # points of a coordinate line that is measured
 

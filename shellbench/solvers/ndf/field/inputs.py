@@ -1,18 +1,20 @@
-"""What the network sees of a point: input coordinates as jets, derived from the case alone.
+"""Inputs of the network at a point: coordinates as jets, derived from the case alone.
 
-A plain coordinate is scaled to [-1, 1]; a periodic one becomes (cos, sin), or in two ablations its cosine alone (the
-field is then even about the seam: it closes, but can't tell the two sides apart) or a plain coordinate (the field then
-answers for a slit shell); at an edge that holds the slope of free components it is bent so that its derivative vanishes
-there. Distances from points that carry a force, and from the edges of curved shells, enter once more, stretched as
-asinh(d / l) / asinh(reach / l): there the solution varies within the length l of a bending layer. So do distances from
-lines along which loads or stiffnesses have kinks.
+A plain coordinate is scaled to [-1, 1]. A periodic coordinate becomes (cos, sin). Two ablations replace this: by the
+cosine alone (the field is then even about the seam: it closes, but can't distinguish the two sides), or by a plain
+coordinate (the field is then that of a slit shell). At an edge that holds the slope of free components, the coordinate
+is bent so that its derivative vanishes there.
 
-These lengths come first. A shell bends within layers of the length sqrt(h R), R the smallest radius of curvature, far
-below its size, around points that carry a force and along edges.
+Distances from points that carry a force, and from the edges of curved shells, are additional inputs, stretched as
+asinh(d / l) / asinh(reach / l): there the solution varies within the length l of a bending layer. Distances from lines
+along which loads or stiffnesses have kinks are inputs too.
 
-About planes of symmetry that are built into a field (see `mirrors`) every input is even: one that is odd, and goes from
--1 to 1, enters as 2 z^2 - 1, and one that is neither, such as the distance from one of two edges, as the mean of its
-images.
+The module first derives these lengths. A shell bends within layers of the length sqrt(h R), R the smallest radius of
+curvature, far below its size, around points that carry a force and along edges.
+
+Every input is even about the planes of symmetry that are built into a field (see `mirrors`). An odd input, which goes
+from -1 to 1, becomes 2 z^2 - 1. An input that is neither, such as the distance from one of two edges, becomes the mean
+of its images.
 """
 
 from __future__ import annotations
@@ -55,7 +57,7 @@ EDGE_LAYER = 1.0  # the same along an edge; between .4 and 1 the certified energ
 # most, up or down; twice as much by 5e-8.
 WIDEST_LAYER = 0.12
 
-# Of stiffness that varies quickly: waves are as fine there, however narrow it is. Neighbours are not on record.
+# For quickly varying stiffness: waves are as fine there, for any width. Neighbours are not on record.
 WIDEST_STRETCH = 5.0
 
 
@@ -68,9 +70,9 @@ class Focus:
     xi
         (xi1, xi2), radians for angles.
     position, tangents
-        (3,), (2, 3): where it is, and an orthonormal basis of the tangent plane; the first along a_1.
+        (3,), (2, 3): its position, and an orthonormal basis of the tangent plane; the first along a_1.
     reach
-        Length over which the solution is plate-like at all, metres: the smallest radius of curvature or the size.
+        Length over which the solution is plate-like, metres: the smallest radius of curvature or the size.
     layer
         Length of the bending layer l, metres.
     """
@@ -83,7 +85,7 @@ class Focus:
 
 
 def foci(case: Case, layer: float = LAYER) -> tuple[Focus, ...]:
-    """Return the points of a case that carry a force: loads and supports at points, narrow loads, and what it names."""
+    """Return the points of a case that carry a force: loads and supports at points, narrow loads, and its `focus`."""
     loaded = [*case.focus, *(name for load in case.loads if isinstance(load, PointLoad) for name in load.on)]
     places = [case.places[name] for name in loaded] + [s.point for s in point_supports(case)]
     narrow = [peak for feature in case.features for peak in feature.peaks]
@@ -102,14 +104,14 @@ def _focus(case: Case, xi: tuple[float, float], layer: float) -> Focus:
 
 
 def layer_length(case: Case, curvature: float, layer: float, size: float) -> float:
-    """Return `layer` sqrt(h R), metres, or a share of the size where that is less or the shell is flat."""
+    """Return `layer` sqrt(h R), metres, or a share of the size if that is less or the shell is flat."""
     if not curvature:
         return WIDEST_LAYER * size
     return min(layer * math.sqrt(case.material.thickness / curvature), WIDEST_LAYER * size)
 
 
 def strongest_curvature(case: Case, points: Array | None = None) -> float:
-    """Return the largest principal curvature, 1/m, at points (n, 2) or anywhere; zero where the surface is flat."""
+    """Return the largest principal curvature, 1/m, at points (n, 2) or anywhere; zero for a flat surface."""
     if points is None:
         points = case.surface.domain.grid(SURFACE_SAMPLES, SURFACE_SAMPLES).reshape(-1, 2)
     x = case.surface.derivatives(points, 2)
@@ -126,8 +128,8 @@ def strongest_curvature(case: Case, points: Array | None = None) -> float:
 def edge_layers(case: Case, flat: bool = False) -> tuple[float, float] | None:
     """Return the lengths of the layers at the edges of xi1 and of xi2, in those coordinates.
 
-    None for a flat shell, unless `flat` asks for its layers, too: these are as long as effects of an edge reach in a
-    strip as wide as the shorter side (exp(-pi x / width)), or a share of the size.
+    None for a flat shell, unless `flat` is set. The layers of a flat shell have the decay length of an edge's effects
+    in a strip as wide as the shorter side (exp(-pi x / width)), or a share of the size.
     """
     curvature = strongest_curvature(case)
     if not curvature and not flat:
@@ -149,7 +151,7 @@ INPUT_SAMPLES = 24  # points a side of the grid on which inputs are tested for l
 
 
 def even_coordinate(domain: Domain, points: Array, axis: int, even: tuple[bool, bool], placement: Placement) -> Tensor:
-    """Return the jet (6, N) of a coordinate scaled to [0, 1], with vanishing slope at the bounds where it is even."""
+    """Return the jet (6, N) of a coordinate scaled to [0, 1], with vanishing slope at the bounds of even inputs."""
     t = coordinates(points, placement)[axis] / domain.size[axis]
     t[VALUE] -= domain.lower[axis] / domain.size[axis]
     v = t[VALUE]
@@ -173,7 +175,7 @@ class Inputs:
     case
         The case they are derived from.
     periodic
-        How periodic coordinates enter.
+        Form of periodic coordinates.
     foci
         Points about which stretched coordinates are added.
     edges
@@ -181,15 +183,15 @@ class Inputs:
     even
         Bounds at which every input is even.
     kept
-        Which of the candidate columns are used: those independent of the earlier ones.
+        Numbers of the candidate columns that are used: those independent of the earlier ones.
     mirrors
         Planes about which all of them are even.
     hinged
-        Axis and value of lines that have features of their own, toward which no coordinate is stretched.
+        Axis and value of lines with features of their own, toward which no coordinate is stretched.
     squared
-        Which of the candidates enter as 2 z^2 - 1.
+        Candidates that enter as 2 z^2 - 1.
     averaged
-        The planes about which each of the candidates enters as the mean of its images.
+        Planes about which each candidate enters as the mean of its images.
     """
 
     case: Case
@@ -216,7 +218,7 @@ class Inputs:
     ) -> Inputs:
         """Derive the inputs of a case, with stretched coordinates around the given foci and at edges.
 
-        Where only cosines enter, what is not even about the seam is left out.
+        If only cosines enter, inputs that are not even about the seam are left out.
         """
         even = even_sides(edge_supports(case), slopes)
         candidates = cls(case, periodic, around, edges, even, (), hinged=hinged)
@@ -242,19 +244,19 @@ class Inputs:
 
     @property
     def stretched(self) -> tuple[bool, ...]:
-        """For each input, whether it is a stretched one."""
+        """For each input, True if it is stretched."""
         return tuple(self._flags[k] for k in self.kept)
 
     @property
     def from_edges(self) -> tuple[bool, ...]:
-        """For each input, whether it is stretched toward an edge."""
+        """For each input, True if it is stretched toward an edge."""
         flags = self._flags
         last = flags.index(True) + len(self._stretched_lines()) if any(flags) else 0
         return tuple(flags[k] and k < last for k in self.kept)
 
     @property
     def axes(self) -> tuple[int | None, ...]:
-        """For each input, the coordinate that it is, None for a stretched one."""
+        """For each input, its coordinate; None for a stretched one."""
         turns = self.case.surface.domain.periodic if self.periodic == "both" else (False, False)
         plain = [axis for axis in (0, 1) for _ in range(1 + turns[axis])]
         return tuple(plain[k] if k < len(plain) else None for k in self.kept)
@@ -286,6 +288,9 @@ class Inputs:
 
     def _candidates(self, points: Array, placement: Placement) -> list[tuple[Callable[[], Tensor], bool]]:
         """Return for each candidate a function of its jet (6, N) without mirrors, and True if it is stretched."""
+        # 1. Plain coordinates: cosine and sine of a periodic one, else the coordinate scaled to [-1, 1].
+        # 2. Distances from edges, kinks and lines of quick stiffness, stretched.
+        # 3. Distances from foci, stretched: along the tangents, or along the coordinates if inputs have to be even.
         domain = self.case.surface.domain
 
         @cache
@@ -333,9 +338,9 @@ class Inputs:
         return columns
 
     def _stretched_lines(self) -> list[tuple[int, float, float, float]]:
-        """Return axis, coordinate, length of the layer and widest stretch of what coordinates are stretched toward.
+        """Return axis, coordinate, length of the layer and widest stretch of the lines of stretched coordinates.
 
-        That is each edge, each kink, and where stiffness varies quickly.
+        These lines are edges, kinks, and places where stiffness varies quickly.
         """
         domain = self.case.surface.domain
         if not self.edges:
@@ -348,7 +353,7 @@ class Inputs:
         return lines + [(a, at, layer, WIDEST_STRETCH) for a, at, layer in quick if (a, at) not in self.hinged]
 
     def _stretched_along(self, axis: int, start: float, layer: float, widest: float, unit: Tensor) -> Tensor:
-        """Return the stretched distance from a value of one coordinate; even where that coordinate is."""
+        """Return the stretched distance from a value of one coordinate; even at the same bounds as the coordinate."""
         domain = self.case.surface.domain
         here = np.full((2, 2), start)
         here[1] += layer if start + layer <= domain.upper[axis] else -layer
@@ -366,6 +371,6 @@ def _stretched(distance: Tensor, reach: float, widest: float = math.inf) -> Tens
 
 
 def seams(domain: Domain, periodic: PeriodicInput) -> Mirrors:
-    """Return the lines about which everything must be even as the field tells no two sides of a seam apart."""
+    """Return the lines about which all features must be even, because the field is even about a seam."""
     closed = [axis for axis in (0, 1) if domain.periodic[axis] and periodic == "cosine"]
     return Mirrors(domain, tuple(Mirror(axis, domain.lower[axis], normal=axis) for axis in closed))

@@ -8,8 +8,8 @@ chain rule. Nested reverse differentiation gives the same numbers at several tim
     >>> product(xi1, xi2)[:, 0].tolist()
     [6.0, 3.0, 2.0, 0.0, 1.0, 0.0]
 
-Where values are all that is asked for, jets of one plane (1, N, ...) take their place: a product of jets is as long as
-the shorter one, and a composition as its argument.
+If only values are needed, jets of one plane (1, N, ...) take their place: a product of jets has the planes of the
+shorter one, and a composition those of its argument.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ PLANES: tuple[tuple[int, int], ...] = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (
 
 
 class Placement(NamedTuple):
-    """Where tensors live, in what precision, and how many planes the jets have that are made there."""
+    """Device and precision of tensors, and the number of planes of new jets."""
 
     device: torch.device = torch.device("cpu")
     dtype: torch.dtype = torch.float64
@@ -51,11 +51,11 @@ class Placement(NamedTuple):
         return sum(PLANES[self.planes - 1])
 
     def tensor(self, values: Array) -> Tensor:
-        """Bring an array here."""
+        """Return an array as a tensor of this placement."""
         return torch.as_tensor(np.ascontiguousarray(values), device=self.device, dtype=self.dtype)
 
     def zeros(self, *shape: int) -> Tensor:
-        """Return zeros here."""
+        """Return zeros of this placement."""
         return torch.zeros(shape, device=self.device, dtype=self.dtype)
 
     @classmethod
@@ -65,7 +65,7 @@ class Placement(NamedTuple):
         Raises
         ------
         InputError
-            If there is no such device here.
+            If there is no such device.
         """
         if device == "cuda" and not torch.cuda.is_available():
             raise InputError("device 'cuda' is not available on this machine; allowed here is 'cpu'")
@@ -92,7 +92,7 @@ def from_derivatives(
 ) -> Tensor:
     """Return the jet (6, N, ...) of a derived function: (i, j) -> (N, ...) up to order 2 + sum(shift).
 
-    `shift` = (1, 0) makes the jet of the first derivative in xi1, and so on.
+    `shift` = (1, 0) gives the jet of the first derivative in xi1, and so on.
     """
     planes = [derivatives[i + shift[0], j + shift[1]] for i, j in PLANES[: placement.planes]]
     return placement.tensor(np.stack(planes))
@@ -206,7 +206,7 @@ def gelu(z: Tensor, order: int = 2) -> tuple[Tensor, ...]:
 
 
 def relu(z: Tensor, order: int = 2) -> tuple[Tensor, ...]:
-    """Return max(z, 0) and its derivatives where it has them: the second one is zero on either side of its kink."""
+    """Return max(z, 0) and its derivatives; the second derivative is zero on either side of the kink."""
     zero = torch.zeros_like(z)
     return (z.clamp_min(0.0), (z > 0).to(z.dtype), zero, zero)[: order + 1]
 
@@ -221,7 +221,7 @@ def smooth_activation(name: str) -> Activation:
     Raises
     ------
     InputError
-        If it is not known, or its second derivatives vanish.
+        If it is unknown, or its second derivatives vanish.
     """
     if name in KINKED:
         raise InputError(
@@ -232,7 +232,7 @@ def smooth_activation(name: str) -> Activation:
 
 
 def activation(name: str) -> Activation:
-    """Return an activation by name; InputError if it is not known."""
+    """Return an activation by name; InputError if it is unknown."""
     if name not in ACTIVATIONS:
         raise InputError(f"activation '{name}' is not known; allowed are {', '.join(ACTIVATIONS)}")
     return ACTIVATIONS[name]

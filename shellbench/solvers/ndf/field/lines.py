@@ -1,17 +1,17 @@
 """Features of a field about coordinate lines: edges of contact, and hinges.
 
-Along an edge of contact the third derivative jumps. Without friction displacement, slope and moment are continuous
-where contact begins, and the shear force jumps. So the displacement is smooth but for s^3 times smooth functions on one
-side, with s the distance from the edge. Features that are smooth throughout would ring there.
+Along an edge of contact the third derivative jumps. Without friction, displacement, slope and moment are continuous at
+the edge, and the shear force jumps. Therefore the displacement is smooth up to s^3 times smooth functions on one side,
+with s the distance from the edge. Features that are smooth everywhere would oscillate there.
 
-A hinge is a narrow line where a shell is much softer than beside it, so that the field turns there. Across such a line
-forces N and moments M are smooth, and strains are not: they follow the compliance c, which is 1/(E h) of the membrane
-and 1/(E h^3) of bending. So displacements are integrals of it,
+A hinge is a narrow line along which a shell is much softer than beside it, so that the field turns there. Across such a
+line forces N and moments M are smooth, and strains are not: they follow the compliance c, which is 1/(E h) of the
+membrane and 1/(E h^3) of bending. Therefore displacements are integrals of the compliance,
 
     u = int c N,   w = int int c M,
 
 with N and M about linear in the coordinate x that runs across the line. Integrals of c and (x - x0) c, times smooth
-functions, span them, however narrow the line is. Random features would need as many waves as there are in its width.
+functions, span these displacements for any width of the line. Random features would need waves as short as the width.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, chebyshev
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
-# Chebyshev polynomials of the coordinate across a line, and of the other one, that features are multiplied by.
+# Numbers of Chebyshev polynomials of the coordinate across a line, and of the other one, that multiply features.
 CREASE_POLYNOMIALS, HINGE_POLYNOMIALS = (8, 3), (6, 3)
-TOGETHER = 2  # cells that tell a stiffness in a panel: its Gauss points are exact to twice their degree
+TOGETHER = 2  # cells that resolve a stiffness in a panel: its Gauss points are exact to twice their degree
 PANEL_NODES = 8  # of the polynomial in a panel
-TOLD = 1e-6  # of the largest compliance that the polynomial of a panel may be off by: far below what a field errs
-HALVINGS = 12  # of panels that no polynomial tells: they are left as they are
-MIDDLE, ENDS = 0.5, (0.0, 1.0)  # of a line: where its compliance is taken, and where it may be another
+TOLD = 1e-6  # of the largest compliance: allowed error of the polynomial of a panel, far below the error of a field
+HALVINGS = 12  # of panels that no polynomial resolves: these stay
+MIDDLE, ENDS = 0.5, (0.0, 1.0)  # of a line: place where its compliance is taken, and places where it may differ
 SOFTER = 2.0  # times the compliance of most of the coordinate line: less is no hinge
 
 Mask = NDArray[np.bool_]
@@ -74,7 +74,7 @@ class Creases:
     domain
         Of the coordinates.
     lines
-        Where.
+        Axis and value of the lines.
     """
 
     domain: Domain
@@ -105,7 +105,7 @@ class Hinge:
     Attributes
     ----------
     case
-        Whose material it is.
+        The case with the material.
     axis
         Of the coordinate that runs across the line.
     at
@@ -137,7 +137,7 @@ class Hinge:
 
     @cached_property
     def breaks(self) -> Array:
-        """(n + 1,) ends of panels in each of which a polynomial tells the compliance of bending."""
+        """(n + 1,) ends of panels; in each, a polynomial resolves the compliance of bending."""
         ends = np.concatenate(
             [f.division.ends(self.axis)[::TOGETHER] for f in self.case.features if f.role == "stiffness"]
         )
@@ -156,11 +156,12 @@ class Hinge:
 
     @cached_property
     def profiles(self) -> list[PPoly]:
-        """Integrals of (x - at)^k c for k = 0, 1: twice of bending, and once of the membrane."""
+        """Integrals of (x - at)^k c for k = 0, 1: twofold for bending, and single for the membrane."""
         side, found = self.case.surface.domain.size[self.axis], []
         for power, times in ((3, 2), (1, 1)):
             peak = _piecewise(self.compliance(power), self.breaks)
-            # What is beside the line is smooth: without it, profiles of several lines end in what others begin with.
+            # The compliance beside the line is smooth and is subtracted: otherwise profiles of several lines would
+            # overlap.
             peak.c[-1] -= peak(self.breaks).min()
             for k in (0, 1):
                 lever = _piecewise(lambda x, k=k: ((x - self.at) / side) ** k, self.breaks)  # type: ignore[misc]
@@ -187,7 +188,7 @@ class Hinge:
 
 def _piecewise(formula: Callable[[Array], Array], breaks: Array) -> PPoly:
     """Return polynomials through Chebyshev's points of panels."""
-    from scipy.interpolate import PPoly  # here, for fields without such lines should not wait for its import
+    from scipy.interpolate import PPoly  # imported here, so that fields without such lines do not wait for it
 
     nodes = (1 - np.cos(np.pi * (np.arange(PANEL_NODES) + 0.5) / PANEL_NODES)) / 2
     sizes = np.diff(breaks)
@@ -210,7 +211,7 @@ class Hinges:
         return len(self.former())
 
     def former(self) -> Mask:
-        """Return (count,): whether each feature is of the middle of its line; the others challenge these."""
+        """Return (count,): True for features from the middle of their line; the others challenge these."""
         each = [
             np.full(len(hinge.profiles) * math.prod(HINGE_POLYNOMIALS), hinge.across == MIDDLE) for hinge in self.hinges
         ]
@@ -232,7 +233,7 @@ def hinges_of(case: Case) -> tuple[Hinge, ...]:
     for axis in (a for a in (0, 1) if not domain.periodic[a]):
         lower, upper = domain.lower[axis], domain.upper[axis]
         along = Hinge(case, axis, lower, lower, upper).compliance(3)
-        # A peak has places beside it, too, where formulas vary quickly: they are no softer than most of the line.
+        # Formulas also vary quickly beside a peak; such places are no softer than most of the line.
         usual = SOFTER * float(np.median(along(np.linspace(lower, upper, LINE))))
         lines = sorted(at for at, _ in quick_lines(case, axis) if along(np.array([at]))[0] > usual)
         middles = [(a + b) / 2 for a, b in pairwise(lines)]

@@ -1,15 +1,15 @@
 """Planes of symmetry that are built into a field.
 
-Where a case has mirrors (see `shellbench.problems.shell.posed.mirrors`), the answer of linear theory is its own image,
-as it is the only one. Each of its Cartesian components is even about a plane, or odd about it. So is
+If a case has mirrors (see `shellbench.problems.shell.posed.mirrors`), the answer of linear theory is unique, and
+therefore its own image. Each of its Cartesian components is even or odd about a plane. So is
 
     u = M O F,
 
-with the boundary matrix M, a diagonal O of functions that are odd where a component is, and features F that are even
-about all planes. Energies are integrated over one of the parts that planes cut the shell into, and multiplied by the
-number of parts. The field itself is one of the whole shell, and smooth across the planes.
+with the boundary matrix M, a diagonal O of functions with the parity of each component, and features F that are even
+about all planes. Energies are integrated over one of the parts into which the planes cut the shell, and multiplied by
+the number of parts. The field is one of the whole shell, and smooth across the planes.
 
-Also here: which functions of a point are independent, found out by looking.
+The module also finds independent functions of a point by sampling.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from shellbench.solvers.ndf.field.jets import PLANES, VALUE, Array, Placement, c
 from shellbench.solvers.ndf.field.quadrature import ROUNDING, Rule, RuleSpec, area_rule
 
 MIRROR_SAMPLES = 11  # points a side at which functions are compared with their images
-Planes = tuple[bool, ...]  # of each mirror, whether it is meant
+Planes = tuple[bool, ...]  # for each mirror, True if it is meant
 ONE_POINT = 1e-12  # of a side: images of one point differ by rounding, a thousandth of this
 DEPENDENT_INPUT = 1e-6  # an input whose remainder is below this share of its size is left out: rounding leaves 1e-15
 ASYMMETRIC = 0.3  # place of a sample in its cell: any but the ends, the middle, and their halves
@@ -48,11 +48,11 @@ class Mirrors:
 
     @property
     def parts(self) -> int:
-        """Number of parts that the planes cut the shell into."""
+        """Number of parts into which the planes cut the shell."""
         return int(2 ** len(self.each))
 
     def part(self) -> tuple[Domain, tuple[float, float]]:
-        """Return one of them, and its shares of the sides."""
+        """Return one of the parts, and its shares of the sides."""
         lower, upper, shares = list(self.domain.lower), list(self.domain.upper), [1.0, 1.0]
         for axis in (0, 1):
             planes = [mirror.at for mirror in self.each if mirror.axis == axis]
@@ -67,7 +67,7 @@ class Mirrors:
         return part, (shares[0], shares[1])
 
     def rule(self, focal: Array, spec: RuleSpec) -> Rule:
-        """Return the points of a rule of the whole shell on one part, with weights that stand for all parts."""
+        """Return the points of a rule of the whole shell on one part, with weights for all parts."""
         part, _ = self.part()
         first, second = ((*spec.joints[k], *(m.at for m in self.each if m.axis == k)) for k in (0, 1))
         rule = area_rule(self.domain, focal, replace(spec, joints=(first, second)))
@@ -86,8 +86,8 @@ class Mirrors:
     def mean(self, jets: Callable[[Array, Sequence[int]], Tensor], points: Array, about: Sequence[Planes]) -> Tensor:
         """Return the jets (6, N, n) of the means of n functions over their images at points (N, 2).
 
-        `jets` gives those of the functions with some numbers. `about` tells of each function about which planes it is
-        not even: its images about the others are itself.
+        `jets` returns those of the functions with given numbers. `about` states, for each function, the planes about
+        which it is not even; about the others it is its own image.
         """
         numbers: dict[Planes, list[int]] = {}
         for number, planes in enumerate(about):
@@ -102,19 +102,19 @@ class Mirrors:
         return torch.stack([columns[k] for k in range(len(about))], dim=-1)
 
     def folded(self, points: Array) -> tuple[Array, NDArray[np.intp]]:
-        """Return points (n, 2) of one part, and the number (N,) of that whose image each of the points (N, 2) is."""
+        """Return points (n, 2) of one part, and the numbers (N,) of those whose images the points (N, 2) are."""
         here = np.array(points, dtype=float)
         for mirror in self.each:
             image = self.domain.wrap(mirror.image(here))
             here = np.where((image[:, mirror.axis] < here[:, mirror.axis])[:, None], image, here)
         steps = np.round((here - self.domain.lower) / (ONE_POINT * np.asarray(self.domain.size)))
-        here = np.where(steps == 0, self.domain.lower, here)  # powers of the distance from a corner tell rounding
+        here = np.where(steps == 0, self.domain.lower, here)  # powers of the distance from a corner magnify rounding
         first, second = steps.T
         _, chosen, number = np.unique(first + 1j * second, return_index=True, return_inverse=True)
         return here[chosen], number
 
     def odd(self, points: Array, placement: Placement) -> Tensor:
-        """Return the jets (6, N, 3) of functions that are odd where a component is, and even about all other planes."""
+        """Return the jets (6, N, 3) of functions with each component's parity about its plane, even about others."""
         columns = [constant(placement.tensor(np.ones(len(points))), placement.planes)] * 3
         for mirror in self.each:
             size, t = self.domain.size[mirror.axis], coordinates(points, placement)[mirror.axis]
@@ -127,9 +127,9 @@ class Mirrors:
         return torch.stack(columns, dim=-1)
 
     def parity(self, values: Callable[[Array], Tensor]) -> Tensor:
-        """Return (k, n): whether functions are even (1), odd (-1) or neither (0) about each of the planes.
+        """Return the parity (k, n) of functions about each of the planes: even (1), odd (-1) or neither (0).
 
-        `values` gives n functions (N, n) at points (N, 2).
+        `values` returns n functions (N, n) at points (N, 2).
         """
         points = samples(self.domain)
         here = values(points)
@@ -143,7 +143,7 @@ class Mirrors:
 
 
 def inner_shares(count: int) -> Array:
-    """Return evenly spaced shares (count,) of a side, of which no two lie symmetric to its middle."""
+    """Return evenly spaced shares (count,) of a side, no two of which are symmetric to its middle."""
     return np.asarray((np.arange(count) + ASYMMETRIC) / count)
 
 

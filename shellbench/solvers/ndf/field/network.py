@@ -1,4 +1,4 @@
-"""The network whose last hidden layer makes the features of a field."""
+"""The network whose last hidden layer gives the features of a field."""
 
 from __future__ import annotations
 
@@ -30,12 +30,13 @@ class Network:
     activation: str = "sine"
 
     def __post_init__(self) -> None:
-        # Rows behind each other, as in a file: products of other layouts round differently, so a loaded field would.
+        # Rows are contiguous, as in a file: products of other layouts round differently, so that a loaded field would
+        # differ.
         for name in ("weights", "biases"):
             object.__setattr__(self, name, tuple(t.contiguous() for t in getattr(self, name)))
 
     def to(self, like: torch.dtype | Tensor) -> Network:
-        """Return the network in a number format, or in that of a tensor and where that is."""
+        """Return the network in a number format, or in the format and on the device of a tensor."""
         weights, biases = (tuple(t.to(like) for t in layers) for layers in (self.weights, self.biases))
         return replace(self, weights=weights, biases=biases)
 

@@ -1,7 +1,7 @@
 """Gauss panels on the parametric rectangle, graded toward points that carry a force.
 
-A field trained on fixed points finds displacements that are cheap at those points only, so every rule has an
-independent companion of other panels and another order, on which energies are certified.
+A field trained on fixed points finds displacements with low energy at those points only. Therefore every rule has an
+independent companion with other panels and another order, on which energies are certified.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from shellbench.problems.shell.question.surface import Domain, Surface
 NOWHERE = np.zeros((0, 2))  # no point toward which a rule is graded
 PANEL_CUT = 0.2  # of a panel at a focal point; for r^2 log r^2 the error per point is least between .15 and .25
 SOFTENED = 5  # power p of r = s**p at a corner: the least power of the distance there, mu = .1, becomes smooth
-FURTHER = 6  # more points along r than elsewhere, as what is smooth in r is of p times the degree in s
+FURTHER = 6  # more points along r than elsewhere, since a polynomial in r has p times the degree in s
 BATCH = 1024  # points whose strain rows, or jets of features, are held in memory at once
 SEARCHED = 4001  # distances from an end among which ends of panels are interpolated
 ROUNDING = 1e-9
@@ -43,14 +43,14 @@ class Rule:
             yield Rule(self.points[start : start + BATCH], self.weights[start : start + BATCH])
 
     def areas(self, surface: Surface) -> Array:
-        """Return the areas (N,), m^2, of a surface that points of a rule on the rectangle stand for."""
+        """Return the areas (N,), m^2, of a surface at the points of a rule on the rectangle."""
         x = surface.derivatives(self.points, 1)
         return np.asarray(self.weights * np.linalg.norm(np.cross(x[1, 0], x[0, 1]), axis=-1))
 
 
 @dataclass(frozen=True)
 class RuleSpec:
-    """How fine a rule is.
+    """Resolution of a quadrature rule.
 
     Attributes
     ----------
@@ -61,17 +61,17 @@ class RuleSpec:
     grading
         Panels narrow toward focal points like s -> s**grading; 1 leaves them uniform.
     cuts
-        How often the panels at a focal point are cut once more, at `PANEL_CUT` of their length, for its logarithm.
+        Number of further cuts of the panels at a focal point, at `PANEL_CUT` of their length, for its logarithm.
     layers
         Lengths in the coordinates of layers at both ends of a side that has no focal point inside: half of its panels
         are spread evenly over asinh(distance / length), the other half over the distance. Zero for a side without.
     corner_cuts
-        How often the cells at corners are cut into four, at `PANEL_CUT` of their sides, for powers of the distance.
+        Number of cuts of the cells at corners into four, at `PANEL_CUT` of their sides, for powers of the distance.
         In the cells that remain at corners, points narrow toward these, too.
     point_cuts
-        How often the four cells at a focal point are cut like those at corners. `cuts` then holds along edges alone.
+        Number of cuts of the four cells at a focal point, as at corners. `cuts` then holds along edges alone.
     joints
-        Values of xi1, and of xi2, at which panels end besides, because something integrated has a kink there.
+        Further values of xi1, and of xi2, at which panels end, because the integrand has a kink there.
     """
 
     panels: tuple[int, int]
@@ -87,7 +87,7 @@ class RuleSpec:
 def panel_ends(lower: float, upper: float, focal: Sequence[float], spec: RuleSpec, axis: int, periodic: bool) -> Array:
     """Return ascending ends of panels on [lower, upper] along one coordinate, narrowing toward focal values.
 
-    Both bounds are ends of a panel even where the coordinate is periodic: a seam must not lie inside a panel.
+    Both bounds are ends of a panel even if the coordinate is periodic: a seam must not lie inside a panel.
     """
     ends = _panel_ends(lower, upper, focal, spec, axis, periodic)
     slack = ROUNDING * (upper - lower)
@@ -157,7 +157,7 @@ def ends_of(domain: Domain, focal: Array, spec: RuleSpec, axis: int) -> Array:
 
 def area_rule(domain: Domain, focal: Array, spec: RuleSpec) -> Rule:
     """Return the rule on the rectangle, graded toward focal points (k, 2); cells there and at corners are cut."""
-    # A tensor rule that narrows toward both coordinates of a point puts most of its points where nothing is singular.
+    # A tensor rule that narrows toward both coordinates of a point would put most of its points at regular places.
     lines = replace(spec, cuts=0) if spec.point_cuts else spec
     ends = [ends_of(domain, focal, lines, axis) for axis in (0, 1)]
     (x1, w1), (x2, w2) = (line_rule(along, spec.order) for along in ends)
@@ -187,7 +187,8 @@ Side = tuple[int, bool]
 def _cut_cells(domain: Domain, focal: Array, spec: RuleSpec, ends: Sequence[Array]) -> Iterator[tuple[Side, Side, int]]:
     """Yield the cells that are cut toward one of their corners.
 
-    Their numbers along both coordinates, each with whether that corner is at the cell's upper end; and how often.
+    Each has its numbers along both coordinates, True where that corner is at the cell's upper end, and the number of
+    cuts.
     """
     if spec.corner_cuts and not any(domain.periodic):
         last = [len(along) - 2 for along in ends]
@@ -201,12 +202,12 @@ def _cut_cells(domain: Domain, focal: Array, spec: RuleSpec, ends: Sequence[Arra
 
 
 def _beside(ends: Array, at: float, periodic: bool) -> list[Side]:
-    """Return the numbers of the panels that begin or end at a value, each with whether they end there."""
+    """Return the numbers of the panels that begin or end at a value, each with True if they end there."""
     size = ends[-1] - ends[0]
     distance = np.abs(ends - at)
     if periodic:
         distance = np.minimum(distance, size - distance)
-    found = np.nonzero(distance <= ROUNDING * size)[0]  # nothing where the value is not a number
+    found = np.nonzero(distance <= ROUNDING * size)[0]  # empty if the value is NaN
     panels = len(ends) - 1
     return [(int(k), False) for k in found if k < panels] + [(int(k) - 1, True) for k in found if k]
 
@@ -217,7 +218,7 @@ def _tensor(x1: Array, w1: Array, x2: Array, w2: Array) -> tuple[Array, Array]:
 
 def _corner_rule(first: tuple[float, float], second: tuple[float, float], order: int, cuts: int) -> Rule:
     """Return the rule on one cell at a corner, from the corner's coordinates and the cell's signed sides."""
-    # The cell is cut into four, and of these the one at the corner again, and so on.
+    # The cell is cut into four, then the one of these at the corner again, and so on.
     parts = []
     for k in range(cuts):
         far, near = (PANEL_CUT ** (k + 1), PANEL_CUT**k), (0.0, PANEL_CUT ** (k + 1))
@@ -257,7 +258,7 @@ def rule_on_parts(origins: Array, sizes: Array, order: int) -> Rule:
 def edge_rule(domain: Domain, edge: Edge, focal: Array, spec: RuleSpec, more: Array | None = None) -> Rule:
     """Return the rule along an edge, or along a part of one; weights are those of the running coordinate.
 
-    Panels end at `more` values (k,) besides.
+    Panels also end at `more` values (k,).
     """
     axis = 1 - edge.axis
     ends = ends_of(domain, focal, spec, axis)

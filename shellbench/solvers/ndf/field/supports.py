@@ -1,7 +1,7 @@
-"""What the supports and loads of a case ask of a field.
+"""Conditions of the supports and loads of a case on a field.
 
-Supports are told edge by edge and point by point, dead loads as forces at points: a density at area points, and forces
-at points of edges and at single points.
+Supports are listed by edge and by point. Dead loads become forces at points: a density at area points, and forces at
+points of edges and at single points.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ from shellbench.solvers.ndf.field.choices import Slopes
 from shellbench.solvers.ndf.field.jets import Array
 from shellbench.solvers.ndf.field.quadrature import ROUNDING, Rule, RuleSpec, edge_rule, ends_of, rule_on_parts
 
-EDGE_SAMPLES = 33  # points of an edge at which its normal is looked at
+EDGE_SAMPLES = 33  # points of an edge at which its normal is sampled
 
 
 @dataclass(frozen=True)
 class EdgeSupport:
-    """All that the supports on one edge hold.
+    """Conditions of all supports on one edge.
 
     Attributes
     ----------
     held
-        For each held component (0, 1, 2), the support that holds it.
+        The support of each held component (0, 1, 2).
     slope
         The support that holds u,n . a3, if one does.
     tilted
         Whether the held components have a part along a3, so that they tilt the normal as they leave the edge.
     free
-        Whether free components have such a part: no factor can hold their slope (see `choices.Slopes`).
+        Whether free components have such a part: then no factor can hold their slope (see `choices.Slopes`).
     """
 
     edge: Edge
@@ -53,7 +53,7 @@ class EdgeSupport:
 
 @dataclass(frozen=True)
 class PointSupport:
-    """One component held at one point: the support, where, which component, and its displacement, metres."""
+    """One component held at one point: the support, the point, the component, and its displacement, metres."""
 
     support: Support
     point: Point
@@ -88,7 +88,7 @@ def edge_supports(case: Case) -> tuple[EdgeSupport, ...]:
 
 
 def point_supports(case: Case, t: float = 1.0) -> tuple[PointSupport, ...]:
-    """Return what is held at points and corners."""
+    """Return the displacement components that supports hold at points and corners."""
     return tuple(
         PointSupport(support, place, component, float(motion[component]))
         for support, place in case.supported_places()
@@ -110,7 +110,7 @@ def asked_points(case: Case, quantity: DisplacementQuantity) -> tuple[Array, Arr
 
 
 def even_sides(supports: tuple[EdgeSupport, ...], slopes: Slopes = "even") -> Sides:
-    """Tell, for each coordinate, at which of its bounds (lower, upper) inputs must be even."""
+    """Return for each coordinate two flags (lower, upper): True at a bound with even inputs."""
     even = {(s.edge.axis, s.edge.side) for s in supports if s.free and slopes == "even"}
     first, second = (tuple((axis, side) in even for side in SIDES) for axis in (0, 1))
     return (first[0], first[1]), (second[0], second[1])
@@ -129,15 +129,15 @@ def edge_normals(case: Case, edge: Edge) -> Array:
     return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
 
 
-# Work of the loads on a free rigid motion, by the sum of their magnitudes, above which it moves. It is far above
-# rounding; neighbours are not on record.
+# Work of the loads on a free rigid motion, relative to the sum of their magnitudes, above which it moves. It is far
+# above rounding; neighbours are not on record.
 BALANCE = 1e-6
 
 
 def force_density(case: Case, points: ArrayLike, t: float = 1.0) -> Array:
-    """Return the dead load per reference area (N, 3), N/m^2, at points (N, 2), but for narrow ones.
+    """Return the dead load per reference area (N, 3), N/m^2, at points (N, 2), without narrow loads.
 
-    These have points of their own, and are among the `concentrated_forces`.
+    Narrow loads have points of their own, and are among the `concentrated_forces`.
     """
     return _density(case, [load for load in case.dead if narrow_division(case, load) is None], points, t)
 
@@ -180,8 +180,8 @@ def _from_local(case: Case, vectors: Array, points: Array, running: int, outward
 def concentrated_forces(case: Case, spec: RuleSpec, focal: Array, t: float = 1.0) -> tuple[Array, Array]:
     """Return points (P, 2) and forces (P, 3), N: point loads, edge loads at an edge rule's points, and narrow loads.
 
-    An edge rule has more panels where a load on it is narrow. Narrow loads on the surface have a rule on the parts into
-    which their own cells cut the panels.
+    An edge rule has more panels at narrow loads on it. Narrow loads on the surface have a rule on the parts into which
+    their own cells cut the panels.
     """
     points, forces = [np.zeros((0, 2))], [np.zeros((0, 3))]
     panels = [ends_of(case.surface.domain, focal, spec, axis) for axis in (0, 1)]
@@ -213,7 +213,7 @@ def concentrated_forces(case: Case, spec: RuleSpec, focal: Array, t: float = 1.0
 
 
 def check_balance(case: Case, rule: Rule, spec: RuleSpec, focal: Array, t: float = 1.0) -> None:
-    """Check that the loads do no work on the rigid motions that nothing holds.
+    """Check that the loads do no work on free rigid motions.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""The file of a field: its tensors as safetensors, all else as JSON in their header.
+"""The file of a field: its tensors as safetensors, all other data as JSON in their header.
 
-Also here: files of tensors (safetensors with texts in their header; nothing is ever unpickled),
+The module also reads and writes files of tensors: safetensors with texts in their header; nothing is ever unpickled.
 
-and weights in a shorter floating-point format.
+It also rounds weights to a shorter floating-point format.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def read_tensors(path: Path) -> tuple[dict[str, str], dict[str, Tensor]]:
 
 
 def texts_of(path: Path) -> dict[str, str]:
-    """Return the texts of a file; none of one that can't be read."""
+    """Return the texts of a file; empty if it can't be read."""
     try:
         with safe_open(path, framework="pt") as file:
             return dict(file.metadata() or {})
@@ -66,7 +66,7 @@ def texts_of(path: Path) -> dict[str, str]:
 
 @contextmanager
 def telling_damage(path: Path) -> Iterator[None]:
-    """Say in one sentence that what a file holds does not fit together, whatever is raised for that."""
+    """Turn errors of inconsistent data of a file into InputError, in one sentence."""
     try:
         yield
     except ValidationError as error:
@@ -85,12 +85,12 @@ def write_described(path: Path, tensors: Mapping[str, Tensor], words: Mapping[st
 
 @contextmanager
 def described(path: Path, form: str, what: str) -> Iterator[tuple[dict[str, Any], dict[str, Tensor]]]:
-    """Yield words and tensors of what `write_described` wrote, and tell what of them does not fit together.
+    """Yield words and tensors of a file of `write_described`; turn exceptions on inconsistent data into InputError.
 
     Raises
     ------
     InputError
-        In one sentence, if it can't be read, or its words do not have this `format`: it holds no `what`.
+        In one sentence, if it can't be read, or its words do not have this `format`, so that it holds no `what`.
     """
     texts, tensors = read_tensors(path)
     with telling_damage(path):
@@ -101,7 +101,7 @@ def described(path: Path, form: str, what: str) -> Iterator[tuple[dict[str, Any]
 
 
 def are_finite(tensors: Iterable[Tensor]) -> bool:
-    """Whether all tensors are of finite floating-point numbers."""
+    """Return True if all tensors hold finite floating-point numbers."""
     return all(t.is_floating_point() and bool(torch.isfinite(t).all()) for t in tensors)
 
 
@@ -117,7 +117,7 @@ HEADER = "shellbench"
 
 
 class StateHeader(Model):
-    """What a file says of one state of a path; see `shellbench.solvers.ndf.linear.solution.PathSolution`."""
+    """File header of one state of a path; see `shellbench.solvers.ndf.linear.solution.PathSolution`."""
 
     mark: Finite
     t: Finite
@@ -127,7 +127,7 @@ class StateHeader(Model):
 
 
 class CaseHeader(Model):
-    """What every file says: the recipe, the case, the history and what came of it."""
+    """Header of every file: the recipe, the case, the history and the results of the solve."""
 
     solver: str
     case_name: str
@@ -144,14 +144,14 @@ class CaseHeader(Model):
         return Case.model_validate({**self.case, "name": self.case_name})
 
     def course(self) -> dict[str, Any]:
-        """Return the fields of a solution that say how it came about."""
+        """Return the fields of a solution with its history and uncertainty."""
         names = ("history", "diagnostics", "uncertainty", "extrapolated", "unsettled")
         modes = {int(number): value for number, value in self.mode_values.items()}
         return {"mode_values": modes, **{name: getattr(self, name) for name in names}}
 
 
 class Header(CaseHeader):
-    """All that a file says beside its tensors; see `NdfSolution` for the fields."""
+    """Data of a file beside its tensors; see `NdfSolution` for the fields."""
 
     format: Literal["shellbench-ndf-1"] = "shellbench-ndf-1"
     spec: FieldSpec
@@ -201,7 +201,7 @@ def network_of(tensors: Mapping[str, Tensor], name: str, inputs: int) -> Network
     Raises
     ------
     ValueError
-        If its layers do not fit each other or the number of inputs.
+        If its layers do not match each other or the number of inputs.
     """
     activation(name)
     layers = range(sum(key.startswith("weight.") for key in tensors))
@@ -217,15 +217,14 @@ def network_of(tensors: Mapping[str, Tensor], name: str, inputs: int) -> Network
 
 
 def short_enough(tensors: Iterable[Tensor], format: NumberFormat) -> bool:
-    """Tell whether no tensor is longer than a format, so that rounding changes nothing."""
+    """Return True if no tensor is longer than a format, so that rounding changes nothing."""
     return all(tensor.element_size() <= np.dtype(format).itemsize for tensor in tensors)
 
 
 def rounded_tensors(tensors: Sequence[Tensor], format: NumberFormat) -> tuple[list[Tensor], int]:
     """Return tensors rounded to a format, in the precision they had, and the bytes that they take in the format.
 
-    Each is scaled by its largest magnitude before (see `rounding`); one that is no longer than the format
-    stays as it is.
+    Each is scaled by its largest magnitude before (see `rounding`); a tensor that already fits the format is unchanged.
     """
     result, bytes_taken = [], 0
     for tensor in tensors:

@@ -1,5 +1,5 @@
-"""The linear shell at rest: the output layer solved for, and the solution that answers.
+"""The linear shell at rest: the solve for the output layer, and the solution.
 
-Levels of ever more features, challengers that say how sure the answer is, and contact. What a field can't hold is
-declined here too. It may import `field` and `strains`.
+The package contains levels of ever more features, challengers that estimate the uncertainty, and contact. It also
+declines the cases that a field can't represent. It may import `field` and `strains`.
 """

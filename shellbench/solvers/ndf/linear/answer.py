@@ -19,9 +19,9 @@ from shellbench.solvers.ndf.linear.regularised import JITTER
 from shellbench.solvers.ndf.linear.signs import Signs
 from shellbench.solvers.ndf.linear.solution import NdfSolution
 
-STRONGER = 10.0  # times the usual regularisation: of answers that tell what the usual one takes: a decade
+STRONGER = 10.0  # times the usual regularisation, a decade: for answers that estimate the effect of the usual one
 STEPS_LEFT = math.log(JITTER / np.finfo(float).eps) / math.log(STRONGER)  # from the usual one down to rounding: 3.7
-EXPLOITED = ROUNDING  # of what is stored: more features, or less regularisation, cost so much on a finer rule
+EXPLOITED = ROUNDING  # of the stored energy: a larger rise of energy on a finer rule means exploitation
 
 
 @dataclass(frozen=True)
@@ -31,13 +31,13 @@ class Candidate:
     Attributes
     ----------
     solution
-        Without how it came about.
+        The solution, without history.
     potential
         Certified potential energy, J.
     stored
-        What shell and springs store, or rounding, J.
+        Energy stored by shell and springs, or rounding, J.
     signs
-        Whether it is an answer at all.
+        Signs that decide if it is an answer.
     step
         Of the history.
     """
@@ -59,13 +59,13 @@ class Candidate:
         return probed(self.solution)
 
     def exploits(self, other: float) -> bool:
-        """Tell whether its certified energy is above another one, J, by more than rounding."""
+        """Return True if its certified energy is above another one, J, by more than rounding."""
         return self.potential - other > EXPLOITED * self.stored
 
     def missed(self, finer: Candidate) -> Miss:
-        """Return what it has missed at least, as a finer answer tells."""
-        # Relative to what is stored: where only loads act, strain energies and displacements that the loads work on
-        # change by this share.
+        """Return lower bounds of its errors, from its difference to a finer answer."""
+        # Relative to the stored energy: with loads only, strain energies and displacements on which loads work change
+        # by this share.
         changed = changes(self.solution.case, self.values, finer.values, (self.probed, finer.probed))
         return Miss(changed, abs(self.potential - finer.potential) / finer.stored)
 
@@ -81,9 +81,9 @@ class SolvedLevel:
     first
         With the usual features.
     regularised
-        With those of the challengers: by `STRONGER` twice, once, and not more than usual.
+        With the challengers' features, regularised by `STRONGER` twice, once, and not more than usual.
     energies
-        Gives the potential energy on the training rule when one kind of challenger joins, J, by kind.
+        Returns the potential energy on the training rule with one kind of challenger, J, by kind.
     """
 
     level: Level
@@ -94,9 +94,9 @@ class SolvedLevel:
 
     @property
     def challenged(self) -> Candidate:
-        """The answer with the challengers' features of least certified energy; the usual one if only rounding tells."""
-        # Less regularisation takes less energy on the rule that the field is solved on. Where it takes more on the
-        # finer one, the field exploits its rule: hardly in displacements, much in their third derivatives.
+        """The answer of least certified energy with the challengers' features; in a tie, the usual one."""
+        # Less regularisation lowers the energy on the rule of the solve. If it raises the energy on the finer rule, the
+        # field exploits its rule: hardly in displacements, much in their third derivatives.
         *_, usual = self.regularised
         best = min(self.regularised, key=lambda answer: answer.potential)
         return best if usual.exploits(best.potential) else usual
@@ -107,10 +107,10 @@ class SolvedLevel:
         return self.first if self.challenged.exploits(self.first.potential) else self.challenged
 
     def missed(self) -> Miss:
-        """Return what the answers miss at least: what challengers change, and what less regularisation would change."""
-        # Combinations of features that are softer than rounding stay out of reach. No challenger tells of them, as it
-        # is regularised, too. But energies tell how much each step of the level gains, down to that of rounding. Where
-        # the last step loses energy no further one would gain any: what one step changes is missed.
+        """Return lower bounds of the errors: changes by challengers, and changes by less regularisation."""
+        # Combinations of features that are softer than rounding are excluded. Challengers do not show their effect,
+        # since they are regularised too. But energies show the gain of each step of regularisation, down to that of
+        # rounding. If the last step loses energy, no further one would gain any: the change by one step is the bound.
         (stiffest, stiffer, usual), best = self.regularised, self.challenged
         left = tail((stiffest.potential, stiffer.potential, usual.potential), STEPS_LEFT) if best is usual else 1.0
         softer = (stiffest if best is stiffer else stiffer).missed(best).times(left)
@@ -119,7 +119,7 @@ class SolvedLevel:
 
 @dataclass(frozen=True)
 class BestLevel:
-    """The answer of least certified energy among the levels so far, its level, and what it misses at least."""
+    """The answer of least certified energy among the levels so far, its level, and lower bounds of its errors."""
 
     answer: Candidate
     solved: SolvedLevel

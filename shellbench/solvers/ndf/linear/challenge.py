@@ -1,8 +1,8 @@
-"""What a trained field has missed at least, as challengers tell, and how sure it is therefore.
+"""Lower bounds of the error of a trained field, from challengers, and its uncertainty.
 
 The last hidden layer of the trained network and challengers of `ndf-ritz` (see `refinement`) share one linear solve.
-What that changes of each quantity and of the energy, the trained field had missed. So it had what its last step
-gained. The answer stays the trained field: the challengers only tell how sure it is.
+The changes of each quantity and of the energy by this solve are lower bounds of the trained field's error. The gain of
+its last training step is another one. The answer remains the trained field: challengers only estimate its uncertainty.
 """
 
 from __future__ import annotations
@@ -39,22 +39,22 @@ from shellbench.solvers.ndf.linear.solution import NdfSolution
 from shellbench.solvers.ndf.linear.solve import potential_energy, solve_part
 from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, normal_equations, surface_area
 
-# Where planes of symmetry are built in, a field is wide for its part of the shell, and gains ever less: as many
-# challengers as features tell half of an error that falls with the width, or faster. They look closer at point forces.
-# What these were tuned on is not on record.
+# With planes of symmetry built in, a field is wide for its part of the shell, and further features gain little: as many
+# challengers as features show half of an error that falls with the width, or faster. They resolve point forces more
+# finely. The cases of the tuning are not on record.
 MIRRORED_SHARE, MIRRORED_CHALLENGER_SCALES = 1.0, (1.0, 4.0)
 
 
 @dataclass(frozen=True)
 class Challenged:
-    """A trained field beside the one that challengers have joined.
+    """A trained field compared with the one with challengers.
 
     Attributes
     ----------
     missed
-        What the trained field has missed at least.
+        Lower bounds of the trained field's errors.
     gap
-        Of the joined field: quadrature gap, and what regularisation leaves unbalanced.
+        Of the joined field: quadrature gap, and imbalance by regularisation.
     challengers
         Their number.
     """
@@ -65,7 +65,7 @@ class Challenged:
 
 
 def stated(solution: NdfSolution, seed: int, steps: Sequence[Step]) -> NdfSolution:
-    """Return a trained solution with how sure it is of each quantity, and why it has not settled if it has not.
+    """Return a trained solution with the uncertainty of each quantity, and the reason if it has not settled.
 
     `steps` are the states that training passed through; `seed` draws the challengers.
     """
@@ -92,7 +92,7 @@ def _rounding(solution: NdfSolution) -> float:
 
 
 def last_gain(steps: Sequence[Step], values: dict[str, float]) -> Miss:
-    """Return what training misses still by its last two gains: the tail of a geometric series."""
+    """Return the error that training leaves, from its last two gains: the tail of a geometric series."""
     changed = dict.fromkeys(values, 0.0)
     if len(steps) < 2:
         return Miss(changed, 0.0)
@@ -104,10 +104,11 @@ def last_gain(steps: Sequence[Step], values: dict[str, float]) -> Miss:
 
 
 def challenge(solution: NdfSolution, values: dict[str, float], seed: int) -> Challenged:
-    """Let challengers join a trained field of a linear shell at rest whose quantities have these values."""
-    # 1. Rules of `ndf-ritz` for this case, graded toward edges and corners, with as many points a feature.
-    # 2. Features: the trained last hidden layer, what is fixed, the challengers of all kinds, powers about corners.
-    # 3. One solve; on the finer rule, the energies of both fields; each with the multiple that is best there.
+    """Add challengers to a trained field of a linear shell at rest whose quantities have these values."""
+    # 1. Take the rules of `ndf-ritz` for this case, graded toward edges and corners, with as many points a feature.
+    # 2. Join the features: the trained last hidden layer, fixed features, challengers of all kinds, powers about
+    #    corners.
+    # 3. Solve once; compute the energies of both fields on the finer rule, each with the multiple that is best there.
     case, trained = solution.case, solution.field.features
     spec = looking_everywhere(solution.spec)
     level, focal = first_level(case, usual_resolution(case)), graded_points(case, spec)

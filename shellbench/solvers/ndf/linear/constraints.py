@@ -14,7 +14,7 @@ from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Array, Placement, f
 from shellbench.solvers.ndf.field.quadrature import NOWHERE, RuleSpec, edge_rule
 from shellbench.solvers.ndf.field.supports import PointSupport, edge_supports, point_supports
 
-SAME_ROW = 1e-6  # share of the softest combination of constraints below which one is stiffer than rounding can tell
+SAME_ROW = 1e-6  # share of the softest combination of constraints below which a combination is lost in rounding
 SLOPES = RuleSpec((12, 12), 6)  # along an edge whose slope is held by rows; twice the panels around a turn
 
 
@@ -26,7 +26,7 @@ def point_constraints(ansatz: Ansatz, features: FeatureSet) -> tuple[Tensor, Ten
 
 
 def point_rows(ansatz: Ansatz, features: FeatureSet) -> Tensor:
-    """Return rows (k, 3 M) whose products with the output weights are what point supports hold of M F."""
+    """Return rows (k, 3 M) whose products with the output weights are the components of M F held at points."""
     placement, supports = features.placement, point_supports(ansatz.case)
     if not supports:
         return placement.zeros(0, 3 * features.count)
@@ -36,7 +36,7 @@ def point_rows(ansatz: Ansatz, features: FeatureSet) -> Tensor:
 
 
 def point_targets(ansatz: Ansatz, placement: Placement) -> Tensor:
-    """Return what the point supports prescribe (k,), metres, less the lift."""
+    """Return the displacements that point supports prescribe (k,), metres, less the lift."""
     supports = point_supports(ansatz.case, ansatz.t)
     targets = placement.tensor(np.array([s.value for s in supports]))
     if not supports or not ansatz.lift.moves:
@@ -52,7 +52,7 @@ def _held_at(supports: Sequence[PointSupport]) -> tuple[Array, list[int]]:
 def slope_constraints(
     ansatz: Ansatz, features: FeatureSet, spec: RuleSpec | None = None, focal: Array = NOWHERE
 ) -> Iterator[tuple[Tensor, Tensor]]:
-    """Yield, edge by edge, rows (k, 3 M) and targets (k,), metres, that hold slopes where an ansatz asks for rows.
+    """Yield, edge by edge, rows (k, 3 M) and targets (k,), metres, that hold slopes if the ansatz uses rows.
 
     `spec` and the points (k, 2) that it is graded toward give the Gauss points; None: those of `SLOPES`.
     A row is u,n . a3 at a Gauss point, times sqrt(h ds): as stiff as the membrane, it is as stiff as bending over h.
@@ -69,7 +69,7 @@ def slope_constraints(
         across, along = (D1, D2) if edge.axis == 0 else (D2, D1)
         length = x[along].norm(dim=-1)
         share = (x[across] * x[along]).sum(-1) / length**2
-        conormal = torch.zeros_like(x[..., 0])  # the planes of a jet that make its derivative along n
+        conormal = torch.zeros_like(x[..., 0])  # the planes of a jet that give its derivative along n
         conormal[across], conormal[along] = 1.0, -share
         conormal /= (x[across] - share[:, None] * x[along]).norm(dim=-1)
         normal = torch.linalg.cross(x[D1], x[D2], dim=-1)

@@ -1,10 +1,10 @@
-"""Contact of a Ritz field with obstacles: the least energy among fields that enter none at the points asked.
+"""Contact of a Ritz field with obstacles: the least energy among fields that enter no obstacle at the gap's points.
 
-Forces at points are the multipliers (see `contact_forces`). Smooth fields can't tell many forces apart, so a great
-many of them give the same displacement: the smoothest are taken. And smooth fields ring where contact begins, as the
-shear force jumps there. So edges of contact along coordinate lines are looked for in the gap, and the field is given
-features that jump as well (see `lines`). Two answers say how sure the second one is. A single one is that of linear
-statics here, or that of a path (see `contact_at_finite_strain`).
+Forces at points are the multipliers (see `contact_forces`). Smooth fields can't resolve single forces, so that many
+sets of forces give the same displacement: the smoothest is taken. Smooth fields also oscillate at edges of contact,
+where the shear force jumps. Therefore edges of contact along coordinate lines are searched in the gap, and the field
+gets features with the same jump (see `lines`). Two answers give the uncertainty of the second one. A single answer is
+that of linear statics here, or that of a path (see `contact_at_finite_strain`).
 """
 
 from __future__ import annotations
@@ -68,31 +68,31 @@ from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.linear.solve import HeldInverse, OutputLayer, held_part, potential_energy, spread
 from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, normal_equations
 
-# What these were tuned on is not on record, beyond what a line says.
+# The cases of the tuning are not on record, except where a line states them.
 STRAIGHT_EDGE = 0.02  # of a side: spread of an edge of contact along its line
-LOOKED, ROWS = 501, 9  # points of a line on which an edge of contact is looked for, and lines
-NEAREST, FARTHEST, ROOT_DEGREE = 1e-2, 0.5, 3  # shares of the largest gap whose cube root is fitted, and how
+LOOKED, ROWS = 501, 9  # points of a line on which an edge of contact is searched, and number of lines
+NEAREST, FARTHEST, ROOT_DEGREE = 1e-2, 0.5, 3  # fitted shares of the largest gap, and degree
 FARTHEST_TURNED = 0.1  # the same at finite strain: fits that reach farther disagree with each other by degree
-SETTLED_EDGE = SETTLED  # of a side: change of an edge of contact with which it is found
-ROUNDS = 5  # of looking for edges of contact
+SETTLED_EDGE = SETTLED  # of a side: an edge of contact that changes by less is found
+ROUNDS = 5  # of the search for edges of contact
 PLANE_STEPS = 8  # steps in which the planes that touch an obstacle are found
 SECOND_WIDTH = 1.4  # times the neurons, and times the points and panels by its root: the answer after the first
 ALONG_SLENDER = (1.5, 0.3)  # of the scale along and across a slender shell, which bends along its length
-SETTLED_POINT = 1e-2  # of where contact begins: what gates ask for
+SETTLED_POINT = 1e-2  # of the position of an edge of contact: required by gates
 
 
 @dataclass(frozen=True)
 class Touching:
-    """A field that touches obstacles, with its forces, and how it was found.
+    """A field that touches obstacles, with its forces and its resolution.
 
     Attributes
     ----------
     solution
         The field, or those of a path.
     potential
-        Of the last one, on its fine rule, J.
+        Potential energy of the last field on its fine rule, J.
     signs
-        Whether it is an answer.
+        Signs that decide if it is an answer.
     """
 
     solution: NdfSolution | PathSolution
@@ -120,19 +120,22 @@ def solve(
     answer: ContactSolve | None = None,
     settled: float = SETTLED,
 ) -> NdfSolution | PathSolution:
-    """Answer twice, on two resolutions with other features; the second is the answer, and their change what it misses.
+    """Solve twice, on two resolutions with other features; the second is the answer, and their difference its error.
 
-    `answer` is that of linear statics, if none is given. Figures are taken for found whose uncertainty is at most
-    `settled` of their scales.
+    `answer` defaults to that of linear statics. Quantities count as settled if their uncertainty is at most `settled`
+    of their scales.
 
     Raises
     ------
     SolveFailure
         If a field is no answer (see `shellbench.solvers.ndf.linear.signs`), or the forces of obstacles are not found.
     """
+    # 1. Choose two resolutions, the second one wider and on finer rules.
+    # 2. Solve on each; the edges of contact found first are the creases of the second.
+    # 3. State the second answer with their difference as its uncertainty, and refuse it if its signs are bad.
     begin = time.perf_counter()
     fixed = settings.neurons is not None, settings.panels is not None
-    # Along a path there are no features of edge layers: those of linear theory are too fine for Newton's method.
+    # Paths have no features of edge layers: those of linear theory are too fine for Newton's method.
     chosen = first_level(
         case, with_settings(usual_resolution(case), settings), fixed[0], fixed[1] or not case.linear
     ).resolution
@@ -172,7 +175,7 @@ def solve(
 
 
 def _stated(before: Touching, last: Touching, steps: tuple[Step, ...], settled: float) -> NdfSolution | PathSolution:
-    """Return the last answer with what is known of its uncertainty, and of its figures."""
+    """Return the last answer with its uncertainty and diagnostics."""
     solution, case = last.solution, last.solution.case
     try:
         first, second = (dict(measure_all(one.solution)) for one in (before, last))
@@ -183,11 +186,11 @@ def _stated(before: Touching, last: Touching, steps: tuple[Step, ...], settled: 
     scales = {q.name: scale(solution, q, second[q.name], rounding) for q in case.quantities}
     changed = changes(case, first, second, (probed(before.solution), probed(solution)))
     for q in case.quantities:
-        if isinstance(q, LargestPenetration):  # it is an error itself, compared with what the shell moves
+        if isinstance(q, LargestPenetration):  # it is an error itself, compared with the shell's displacement
             scales[q.name] = largest
             changed[q.name] = max(changed[q.name], second[q.name])
-    # A figure of two answers may agree by chance: none is taken to be surer than the strain energy, but for a depth,
-    # which is small by itself. Edges of contact are looked for until they move by no more than `SETTLED_EDGE`.
+    # A value of two answers may agree by chance: no uncertainty is below that of the strain energy, except that of a
+    # depth, which is small by itself. Edges of contact are searched until they move by at most `SETTLED_EDGE`.
     before_energy, energy = (sum(one.solution.energies()) for one in (before, last))
     gap = last.signs.gap + last.signs.jitter_share
     depths = {q.name for q in case.quantities if isinstance(q, LargestPenetration)}
@@ -216,7 +219,7 @@ def _located(
     finer: float,
     answer: ContactSolve,
 ) -> tuple[Touching, tuple[Crease, ...]]:
-    """Return the answer on a resolution whose edges of contact are where its features jump."""
+    """Return the answer on a resolution whose edges of contact coincide with the jumps of its features."""
     size = case.surface.domain.size
     for _ in range(ROUNDS):
         touching = answer(case, spec.model_copy(update={"creases": creases}), settings, resolution, seed, finer)
@@ -231,12 +234,12 @@ def _located(
 def _settled(
     ansatz: Ansatz, features: Features, kept: Tensor, held: HeldInverse, touch: Touch, creases: tuple[Crease, ...]
 ) -> tuple[OutputLayer, Touch]:
-    """Return the weights of the pairs that are kept, with what presses at the points of `touch`."""
-    # 1. The gap g and its direction n where the shell is: obstacles that are curved are planes for this step.
-    # 2. Rows G = n . u of the weights, their response A^-1 G^T, and the compliance G A^-1 G^T of the points.
-    # 3. Forces from the dual problem: gaps of the loads alone, g + G w, and what forces add to them.
-    # 4. Of forces with the same response, the smoothest. They act where gaps are closed.
-    # 5. All over again at the new place, until it stays. From rest on, so that no shell goes through an obstacle.
+    """Return the weights of the kept pairs, with the contact forces at the points of `touch`."""
+    # 1. Compute the gap g and its direction n at the present displacement: curved obstacles are planes for this step.
+    # 2. Compute rows G = n . u of the weights, their response A^-1 G^T, and the compliance G A^-1 G^T of the points.
+    # 3. Solve the dual problem for forces: gaps by the loads alone, g + G w, plus those by the forces.
+    # 4. Take the smoothest forces with the same response. They act where gaps are closed.
+    # 5. Repeat at the new displacement until it settles. Start from rest, so that no shell passes through an obstacle.
     case, placement = ansatz.case, features.placement
     values = features.values(touch.points)
     matrix = ansatz.factors.matrix(touch.points, placement)[VALUE]
@@ -271,12 +274,13 @@ def _settled(
 
 
 def edges_of_contact(solution: NdfSolution) -> tuple[Crease, ...]:
-    """Return the coordinate lines along which contact begins, as far as the gap tells.
+    """Return the coordinate lines along which contact begins, as far as the gap shows them.
 
-    It opens with the cube of the distance, so that its cube root goes to zero as a straight line.
+    The gap opens with the cube of the distance, so that its cube root goes to zero linearly.
     """
-    # From each end of a coordinate, on several lines: the gap where it is neither rounding nor far from contact, its
-    # cube root as a polynomial, and the root of that. Edges that are no straight lines of a coordinate are left out.
+    # From each end of a coordinate, on several lines: take the gap where it is neither rounding nor far from contact,
+    # fit a polynomial to its cube root, and find the polynomial's root. Edges that are no coordinate lines are left
+    # out.
     case, domain = solution.case, solution.case.surface.domain
     shares, found = np.linspace(0, 1, LOOKED), []
     for axis in (0, 1):
@@ -327,7 +331,7 @@ def _root_of_gap(along: Array, gap: Array, farthest: float = FARTHEST) -> float 
 def drawn(
     case: Case, spec: FieldSpec, settings: RitzSettings, resolution: Resolution, seed: int
 ) -> tuple[Ansatz, Features, tuple[RuleSpec, RuleSpec], Array]:
-    """Return a field's supports and features, the rules to train and to judge it, and what these are graded toward."""
+    """Return a field's supports and features, the rules to train and to certify it, and the points of their grading."""
     placement, focal = Placement.on(settings.device), graded_points(case, spec)
     joints = tuple(
         tuple(sorted({*own, *(at for a, at, _ in spec.creases if a == axis)})) for axis, own in enumerate(case.kinks)
@@ -343,6 +347,9 @@ def drawn(
 def _answer(
     case: Case, spec: FieldSpec, settings: RitzSettings, resolution: Resolution, seed: int, finer: float
 ) -> Touching:
+    # 1. Draw features, integrate the normal equations, and factorise them with the supports held.
+    # 2. Find the contact forces and the output layer (`_settled`).
+    # 3. Certify the energy on the finer rule, and collect the signs.
     ansatz, features, (rule_spec, fine_spec), focal = drawn(case, spec, settings, resolution, seed)
     placement = features.placement
     rule, fine = (area_rule(case.surface.domain, focal, one) for one in (rule_spec, fine_spec))

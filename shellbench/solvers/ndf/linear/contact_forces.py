@@ -1,4 +1,4 @@
-"""Where a field is asked for gaps to obstacles, and the forces at these points.
+"""The points at which a field's gaps to obstacles are evaluated, and the forces at these points.
 
 Forces are multipliers, found from the dual problem: least squares with unknowns that are not negative (Lawson & Hanson
 1974, chapter 23).
@@ -23,22 +23,26 @@ from shellbench.solvers.ndf.field.quadrature import ROUNDING
 
 Flags = NDArray[np.bool_]
 
-GAP_POINTS = 600  # at which gaps are asked, while no edge of contact is known
-ROWS_ACROSS, FEWEST_ROWS, MOST_ROWS = 80, 5, 12  # of them across the edges of contact, and along these
-GUARD = 2.0  # spacings outside an edge of contact that its own row stands for
-# What the next ones were tuned on is not on record, beyond what a line says.
-LINE_FORCE = 10.0  # times as much of a force costs nothing more on such a row: a line force is no noise
-SLIGHT = 1e-9  # share of the mean compliance by which obstacles give: what makes forces unique at all
-SMOOTH = 1e-3  # the same, where forces are made smooth
+GAP_POINTS = 600  # at which gaps are evaluated, while no edge of contact is known
+ROWS_ACROSS, FEWEST_ROWS, MOST_ROWS = 80, 5, 12  # of the points across the edges of contact, and along these
+GUARD = 2.0  # spacings outside an edge of contact that its own row represents
+# The cases of the tuning of the next ones are not on record, except where a line states them.
+LINE_FORCE = 10.0  # times as large a force costs no more on such a row: a line force is no noise
+SLIGHT = 1e-9  # share of the mean compliance by which obstacles yield, which makes forces unique
+SMOOTH = 1e-3  # the same for smooth forces
 CLOSED = 3e-4  # of the largest displacement: gaps at which smooth forces may act
 PRESSURE_REACH, FAR_REACH = 2.0, 8.0  # spacings over which forces make a pressure, with edges of contact known or not
 
 
 def contact_points(case: Case, creases: tuple[Crease, ...], finer: float, ends: bool = False) -> Touch:
-    """Return the points at which the gap is asked, in rows along both coordinates, with no force on them.
+    """Return the points at which the gap is evaluated, in rows along both coordinates, with zero forces.
 
-    `ends` are whether there are rows on the edges of the shell as well.
+    `ends` are True if there are rows on the edges of the shell as well.
     """
+    # 1. Choose the numbers of rows: more across edges of contact, few along them.
+    # 2. Along each coordinate, place a row on each edge of contact (and on the shell's edges with `ends`), and even
+    #    rows between.
+    # 3. Form the grid of both coordinates, with the lengths that each point represents.
     domain, sides = case.surface.domain, np.asarray(side_lengths(case))
     if creases:
         across = {axis for axis, _, _ in creases}
@@ -50,12 +54,12 @@ def contact_points(case: Case, creases: tuple[Crease, ...], finer: float, ends: 
         counts = [max(4, round(float(np.sqrt(GAP_POINTS / sides.prod()) * side))) for side in sides]
     found = []
     for axis in (0, 1):
-        # The row of an edge of contact stands for half a spacing inside, and for `GUARD` of them outside, where the gap
+        # The row of an edge of contact represents half a spacing inside, and `GUARD` of them outside, where the gap
         # opens with the cube of the distance.
         h = domain.size[axis] / round(finer * counts[axis])
         lines = sorted((at, side) for other, at, side in creases if other == axis)
         first, last = domain.lower[axis], domain.upper[axis]
-        rows = []  # each with where it starts to stand for the shell, and where it stops
+        rows = []  # each with the start and the end of the part of the shell that it represents
         for at, side in lines:
             below, above = (0.5, GUARD) if side > 0 else (GUARD, 0.5)
             rows.append((at - below * h, at, at + above * h))
@@ -92,10 +96,10 @@ def least_forces(compliance: Array, gap: Array, give: Array) -> Array:
     Raises
     ------
     SolveFailure
-        If there are none that rounding can tell.
+        If rounding hides them.
     """
     if not np.any(gap < 0):
-        return np.zeros(len(gap))  # SciPy's routine takes no empty matrix
+        return np.zeros(len(gap))  # SciPy's routine refuses an empty matrix
     # min x A x / 2 + gap x over x >= 0 with A = R^T R is the distance of R x from -R^-T gap: least squares.
     try:
         root = cholesky(compliance + np.diag(give))
@@ -106,7 +110,7 @@ def least_forces(compliance: Array, gap: Array, give: Array) -> Array:
 
 
 def typical_compliance(compliance: Array, touch: Touch) -> Array:
-    """Return the mean compliance (n,) of points, m/N, the more the less area they stand for."""
+    """Return the mean compliance (n,) of points, m/N, larger for points of smaller area."""
     area = touch.lengths.prod(axis=1)
     return np.asarray(np.mean(np.diag(compliance)) * area.mean() / area)
 
@@ -116,13 +120,13 @@ def smoothest(
 ) -> Array:
     """Return the forces (n,) >= 0, N, that move the shell as `forces` do and vary least.
 
-    They act where gaps are closed. `gap` (n,) is that without them, `unit` their `typical_compliance`, `line` (n,) are
-    those on an edge of contact, and `largest` is how far the shell moves, m. What a pass leaves of the response, as
-    obstacles give, the next one adds.
+    They act where gaps are closed. `gap` (n,) is the gap without them, `unit` their `typical_compliance`, `line` (n,)
+    the points on an edge of contact, and `largest` the shell's largest displacement, m. Obstacles yield, so that a pass
+    leaves a part of the response, which the next pass adds.
     """
-    # Of forces with the same response, those of least sum of squares per area. The textbook takes the multipliers.
-    # There are more points than a smooth basis tells apart, so these are a few spikes, whose resultants are right and
-    # whose places mean nothing.
+    # Among the forces with the same response, take those with the least sum of squares per area. The textbook takes the
+    # multipliers. Here there are more points than a smooth basis resolves, so that the multipliers are a few spikes:
+    # their resultants are right, but their places are arbitrary.
     near = (gap + compliance @ forces <= CLOSED * largest) | (forces > 0)
     give = (SMOOTH * unit / np.where(line, LINE_FORCE, 1.0))[near]
     smooth = np.zeros(len(forces))
@@ -133,7 +137,7 @@ def smoothest(
 
 
 def on_creases(case: Case, touch: Touch, creases: tuple[Crease, ...]) -> Flags:
-    """Return which points (n,) are on an edge of contact."""
+    """Return a mask (n,) of the points that are on an edge of contact."""
     line = np.zeros(len(touch.points), dtype=bool)
     for axis, at, _ in creases:
         line |= np.abs(touch.points[:, axis] - at) <= ROUNDING * case.surface.domain.size[axis]

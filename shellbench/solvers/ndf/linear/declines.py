@@ -1,6 +1,6 @@
 """Cases that a field declines: supports that boundary factors can't hold, paths and motions that it can't follow.
 
-What boundary factors hold is found out by trying a random field.
+A random field is used to test what boundary factors hold.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ PROBE_WIDTH = 4  # features of the random field that probes the factors
 
 
 def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
-    """Return why a field with exact boundary factors can't answer a case, as one clause, or None if it can.
+    """Return the reason that a field with exact boundary factors can't solve a case, as one clause, or None if it can.
 
-    `spec` are the choices of the field: covariant components, for one, can't be even at a plane of symmetry.
+    `spec` are the choices of the field: for example, covariant components can't be even at a plane of symmetry.
     """
     if reason := why_not_moved(case) if case.dynamics else None if case.linear else why_not_followed(case):
         return reason
@@ -63,7 +63,7 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
 
 
 def why_not_given(case: Case, quantity: Quantity) -> str | None:
-    """Return why a field can't give a quantity of a case that it takes, as one clause, or None if it can."""
+    """Return the reason that a field can't give a quantity of a case that it takes, as a clause, or None if it can."""
     if isinstance(quantity, ReactionQuantity | TorqueQuantity):
         support = next(s for s in case.supports if s.name == quantity.support)
         return Virtual.from_support(case, support).why_not_told(quantity)
@@ -73,7 +73,7 @@ def why_not_given(case: Case, quantity: Quantity) -> str | None:
 
 
 def why_not_moved(case: Case) -> str | None:
-    """Return why a field can't follow a motion, as one clause, or None if it can."""
+    """Return the reason that a field can't follow a motion, as one clause, or None if it can."""
     if case.obstacles:
         return "it touches obstacles at rest alone"
     if turns(case):
@@ -89,7 +89,7 @@ def why_not_moved(case: Case) -> str | None:
 
 
 def violations(field: Field, support: EdgeSupport) -> tuple[float, float]:
-    """Return by how much a field misses the prescribed motion and slope on an edge, relative to its own size.
+    """Return the errors of a field in the prescribed motion and slope on an edge, relative to its own size.
 
     The ends of the edge are left out: there two supports may contradict each other.
     """
@@ -116,7 +116,7 @@ def violations(field: Field, support: EdgeSupport) -> tuple[float, float]:
 
 
 def _slides(case: Case, support: EdgeSupport) -> bool:
-    """Whether free components have a part across an edge that holds the slope: then it is no plane of symmetry."""
+    """Return True if free components have a part across an edge that holds the slope: it is no plane of symmetry."""
     x = from_derivatives(case.surface.derivatives(edge_samples(case, support.edge), 2), Placement())
     _, conormal = _across(x, support.edge.axis)
     free = [c for c in range(3) if c not in support.held]
@@ -131,7 +131,7 @@ def _across(x: Tensor, axis: int) -> tuple[Tensor, Tensor]:
 
 
 def _tilt(u: Tensor, x: Tensor, normal: Tensor, axis: int) -> Tensor:
-    """u,n . normal along an edge, n the unit conormal (the direction across the edge within the surface)."""
+    """Return u,n . normal along an edge, n the unit conormal (the direction across the edge within the surface)."""
     du, dv = (u[D1], u[D2]) if axis == 0 else (u[D2], u[D1])
     share, conormal = _across(x, axis)
     tilt: Tensor = ((du - share * dv) * normal).sum(-1) / conormal.norm(dim=-1)
@@ -156,7 +156,7 @@ def _probe(case: Case, spec: FieldSpec) -> Field:
 
 
 def why_not_followed(case: Case) -> str | None:
-    """Return why a field can't follow a non-linear case, as one clause, or None if it can."""
+    """Return the reason that a field can't follow a non-linear case, as one clause, or None if it can."""
     if case.obstacles and (reason := _why_not_touched(case)) is not None:
         return reason
     for support in case.supports:

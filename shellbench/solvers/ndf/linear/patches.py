@@ -1,22 +1,22 @@
-"""Stress resultants: by derivatives of a displacement that is in equilibrium once more on a patch.
+"""Stress resultants, by derivatives of a displacement that is brought into equilibrium again on a patch.
 
-A field that least squares find over a whole shell has settled in energy while its second and third derivatives still
-err, most at edges: combinations of features that are rough cost next to nothing. About a point, therefore,
+The energy of a field over a whole shell settles while its second and third derivatives still have errors, mostly at
+edges, since rough combinations of features cost hardly any energy. Therefore, about a point,
 
     u = lift + M (Q + bubble P),
 
 with the boundary matrix M of the shell's supports and polynomials Q and P. Q is fitted to the field, in displacements,
-and P makes the energy of the patch least; the bubble vanishes with its slope at sides inside the shell. So
-a(u, v) = l(v) for all v = M bubble P, and at a supported edge the moment and the shear force of u are the reaction of
-the support. What the field errs at the patch's rim reaches its middle smoothed.
+and P makes the energy of the patch least; the bubble vanishes with its slope at sides inside the shell. Then a(u, v) =
+l(v) for all v = M bubble P, and at a supported edge the moment and the shear force of u are the reaction of the
+support. Errors of the field at the patch's rim are smoothed toward its middle.
 
-Two degrees of the polynomials tell how sure this is. Where they differ, as in layers at edges, the patch is halved.
+Two degrees of the polynomials give the uncertainty. If they differ, as in layers at edges, the patch is halved.
 
-Membrane forces and moments are made of first and second derivatives of the displacement, which are exact. In contra-
+Membrane forces and moments consist of first and second derivatives of the displacement, which are exact. In contra-
 variant components n = D H eps and m = B H kappa; with e_1 along a_1 and e_2 = a_3 x e_1 they become physical ones.
-Shear forces need the moments' slopes, third derivatives of the displacement. Jets end at the second. So moments are
-taken at Chebyshev points of a short line through the point, along either coordinate, and the polynomial through them is
-differentiated: a field is smooth, and on so short a line its polynomial errs by less than rounding.
+Shear forces need the moments' slopes, third derivatives of the displacement, but jets end at the second. Therefore
+moments are taken at Chebyshev points of a short line through the point, along either coordinate, and the polynomial
+through them is differentiated. A field is smooth, and on so short a line the polynomial's error is below rounding.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ STEPS = 3  # patches begin at every third of their side, so that points lie near
 PATCH_DEGREES = (8, 10)  # of Q along each side
 BUBBLE_DEGREES = 2  # degrees of P
 PATCH_ORDER = 16  # Gauss points along a side of the patch, beside one a degree
-AGREED = 1e-4  # difference of both degrees, by the largest component at a point: a tenth of what gates ask for
+AGREED = 1e-4  # difference of both degrees, relative to a point's largest component: a tenth of gates' tolerance
 LINE_NODES = 9  # moments on a line, through which the polynomial goes
 HALF_LINE = 0.02  # of a side: half the length of a line; shorter ones magnify rounding, longer ones no longer fit
 
@@ -82,7 +82,7 @@ class Patch:
         return Rule(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2), np.outer(v, w).ravel())
 
     def holds(self, xi: tuple[float, float]) -> bool:
-        """Tell whether a point lies in the patch or on its rim."""
+        """Return True if a point lies in the patch or on its rim."""
         return all(a <= at <= b for a, at, b in zip(self.lower, xi, self.upper, strict=True))
 
 
@@ -104,17 +104,17 @@ class OnPatch:
 
 
 def _bases(patch: Patch, degree: int, points: Array, placement: Placement) -> tuple[Tensor, Tensor]:
-    """Return the jets (6, N, .) of what Q and bubble P are made of."""
+    """Return the jets (6, N, .) of the basis functions of Q and bubble P."""
     plain = replace(patch, inner=frozenset())
     return plain.jets(points, degree, placement), patch.jets(points, degree + BUBBLE_DEGREES, placement)
 
 
 @dataclass(frozen=True)
 class Balance:
-    """How Q and P follow from any field on a patch.
+    """Maps from any field on a patch to Q and P.
 
-    `fit` (F, N) takes the field's values at Gauss points (N, 2) to the weights of Q, and those of P are `loaded` (U,)
-    less `response` (U, 3 F) times these.
+    `fit` (F, N) maps the field's values at Gauss points (N, 2) to the weights of Q. The weights of P are `loaded` (U,)
+    less `response` (U, 3 F) times those of Q.
     """
 
     points: Array
@@ -125,14 +125,14 @@ class Balance:
     @classmethod
     def on(cls, ansatz: Ansatz, patch: Patch, degree: int, placement: Placement) -> Balance:
         """Find the maps for polynomials of a degree."""
-        # 1. Q by least squares of M Q to M F at Gauss points.
+        # 1. Fit M Q to M F at Gauss points by least squares.
         rule = patch.rule(degree + PATCH_ORDER)
         held = ansatz.factors.matrix(rule.points, placement)[VALUE]
         weights = (placement.tensor(rule.weights) * (held * held).sum(dim=(1, 2))).sqrt()[:, None]
         plain = replace(patch, inner=frozenset()).jets(rule.points, degree, placement)[VALUE]
         basis, triangle = torch.linalg.qr(weights * plain)
         fit = torch.linalg.solve_triangular(triangle, (weights * basis).T, upper=True)
-        # 2. P by Ritz's method: K P = f - C Q.
+        # 2. Find P by Ritz's method: K P = f - C Q.
         unknowns, fitted = 3 * (degree + BUBBLE_DEGREES + 1) ** 2, 3 * len(fit)
         stiffness, right = weights.new_zeros((unknowns, unknowns)), weights.new_zeros((unknowns, 1 + fitted))
         for points, table in tables(ansatz, rule, placement):
@@ -157,7 +157,7 @@ Balances = dict[tuple[Patch, int], Balance]
 
 @dataclass(frozen=True)
 class Recovery:
-    """Stress resultants of a field; `known` keeps what is solved on patches, of linear shells `at_rest` alone."""
+    """Stress resultants of a field; `known` caches the solves on patches, for linear shells `at_rest` only."""
 
     found: Field
     measure: StrainName
@@ -168,14 +168,14 @@ class Recovery:
     def resultants(self, name: str, points: Array) -> Array:
         """Return resultants (2, N, 3), or shear forces (2, N, 2), at points (N, 2), by both degrees; see `RESULTANTS`.
 
-        Where no patch may lie they are twice those of the field's own derivatives.
+        If no patch is possible, both are those of the field's own derivatives.
         """
         case = self.found.ansatz.case
         values = np.repeat(resultants(case, self.measure, self.found.jet, name, points)[None], 2, axis=0)
         differ = np.full(len(points), np.inf)
         for share in SIDES_OF_PATCHES:
             groups: dict[Patch, list[int]] = {}
-            # Of a point alone, so that its patch does not depend on what else is asked.
+            # Point by point, so that a patch does not depend on the other points.
             for k in np.flatnonzero(differ > AGREED * np.abs(values).max(axis=(0, 2))):
                 groups.setdefault(self._patch(points[k], share), []).append(int(k))
             for patch, those in groups.items():
@@ -210,7 +210,7 @@ class Recovery:
         return Patch((a, c), (b, d), frozenset(inner))
 
     def _plain(self, patch: Patch) -> bool:
-        """Tell whether polynomials may fit a patch: no force, support or kink lies on it but what M and areas hold."""
+        """Return True if polynomials can fit a patch: no force or kink lies on it, nor a support beyond M."""
         ansatz, fixed = self.found.ansatz, self.found.features.fixed
         case = ansatz.case
         forced = {n for load in case.loads if isinstance(load, PointLoad | EdgeLoad | MomentLoad) for n in load.on}
@@ -242,7 +242,7 @@ def _conjugate(
     moved = jet(points)
     surface = Undeformed.at_points(case.surface, points, Placement(moved.device, moved.dtype))
     strains = surface.strained(measure, surface.gradients(moved)).strains
-    # The strain 12 counts for 21, too: what is conjugate to it is the component itself.
+    # The strain 12 also counts for 21: conjugate to it is the component itself.
     found = stresses(surface.elasticity(case.material), strains)
     return surface, found[:, :3], found[:, 3:]
 
@@ -277,7 +277,7 @@ def _shear_forces(case: Case, measure: StrainName, jet: Callable[[Array], Tensor
 
 
 def _line(case: Case, axis: int, point: Array) -> tuple[Array, Array]:
-    """Return coordinates (k,) of a line through a point, and what they are weighted by (k,) for a slope there."""
+    """Return coordinates (k,) of a line through a point, and the weights (k,) of the slope there."""
     domain = case.surface.domain
     half = HALF_LINE * domain.size[axis]
     cuts = sorted(

@@ -1,9 +1,9 @@
-"""How `ndf-ritz` refines a linear shell at rest, and what it says of its uncertainty.
+"""Refinement of a linear shell at rest by `ndf-ritz`, and the uncertainty that it states.
 
-Each level solves twice on one basis. The first answer has features of one kind. Challengers then join: features drawn
-anew, finer ones, ones that vary faster toward edges and points, and powers about corners. What they change is what the
-first answer had missed at least. A level whose answer they hardly change has settled; otherwise the next level is
-wider, and of the kind of challenger that has gained most energy.
+Each level solves twice on one basis. The first answer has features of one kind. Challengers then join: newly drawn
+features, finer ones, ones that vary faster toward edges and points, and powers about corners. The change by the
+challengers is a lower bound of the first answer's error. A level has settled if they hardly change its answer.
+Otherwise the next level is wider, and of the kind of challenger that gained most energy.
 """
 
 from __future__ import annotations
@@ -35,19 +35,19 @@ from shellbench.solvers.ndf.field.jets import Array, Placement
 from shellbench.solvers.ndf.field.network import Network, random_features
 from shellbench.solvers.ndf.field.quadrature import ROUNDING, RuleSpec
 
-SAFETY = 2.0  # of stated uncertainties, chosen before any error was seen
-SETTLED = 1e-3  # of a quantity's scale: what gates of fields ask for
-NEGLIGIBLE = 1e-3  # part of the largest displacement below which a value's relative error is idle
+SAFETY = 2.0  # of stated uncertainties, chosen before any error was known
+SETTLED = 1e-3  # of a quantity's scale: required by gates of fields
+NEGLIGIBLE = 1e-3  # part of the largest displacement below which a value's relative error is meaningless
 LEVEL_WIDTHS = WIDTHS[1:]  # of each level, in units of the usual width
 TRAINED_SHARE = 0.5  # challengers, in units of the width of the trained layer
 SLENDER = 3.0  # ratio of a flat shell's sides from which on its ends have layers of their own; neighbours not on record
 CORNER_CUTS = 2  # of cells at corners; the certificate has one more
 EDGE_SCALE = 2.0  # of inputs stretched toward edges
 SLOWEST = 0.8  # largest ratio of gains of two levels that a tail is summed with: four times the last gain
-PROBES = 25  # points a side at which fields are compared, and the largest displacement is looked for
-REPEATED = 1.5  # times the panels a side: with 6 Gauss points in each, a hundredth of what the rule misjudges
+PROBES = 25  # points a side at which fields are compared, and the largest displacement is searched
+REPEATED = 1.5  # times the panels a side: with 6 Gauss points in each, a hundredth of the rule's error
 RULE_POWER = 0.4  # of the width, that panels a side grow by: .5 would keep the points a feature; not on record
-LEAST_TAIL = 0.5  # of what a level changed: the one before had missed it, and this one may miss half of it still
+LEAST_TAIL = 0.5  # of the change by a level: the one before had this error, and the new one may have half of it
 LARGEST_SEED = 2**31
 
 
@@ -61,8 +61,8 @@ class Kind:
     points: float
 
 
-# Rules that are graded toward points are coarse elsewhere, and fit the usual scales: finer ones exploit them.
-# What these scales were tuned on is not on record.
+# Rules that are graded toward points are coarse elsewhere, and fit the usual scales: finer ones exploit them. The cases
+# of the tuning of these scales are not on record.
 AROUND_POINTS = (Kind("anew", 1.0, 0.0, 1.0), Kind("finer", 1.4, 0.0, 0.7), Kind("layers", 0.7, 0.0, 1.2))
 KINDS = (Kind("anew", 1.0, 1.0, 1.0), Kind("finer", 2.0, 1.0, 1.5), Kind("layers", 1.0, 2.0, 2.0))
 SCALE_GROWTH = {
@@ -119,7 +119,7 @@ class Level:
     def _scales(self, inputs: Inputs, kind: Kind | None, placement: Placement) -> torch.Tensor:
         usual = self.resolution
         if kind is not None:
-            # Challengers look at edges even where the first answer does not.
+            # Challengers have inputs stretched toward edges even if the first answer has none.
             usual = replace(
                 usual,
                 scale=usual.scale * kind.plain,
@@ -140,7 +140,7 @@ def _seed(seed: int, level: int, kind: int) -> int:
 
 
 def first_level(case: Case, usual: Resolution, given_width: bool = False, given_rule: bool = False) -> Level:
-    """Return the level that a case begins with, from its usual resolution, of which a part may have to stay."""
+    """Return the first level of a case from its usual resolution, of which settings may fix a part."""
     neurons = usual.neurons * (2 if not given_width and is_slender(case) else 1)
     usual = replace(usual, neurons=neurons, edge_scale=_edge_scale(case))
     chosen = usual if given_rule else _with_layers(case, usual)
@@ -148,7 +148,7 @@ def first_level(case: Case, usual: Resolution, given_width: bool = False, given_
 
 
 def next_level(first: Level, before: Level, winner: str, most: int) -> Level | None:
-    """Return the level after one whose challengers of a kind have gained most; None if nothing wider is allowed."""
+    """Return the next level, by the kind of challenger that gained most; None if nothing wider is allowed."""
     number = before.number + 1
     if number >= len(LEVEL_WIDTHS):
         return None
@@ -174,20 +174,20 @@ def _challengers(resolution: Resolution) -> int:
 
 
 def _edge_scale(case: Case) -> float:
-    """Return the scale of inputs stretched toward edges in a first answer; zero where it leaves them out."""
+    """Return the scale of inputs stretched toward edges in a first answer; zero if it has none."""
     if foci(case):
         return 0.0
     return EDGE_SCALE if not is_flat(case) or is_slender(case) else 0.0
 
 
 def is_slender(case: Case) -> bool:
-    """Tell whether a shell is flat, and much longer than wide."""
+    """Return True if a shell is flat, and much longer than wide."""
     lengths = side_lengths(case)
     return is_flat(case) and max(lengths) > SLENDER * min(lengths)
 
 
 def lengthwise(case: Case, spec: RuleSpec) -> RuleSpec:
-    """Return a rule of a slender shell with twice the panels along it, for its inputs run through the ends' layers."""
+    """Return a rule of a slender shell with twice the panels along it, since its inputs resolve the ends' layers."""
     if foci(case) or not is_slender(case):
         return spec
     along = int(np.argmax(side_lengths(case)))
@@ -217,7 +217,7 @@ def finer_rule(spec: RuleSpec, growth: float) -> RuleSpec:
 
 @dataclass(frozen=True)
 class Miss:
-    """What one answer has missed at least, as a finer one tells.
+    """Lower bounds of the errors of an answer, from a finer one.
 
     Attributes
     ----------
@@ -231,11 +231,11 @@ class Miss:
     energy: float
 
     def times(self, factor: float) -> Miss:
-        """Return a multiple."""
+        """Return the bounds times a factor."""
         return Miss({name: factor * value for name, value in self.changes.items()}, factor * self.energy)
 
     def or_larger(self, other: Miss) -> Miss:
-        """Return the larger one in each figure."""
+        """Return the larger bound of each value."""
         changes = {name: max(value, other.changes[name]) for name, value in self.changes.items()}
         return Miss(changes, max(self.energy, other.energy))
 
@@ -243,12 +243,12 @@ class Miss:
 def changes(
     case: Case, before: Mapping[str, float], after: Mapping[str, float], displacements: tuple[Array, Array]
 ) -> dict[str, float]:
-    """Return by how much each quantity changes, in its unit, from its values before and after.
+    """Return the change of each quantity, in its unit, from its values before and after.
 
     `displacements` are those before and after at points all over the shell, (n, 3) each, metres.
     """
-    # One displacement may change little by accident, where the field's change passes through zero. So none is taken to
-    # change by less than the field does along the same direction, in the mean square over the shell.
+    # One displacement may change little by chance, where the field's change passes through zero. Therefore its change
+    # counts as at least that of the field along the same direction, in the mean square over the shell.
     moved = displacements[1] - displacements[0]
     least = {}
     for q in case.quantities:
@@ -261,10 +261,10 @@ def changes(
 
 
 def _rise(moved: Array, displacement: Array, largest: float) -> float:
-    """Return by how much the largest displacement may rise if the field changes twice as much again, metres.
+    """Return the possible rise of the largest displacement if the field changes again, twice as much, metres.
 
-    Supports prescribe a displacement that no features can change: one that is the largest is sure, as long as the
-    rest of the shell stays below it. No bound is known where the largest one is not prescribed, or between the points.
+    No features can change a prescribed displacement: if the largest one is prescribed, it is certain as long as the
+    rest of the shell stays below it. No bound is known if the largest one is not prescribed, or between the points.
     """
     size, change = np.linalg.norm(displacement, axis=-1), np.linalg.norm(moved, axis=-1)
     free = change > ROUNDING * size.max()
@@ -281,9 +281,9 @@ def probed(solution: ShellSolution, at: float | None = None) -> Array:
 
 
 def tail(energies: tuple[float, float, float], steps: float) -> float:
-    """Return what so many further steps gain, in units of the last gain, from three energies that fall step by step.
+    """Return the gain of so many further steps, in units of the last gain, from three energies that fall step by step.
 
-    Gains shrink by the ratio of the two known ones, or not at all where these do not tell of it.
+    Gains shrink by the ratio of the two known ones; if these give no ratio below 1, the gains are taken as constant.
     """
     former, last = energies[0] - energies[1], energies[1] - energies[2]
     ratio = last / former if 0 < last < former else 1.0
@@ -291,10 +291,10 @@ def tail(energies: tuple[float, float, float], steps: float) -> float:
 
 
 def still_missed(last: float, former: float) -> float:
-    """Return what an answer misses still, in units of its change since the level before.
+    """Return the estimated error of an answer, in units of its change since the level before.
 
-    The tail of a geometric series, from the shares of energy that this change and the one before have gained; but
-    `LEAST_TAIL` at least.
+    It is the tail of a geometric series, from the shares of energy gained by this change and by the one before, but at
+    least `LEAST_TAIL`.
     """
     ratio = min(last / former, SLOWEST) if former > 0 else 0.0
     return max(LEAST_TAIL, ratio / (1 - ratio))
@@ -307,13 +307,15 @@ def uncertainties(
     scales: Mapping[str, float],
     rounding: float = ROUNDING,
 ) -> dict[str, float]:
-    """Return how sure an answer is of each quantity, from what it misses.
+    """Return the uncertainty of an answer in each quantity, from the lower bounds of its errors.
 
-    The largest of the change, and as shares of the quantity's scale the energy, `rounding` and `gap`, of the two
-    quadratures and of what regularisation leaves unbalanced; times `SAFETY`.
+    It is the larger of two numbers, times `SAFETY`: the change of the quantity; and its scale times the sum of the
+    energy gained, `rounding` and `gap`. `gap` is the difference of the two quadratures and the imbalance left by
+    regularisation.
     """
-    # A value may change little by chance, the energy can't: it only falls. Displacements that the load works on err as
-    # the energy does, others by more: so its share is no bound, and the change of the value itself is asked for, too.
+    # A value may change little by chance; the energy can't, since it only falls. Displacements on which the load works
+    # have the relative error of the energy, others a larger one. Its share therefore is no bound, and the change of the
+    # value itself counts too.
     share = missed.energy + gap + rounding
     return {name: SAFETY * max(missed.changes[name], share * scales[name]) for name in values}
 
@@ -321,18 +323,18 @@ def uncertainties(
 def scale(
     solution: ShellSolution, quantity: object, value: float, rounding: float, displacement: Array | None = None
 ) -> float:
-    """Return the magnitude that the uncertainty of a quantity is compared with.
+    """Return the scale of a quantity's uncertainty.
 
     Energies are compared with the whole strain energy, or with one that is `rounding`, J. Displacements near zero are
-    compared with a small part of the largest one; `displacement` (n, 3) is the solution's where it is probed.
+    compared with a small part of the largest one; `displacement` (n, 3) are the solution's at the probes.
     """
     match quantity:
         case EnergyQuantity():
             return max(sum(solution.energies()), rounding)
-        case PotentialEnergy():  # of loads and moved supports together it may be any part of what is stored
+        case PotentialEnergy():  # with loads and moved supports it may be any part of the stored energy
             return max(abs(value), sum(solution.energies()), rounding)
         case FieldError():
-            return 1.0  # it is relative already, and goes to zero
+            return 1.0  # it is already relative, and converges to zero
         case LargestDisplacement() | DisplacementQuantity():
             moved = probed(solution) if displacement is None else displacement
             largest = float(np.linalg.norm(moved, axis=-1).max())
@@ -341,21 +343,21 @@ def scale(
 
 
 def unsettled(uncertainty: Mapping[str, float], scales: Mapping[str, float], settled: float = SETTLED) -> str | None:
-    """Return the clause that says why an answer has not settled, or None if it has, or if nothing is asked for.
+    """Return the reason that an answer has not settled, as a clause, or None if it has, or if nothing is asked for.
 
-    It has where no uncertainty is above `settled` of its scale.
+    It has settled if no uncertainty is above `settled` of its scale.
     """
     if not uncertainty:
         return None
     worst = max(uncertainty, key=lambda name: uncertainty[name] / scales[name])
     share = uncertainty[worst] / scales[worst]
-    if share <= settled:  # not so where it is not a number
+    if share <= settled:  # False if it is NaN
         return None
     return f"{worst} may be off by {share:.1e} of its scale: that is what features of other kinds still change, twice"
 
 
 def joined_features(field: Field, spec: FieldSpec, level: Level, seed: int) -> Features:
-    """Return the features of a trained field, built by the choices `spec`, with challengers beside them."""
+    """Return the features of a trained field, built by the choices `spec`, together with challengers."""
     case, trained, multipliers = field.ansatz.case, field.features, spec.multipliers
     spec = looking_everywhere(spec)
     inputs, placement = build_inputs(case, spec), trained.placement

@@ -1,16 +1,16 @@
 """The inverse of a nearly singular Gram matrix, regularised at a fixed level.
 
-Random features are nearly dependent: the least eigenvalues of their Gram matrix are rounding, and may be negative.
-A level that is raised until a Cholesky factorisation succeeds makes the answer depend on that rounding, and so on the
-processor. Here the level is fixed. Where Cholesky fails all the same, the eigenvalues are found, negative ones are
-called zero, and the same level is added: both ways give the same inverse but for rounding.
+Random features are nearly dependent: the least eigenvalues of their Gram matrix are rounding, and may be negative. The
+textbook raises the level until a Cholesky factorisation succeeds. The answer then depends on that rounding, and so on
+the processor. Here the level is fixed. If Cholesky still fails, the eigenvalues are computed, negative ones are set to
+zero, and the same level is added: both ways give the same inverse up to rounding.
 
-What the level takes from combinations that are weak, but not as weak as rounding, iterative refinement gives back. With
-M = A + level I, the residual of M^-1 b is level M^-1 b, so that k refinements add up to
+Iterative refinement restores the weak combinations that are above rounding. With M = A + level I, the residual of M^-1
+b is level M^-1 b, so that k refinements add up to
 
     sum of (level M^-1)^i M^-1 b, i = 0 .. k:   a share 1 - (level / (lambda + level))^(k + 1) of each eigenvector.
 
-The sum needs no residual, whose rounding M^-1 would magnify.
+The sum needs no residual; M^-1 would magnify the rounding of a residual.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from torch import Tensor
 
 from shellbench.solvers.ndf.field.quadrature import ROUNDING
 
-REFINEMENTS = 3  # they leave 1e-4 of a combination ten times as stiff as the level, where none would leave 9 %
-JITTER = 1e-12  # on the unit diagonal: ten times what rounding leaves of the matrix, so that it decides nothing
+REFINEMENTS = 3  # the error is 1e-4 for a combination ten times as stiff as the level; without refinement it is 9 %
+JITTER = 1e-12  # on the unit diagonal: ten times the rounding of the matrix, so that rounding does not matter
 
 
 class IndefiniteError(ArithmeticError):
@@ -37,13 +37,13 @@ class RegularisedInverse:
     Attributes
     ----------
     level
-        What is added to the unit diagonal of the scaled matrix.
+        Number that is added to the unit diagonal of the scaled matrix.
     scale
         (n,) D^-1; zero where the diagonal is.
     factor
         (n, n) lower triangle of the Cholesky factor, or eigenvectors divided by the roots of their eigenvalues.
     triangular
-        Which of them it is.
+        True for a Cholesky factor.
     pivots
         Of LU factors (n, n) instead, of a matrix that is not definite.
     """
@@ -63,8 +63,8 @@ class RegularisedInverse:
         IndefiniteError
             If it is not finite, or has an eigenvalue that is negative beyond rounding.
         """
-        # Scaled to a unit diagonal, features of any magnitude are regularised alike. A feature of no stiffness gets no
-        # weight.
+        # Scaled to a unit diagonal, features of any magnitude have the same regularisation. A feature without stiffness
+        # gets no weight.
         diagonal = matrix.diagonal().clamp_min(0.0).sqrt()
         scale = torch.where(diagonal > 0, 1 / diagonal, torch.zeros_like(diagonal))
         scaled = matrix * scale[:, None] * scale
@@ -74,7 +74,7 @@ class RegularisedInverse:
         factor, info = torch.linalg.cholesky_ex(scaled)
         if int(info) == 0:
             return cls(level, scale, factor, triangular=True)
-        # The level is in `scaled` already: an eigenvalue below it was negative in A, and is called zero.
+        # `scaled` already contains the level: an eigenvalue below it was negative in A, and is set to zero.
         values, vectors = torch.linalg.eigh(scaled)
         if not float(values[0]) >= -ROUNDING * float(values[-1]):
             raise IndefiniteError
@@ -111,7 +111,8 @@ class RegularisedInverse:
         step = self._solve(right * self.scale[:, None])
         total = step
         for _ in range(REFINEMENTS):
-            # The series of the top. The textbook forms b - A x instead, whose rounding M^-1 would magnify.
+            # The series of the module's docstring. The textbook forms b - A x instead, whose rounding M^-1 would
+            # magnify.
             step = self.level * self._solve(step)
             total = total + step
         return total * self.scale[:, None]

@@ -1,4 +1,4 @@
-"""The field that `ndf-ritz` takes for a case and its settings, and the cases that are solved along a path."""
+"""The field of `ndf-ritz` for a case and its settings, and the cases that are solved along a path."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def strain_of(case: Case, strain: StrainName | None) -> StrainName:
     Raises
     ------
     InputError
-        If another one than the linear is asked for in the linear theory.
+        If the linear theory is combined with another strain measure.
     """
     if case.linear and strain not in (None, "linear"):
         raise InputError(f"case '{case.name}' is of the linear theory: setting strain = \"{strain}\" does not fit it")
@@ -71,14 +71,14 @@ def strain_of(case: Case, strain: StrainName | None) -> StrainName:
 
 
 def takes_planes(case: Case) -> bool:
-    """Tell whether planes of symmetry are built in by default: not around forces where coordinates run unevenly."""
+    """Return True if planes of symmetry are built in by default: not with point forces on uneven coordinates."""
     x = case.surface.derivatives(case.surface.domain.grid(SURFACE_SAMPLES, SURFACE_SAMPLES), 1)
     speeds = [np.linalg.norm(d, axis=-1) for d in (x[1, 0], x[0, 1])]
     return not foci(case) or all(bool((s.max(k) <= UNEVEN * s.min(k)).all()) for k, s in enumerate(speeds))
 
 
 def for_part(case: Case, mirrors: Mirrors | None) -> Resolution:
-    """Return the resolution that a case asks for if planes of symmetry are built in: on one part, or the whole."""
+    """Return the default resolution of a case with these planes of symmetry built in: on one part, or the whole."""
     usual = usual_resolution(case)
     if mirrors is None:
         return usual
@@ -96,7 +96,7 @@ def for_part(case: Case, mirrors: Mirrors | None) -> Resolution:
 
 
 def with_settings(usual: Resolution, settings: RitzSettings) -> Resolution:
-    """Return a resolution with what settings fix."""
+    """Return a resolution with the values that settings fix."""
     rule = replace(usual.rule, panels=settings.panels or usual.rule.panels, order=settings.order or usual.rule.order)
     return replace(
         usual,
@@ -107,7 +107,7 @@ def with_settings(usual: Resolution, settings: RitzSettings) -> Resolution:
 
 
 def is_path(case: Case) -> bool:
-    """Tell whether a case is solved along a path: in linear theory where all is prescribed, or edge moments act."""
+    """Return True if a case is solved along a path; linear ones are if all is prescribed, or edge moments act."""
     if not case.linear or any(isinstance(load, MomentLoad) for load in case.loads):
         return True
     return case.prescribed

@@ -22,7 +22,7 @@ NDF_RITZ = "ndf-ritz"  # of the solver, in records and files
 
 
 class RitzSettings(SeededSettings):
-    """Settings of `ndf-ritz`; what is None follows from the case.
+    """Settings of `ndf-ritz`; a value of None follows from the case.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class RitzSettings(SeededSettings):
 
 
 class ConditionedSettings(SeededSettings):
-    """Settings of `ndf-conditioned`; what is None follows from the case."""
+    """Settings of `ndf-conditioned`; a value of None follows from the case."""
 
     neurons: int | None = PydanticField(
         None, ge=1, le=4000, description="width of the random layer, without challengers"

@@ -1,9 +1,9 @@
-"""What makes a solved field no answer, told from the field itself.
+"""Signs that a solved field is no answer, computed from the field itself.
 
-First of all whether it turns where its energy does not look. Bending energy is integrated from second derivatives at
-points. A field with kinks turns at lines that no point lies on, and those turns would cost infinite energy, not none.
-Between the ends of a panel the slope changes by the integral of the second derivative: where it changes by more, the
-energy has missed it.
+The first sign is a turning that the energy does not see. Bending energy is integrated from second derivatives at
+points. A field with kinks turns at lines on which no point lies; these turns should cost infinite energy, but cost
+none. Between the ends of a panel the slope changes by the integral of the second derivative: if it changes by more, the
+energy has missed the turning.
 """
 
 from __future__ import annotations
@@ -21,28 +21,28 @@ from shellbench.solvers.ndf.field.quadrature import RuleSpec, line_rule, panel_e
 from shellbench.solvers.ndf.strains.energy import NormalEquations, exploits
 from shellbench.solvers.ndf.strains.strain_measures import UNSTRAINED
 
-CANCELLED = 1e-12  # share of the loads' work that is left on the feature that takes up most; rounding leaves 1e-15
+CANCELLED = 1e-12  # share of the loads' work that remains on the feature with the most; rounding leaves 1e-15
 LARGEST_UNSEEN = 1e-2  # of the changes of slope: smooth fields would show 1e-6 and less, rectified ones show 0.3
 LARGEST_ADDED = (
     1e-3  # of the energy on springs: default fields show 1e-5 and less; beyond this the answer is the jitter's
 )
-MOST_ADDED = 0.1  # of the energy on exact supports, where the share is part of the uncertainty: beyond, little is told
+MOST_ADDED = 0.1  # of the energy on exact supports, where the share is part of the uncertainty: the limit
 
 
 @dataclass(frozen=True)
 class Signs:
-    """Figures that tell whether a field is an answer.
+    """Numbers that decide if a field is an answer.
 
     Attributes
     ----------
     gap
         Quadrature gap.
     taken_up
-        Largest work of the loads on a feature, as a share of what it would be if no part of it cancelled.
+        Largest work of the loads on a feature, as a share of the work without cancellation.
     unseen_turning
         Share of the changes of slope that the second derivatives do not account for.
     jitter_share
-        Work that what was added to the diagonal leaves unbalanced, as a share of the energy.
+        Work left unbalanced by the number added to the diagonal, as a share of the energy.
     """
 
     gap: float
@@ -52,28 +52,28 @@ class Signs:
 
 
 def taken_up(equations: NormalEquations) -> float:
-    """Return the largest work of the loads on a feature, as a share of what it would be if no part cancelled."""
+    """Return the largest work of the loads on a feature, as a share of the work without cancellation."""
     return float(equations.load.abs().max()) / equations.uncancelled if equations.uncancelled > 0 else 1.0
 
 
 def jitter_share(equations: NormalEquations, weights: Tensor, unbalanced: float, rounding: float) -> float:
-    """Return what a jitter on the diagonal has left unbalanced, J, as a share of the energy of output weights (3 M,).
+    """Return the imbalance, J, by a jitter on the diagonal, as a share of the energy of output weights (3 M,).
 
-    `rounding` is an energy, J, below which there is nothing to take a share of.
+    `rounding` is an energy, J, that keeps the share finite for a field without energy.
     """
     stored = 0.5 * float(weights @ (equations.stiffness @ weights))
     return unbalanced / (max(stored, 0.0) + abs(equations.constant) + rounding)
 
 
 def rounding_energy(stiffness: float, area: float) -> float:
-    """Return an energy, J, that is rounding, from the membrane stiffness, N/m, and the area, m^2."""
+    """Return the energy, J, that counts as rounding, from the membrane stiffness, N/m, and the area, m^2."""
     return UNSTRAINED * stiffness * area
 
 
 def refusal(signs: Signs, spec: FieldSpec, largest_gap: float) -> str | None:
-    """Return why a field is no answer, in one sentence, or None if nothing speaks against it."""
-    # In the order of causes: the sentence names what to mend first. Each comparison is written so that a figure which
-    # is not a number refuses.
+    """Return the reason that a field is no answer, in one sentence, or None if no sign speaks against it."""
+    # The order is that of causes: the sentence names the first one to correct. Each comparison is written so that NaN
+    # refuses.
     if not signs.taken_up >= CANCELLED:
         even = " (with a cosine alone, every field is even about the seam)" if spec.periodic_input == "cosine" else ""
         return f"no field of this kind takes up the loads: their work cancels on every feature{even}"
@@ -95,7 +95,7 @@ def refusal(signs: Signs, spec: FieldSpec, largest_gap: float) -> str | None:
 
 
 def ill_conditioned(share: float, remedy: str) -> str:
-    """Say in one sentence that the equations could not be solved as they are."""
+    """Return a sentence: the equations could not be solved without a change."""
     return (
         f"the equations are too ill-conditioned: what keeps them definite takes {100 * share:.2g} % of the energy;"
         f" use {remedy}"
@@ -108,18 +108,18 @@ LINES = inner_shares(4)  # of the other coordinate, at which lines run
 def unseen_turning(field: Field, spec: RuleSpec, focal: Array) -> float:
     """Return the share of a field's changes of slope that its second derivatives do not account for, 0 to 1.
 
-    Along coordinate lines, panel by panel of the rule `spec`: the sum of |slope(b) - slope(a) - integral of u,dd| over
-    the sum of |slope(b) - slope(a)| + integral of |u,dd|, or over the slopes where these are larger.
+    It is computed along coordinate lines, panel by panel of the rule `spec`: the sum of |slope(b) - slope(a) - integral
+    of u,dd| over the sum of |slope(b) - slope(a)| + integral of |u,dd|, or over the slopes if these are larger.
     """
     # Smooth activations have no kinks.
     if field.features.network.activation not in KINKED:
         return 0.0
     # By the fundamental theorem slope(b) - slope(a) is the integral of u,dd over a panel, unless the slope jumps
     # within.
-    # 1. Lines along both coordinates, off all symmetry, with the panels of the rule that was solved on.
-    # 2. Slopes at the ends of panels, second derivatives at its Gauss points.
-    # 3. The mismatch of both, summed over panels and lines, as a share of all turning.
-    # A finer rule, the usual check, sees no kink either, as none of its points lies on one.
+    # 1. Take lines along both coordinates, off all symmetry, with the panels of the rule of the solve.
+    # 2. Evaluate slopes at the ends of panels, and second derivatives at their Gauss points.
+    # 3. Sum the mismatch of both over panels and lines, as a share of all turning.
+    # A finer rule, the usual check, does not detect a kink either, since none of its points lies on one.
     domain = field.ansatz.case.surface.domain
     unseen, total = 0.0, 0.0
     for axis, first, second in ((0, D1, D11), (1, D2, D22)):
@@ -135,7 +135,6 @@ def unseen_turning(field: Field, spec: RuleSpec, focal: Array) -> float:
             change, bend = np.diff(slope, axis=0), bend.reshape(len(ends) - 1, spec.order, 3)
             unseen += float(np.linalg.norm(change - bend.sum(1), axis=-1).sum())
             turned = np.linalg.norm(change, axis=-1).sum() + np.linalg.norm(bend, axis=-1).sum()
-            # A field that hardly turns would make a share of nothing. Then its slopes are what a mismatch is compared
-            # with.
+            # For a field that hardly turns the share would be undefined. Then the mismatch is compared with its slopes.
             total += float(max(turned, np.linalg.norm(slope, axis=-1).max()))
     return unseen / total if total > 0 else 0.0

@@ -1,6 +1,6 @@
-"""The solution of every neural recipe: a continuous field that can be asked anywhere, and kept in one file.
+"""The solution of every neural recipe: a continuous field that can be evaluated anywhere, and kept in one file.
 
-Along a path it is one field at each mark that a case keeps, all of the same features.
+Along a path it is one field at each kept mark, all with the same features.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ from shellbench.solvers.ndf.linear.patches import Balances, Recovery
 from shellbench.solvers.ndf.strains.reaction import edge_reaction
 from shellbench.solvers.ndf.strains.strain_measures import Undeformed, stresses
 
-QUERY = 2048  # points at which values are computed at once: of more, they no longer fit the cache of a processor
-JETS = 512  # points at which jets are, which are six times as large
+QUERY = 2048  # points at which values are computed at once: more would not fit into the processor's cache
+JETS = 512  # the same for jets, which are six times as large
 
 
 @dataclass(frozen=True)
 class FieldSolution(ShellSolution):
-    """What the solutions of all recipes have in common: tensors, and values at points that are found in portions."""
+    """Base of the solutions of all recipes: tensors, and values at points, computed in portions."""
 
     @property
     def storage_bytes(self) -> int:
@@ -75,7 +75,7 @@ def strained(case: Case, xi: Array, placement: Placement, jet: Tensor, measure: 
 
 
 def one_of_fields(name: str, strains: Tensor, densities: Tensor) -> Tensor:
-    """Return what `evaluate` gives: covariant strains (N, 3), or an energy density (N,)."""
+    """Return the result of `evaluate`: covariant strains (N, 3), or an energy density (N,)."""
     part = slice(0, 3) if name.startswith("membrane") else slice(3, 6)
     if name.endswith("strain"):
         return strains[:, part] * strains.new_tensor([1.0, 1.0, 0.5])
@@ -86,8 +86,8 @@ def one_of_fields(name: str, strains: Tensor, densities: Tensor) -> Tensor:
 class NdfSolution(FieldSolution):
     """A solved neural deformation field; see `shellbench.problem.Solution` for the protocol.
 
-    All tensors that `displacement` needs are kept, those of a fixed random layer included: a seed would tie a file to
-    one version of a random number generator.
+    The file has all tensors that `displacement` needs, including those of a fixed random layer: a seed would tie a file
+    to one version of a random number generator.
 
     Attributes
     ----------
@@ -98,13 +98,13 @@ class NdfSolution(FieldSolution):
     rule
         The fine quadrature of energies and reactions.
     membrane, bending
-        Parts of the strain energy on that quadrature, J; NaN where they are integrated only when they are asked for.
+        Parts of the strain energy on that quadrature, J; NaN if they are integrated on demand.
     point_forces
         (k,) forces of the point supports, N, in the order of `shellbench.solvers.ndf.field.supports.point_supports`.
     touching
-        What obstacles exert, if there are any.
+        Contact forces; None without obstacles.
     balances
-        What stress resultants on patches need of the case and its supports alone.
+        Data of stress resultants on patches that depend on the case and its supports only.
     """
 
     case: Case
@@ -120,7 +120,7 @@ class NdfSolution(FieldSolution):
     balances: Balances = kept(default_factory=dict, compare=False, repr=False)
 
     def touch(self, at: float | None = None) -> Touch:
-        """Return what obstacles exert on the shell."""
+        """Return the contact forces of obstacles on the shell."""
         return super().touch(at) if self.touching is None else self.touching
 
     def displacement_at(self, xi: Array, at: float | None) -> Array:
@@ -149,7 +149,7 @@ class NdfSolution(FieldSolution):
 
     @cached_property
     def _latest(self) -> dict[bytes, Array]:
-        """Strains and energy densities (N, 12) at the points that were asked for last."""
+        """Strains and energy densities (N, 12) at the last points, cached."""
         return {}
 
     @cached_property
@@ -179,7 +179,7 @@ class NdfSolution(FieldSolution):
         Raises
         ------
         InputError
-            If it can't be told from that of another support.
+            If it can't be separated from that of another support.
         """
         return self.pushed(number, centre, graded_points(self.case, self.spec))
 
@@ -188,7 +188,7 @@ class NdfSolution(FieldSolution):
     ) -> tuple[Array, Array]:
         """Return force and moment of a support: along its edges by virtual work, and those of its points.
 
-        `focal` (k, 2) are points toward which quadrature is graded, `lag` is what else acts on an area, N/m^2.
+        `focal` (k, 2) are points toward which quadrature is graded; `lag` returns further forces per area, N/m^2.
         """
         support, held = self.case.supports[number], np.asarray(self.point_forces)
         total = edge_reaction(self.field, support, centre, self.rule, focal, held, self.spec.strain, lag, self.touching)
@@ -216,14 +216,14 @@ class NdfSolution(FieldSolution):
         return last, hidden + bytes_taken
 
     def on_rounded(self, features: Features, format: NumberFormat) -> tuple[NdfSolution, int]:
-        """Return the field on features that are rounded already, and the bytes of output weights and rigid motion."""
+        """Return the field on already rounded features, and the bytes of output weights and rigid motion."""
         (output, rigid), bytes_taken = rounded_tensors([self.field.output, self.field.rigid], format)
         field = Field(self.field.ansatz, features, output, rigid)
         return replace(self, field=field, membrane=float("nan"), bending=float("nan")), bytes_taken
 
     @property
     def header(self) -> Header:
-        """All that a file says beside its tensors."""
+        """Data of a file beside its tensors."""
         return Header(
             solver=self.solver,
             **self.facts(),
@@ -237,7 +237,7 @@ class NdfSolution(FieldSolution):
         )
 
     def save(self, path: Path) -> Path:
-        """Write the solution as safetensors, all else as JSON in its header; return the file with its suffix."""
+        """Write the solution as safetensors, all other data as JSON in its header; return the file with its suffix."""
         touched = {} if self.touching is None else kept_touch([self.touching])
         return write(path, self.header, {**self.tensors(), **{k: torch.as_tensor(v) for k, v in touched.items()}})
 
@@ -253,7 +253,7 @@ def features_of(case: Case, header: Header, tensors: Mapping[str, Tensor]) -> Fe
     Raises
     ------
     ValueError
-        If its layers do not fit each other or the case.
+        If its layers do not match each other or the case.
     """
     inputs = build_inputs(case, header.spec)
     network = network_of(tensors, header.activation, inputs.count)
@@ -267,14 +267,14 @@ def read_states(
     tensors: Mapping[str, Tensor],
     ansatz_of: Callable[[Case, FieldSpec], Ansatz],
 ) -> tuple[NdfSolution, ...]:
-    """Return the field that a file holds, or those of all states of a path, without how they came about.
+    """Return the field of a file, or the fields of all states of a path, without their history.
 
-    `ansatz_of` builds the supports in as the recipe does.
+    `ansatz_of` builds the supports in like the recipe.
 
     Raises
     ------
     InputError
-        In one sentence, if the file is not a whole and consistent solution.
+        In one sentence, if the file is not a complete and consistent solution.
     """
     with telling_damage(path):
         case = header.read_case()
@@ -340,7 +340,7 @@ class PathSolution(FieldSolution):
         return self.states[-1].parameters
 
     def state(self, at: float | None) -> NdfSolution:
-        """Return the state at a mark, the last one if None; InputError if the case was not solved at it."""
+        """Return the state at a mark, the last one if None; InputError if the case has no state there."""
         return self.states[state_number(self.case, self.marks, at)]
 
     def displacement_at(self, xi: Array, at: float | None) -> Array:
@@ -364,7 +364,7 @@ class PathSolution(FieldSolution):
         return self.state(at).reaction_at(number, centre, None)
 
     def touch(self, at: float | None = None) -> Touch:
-        """Return what obstacles exert on the shell."""
+        """Return the contact forces of obstacles on the shell."""
         return self.state(at).touch()
 
     def tensors(self) -> dict[str, Tensor]:
@@ -388,7 +388,7 @@ class PathSolution(FieldSolution):
         return replace(self, states=tuple(states)), bytes_taken
 
     def save(self, path: Path) -> Path:
-        """Write the solution as safetensors, all else as JSON in its header; return the file with its suffix."""
+        """Write the solution as safetensors, all other data as JSON in its header; return the file with its suffix."""
         headers = tuple(
             StateHeader(
                 mark=mark, t=s.spec.t, membrane=s.membrane, bending=s.bending, point_forces=tuple(s.point_forces)

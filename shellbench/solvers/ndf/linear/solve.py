@@ -28,7 +28,7 @@ class OutputLayer:
     reactions
         (k,): the forces that hold the constraints, N, those of the point supports first.
     unbalanced
-        Work of the loads that what was added to the diagonal has left without resistance, J.
+        Work of the loads left unbalanced by the number added to the diagonal, J.
     """
 
     weights: Tensor
@@ -49,7 +49,8 @@ class HeldInverse:
     inverse
         Of the matrix.
     response, inverted
-        (n, k) of the weights to forces of the constraints, and (k, k) from what these miss to their forces.
+        (n, k) response of the weights to forces of the constraints, and (k, k) from the constraints' errors to their
+        forces.
     """
 
     matrix: Tensor
@@ -84,7 +85,7 @@ class HeldInverse:
         """Return the weights (n, m) under loads (n, m) that hold targets (k, m), and multipliers (k, m)."""
         weights = self.inverse @ loads
         multipliers = loads.new_zeros(targets.shape)
-        for _ in range(2 if len(self.constraints) else 0):  # once more for the rounding of large weights
+        for _ in range(2 if len(self.constraints) else 0):  # twice, because of the rounding of large weights
             change = self.inverted @ (self.constraints @ weights - targets)
             weights, multipliers = weights - self.response @ change, multipliers + change
         return weights, multipliers
@@ -110,13 +111,13 @@ def solve_output(equations: NormalEquations, constraints: Tensor, targets: Tenso
         If the matrix is not finite, or not positive semidefinite.
     """
     # The energy is quadratic in the output layer: its minimum is one linear system, not an optimisation.
-    # 1. A = K + what anchors rigid motions + k C^T C, the last as in an augmented Lagrangian.
-    # 2. Unconstrained weights A^-1 f by the regularised inverse.
-    # 3. Multipliers from the Schur complement C A^-1 C^T, twice, and weights that hold C w = targets. Rows that the
-    #    features can't tell apart make it singular: of its pseudo-inverse, they share the multiplier.
-    # 4. The work of the residual: what regularisation has cost.
-    # Textbooks solve the indefinite saddle system at once. Here K alone may be singular, as only C stops rigid motions.
-    # With k C^T C it is definite, and the minimum under C w = targets is the same for any k.
+    # 1. Form A = K + anchors of rigid motions + k C^T C, the last as in an augmented Lagrangian.
+    # 2. Compute the unconstrained weights A^-1 f by the regularised inverse.
+    # 3. Compute multipliers from the Schur complement C A^-1 C^T, twice, and weights with C w = targets. Rows that the
+    #    features can't distinguish make it singular: by its pseudo-inverse, they share the multiplier.
+    # 4. Compute the work of the residual: the effect of regularisation.
+    # Textbooks solve the indefinite saddle system at once. Here K alone may be singular, since only C holds rigid
+    # motions. With k C^T C it is definite, and the minimum under C w = targets is the same for any k.
     return HeldInverse.from_equations(equations, constraints, targets, stiffness, JITTER).layer()
 
 
@@ -137,7 +138,7 @@ def held_part(
     ansatz: Ansatz, features: Features, equations: NormalEquations, part: Integers, level: float = JITTER
 ) -> tuple[Tensor, HeldInverse]:
     """Return the (component, feature) pairs (n,) of some features, and the inverse for their weights."""
-    # One matrix serves all bases whose features are among its own.
+    # One matrix serves for all bases of subsets of its features.
     kept = torch.as_tensor(features.pairs(part), device=equations.load.device)
     constraints, targets = (torch.cat(both) for both in zip(*_constraints(ansatz, features), strict=True))
     within = NormalEquations(
@@ -148,7 +149,7 @@ def held_part(
 
 
 def spread(ansatz: Ansatz, features: Features, kept: Tensor, solved: OutputLayer) -> OutputLayer:
-    """Return the output layer of all pairs from that of some, with the forces of point supports alone."""
+    """Return the output layer of all pairs from that of some, with the forces of point supports only."""
     weights = solved.weights.new_zeros(3 * features.count)
     weights[kept] = solved.weights
     reactions = solved.reactions[: len(point_supports(ansatz.case, ansatz.t))]

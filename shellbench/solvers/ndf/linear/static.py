@@ -1,7 +1,7 @@
 """Linear shells at rest by `ndf-ritz`: levels of ever more features, until challengers hardly change the answer.
 
-Where only loads act, each answer is the multiple of the found field that is best on the finer quadrature, so that what
-the training quadrature misjudges does not scale it.
+With loads only, each answer is the multiple of the found field that is best on the finer quadrature, so that the error
+of the training quadrature does not scale it.
 """
 
 from __future__ import annotations
@@ -52,8 +52,8 @@ from shellbench.solvers.ndf.linear.solve import potential_energy, solve_part
 from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, normal_equations, surface_area
 from shellbench.solvers.ndf.strains.soft import Springs, support_error
 
-PENALTY = 1e4  # supports give by 1e-5 of the deflection and less, and rounding takes less than 1e-3 of the energy
-NESTED = (0.25, 0.5, 1.0)  # shares of the width whose nested fields make the convergence curve
+PENALTY = 1e4  # supports yield by at most 1e-5 of the deflection, and rounding takes less than 1e-3 of the energy
+NESTED = (0.25, 0.5, 1.0)  # shares of the width of the nested fields of the convergence curve
 
 
 def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback) -> NdfSolution:
@@ -64,18 +64,19 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
     SolveFailure
         If no level has an answer (see `shellbench.solvers.ndf.linear.signs`).
     """
-    # 1. One basis for two answers: the usual features, and those with challengers of other kinds.
-    # 2. What the second answer changes is what the first one had missed at least, and so was the change since the last
-    #    level. What regularisation takes is told by regularising more. The uncertainty of each quantity follows.
-    # 3. Not settled: the next level is wider, on a finer rule, and of the kind of challenger that has gained most.
-    # A level that exploits its quadrature has no answer, but the next one may have.
-    # Where challengers lose certified energy, they exploit the rule: the level is solved once more on a finer one.
-    # Of all levels, that of the least certified energy answers: features drawn anew need not span the former ones.
-    # Where settings fix width or panels, the first answer stands, and challengers only tell how sure it is.
+    # 1. Solve for two answers on one basis: the usual features, and those with challengers of other kinds.
+    # 2. Take the change by the second answer, and the change since the last level, as lower bounds of the first one's
+    #    error. A stronger regularisation estimates the effect of the usual one. The uncertainty of each quantity
+    #    follows.
+    # 3. If not settled, make the next level wider, on a finer rule, and of the kind of challenger that gained most.
+    # A level that exploits its quadrature has no answer, but the next one may have. If challengers lose certified
+    # energy, they exploit the rule: the level is solved once more on a finer one. The level of least certified energy
+    # is the answer: newly drawn features need not span the former ones. If settings fix width or panels, the first
+    # answer stays, and challengers only estimate its uncertainty.
     begin = time.perf_counter()
     given_width, given_rule = settings.neurons is not None, settings.panels is not None
     fixed = given_width or given_rule
-    # Fields of widths that are given are compared with each other, and with those of other recipes.
+    # Fields of given widths serve for comparisons with each other, and with those of other recipes.
     wanted = not fixed and takes_planes(case) if settings.mirrors is None else settings.mirrors
     asked = spec.model_copy(update={"mirrors": wanted})
     mirrors = built_in(case, asked)
@@ -95,7 +96,7 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
         reason = refusal(last.signs, last.solution.spec, settings.largest_gap)
         alone = refusal(solved.first.signs, solved.first.solution.spec, settings.largest_gap)
         if reason is not None and alone is None:
-            # The challengers alone exploit the rule, and are no part of the answer.
+            # Only the challengers exploit the rule: they are no part of the answer.
             last, reason = solved.first, None
         if reason is not None and kept is not None:
             break
@@ -149,7 +150,7 @@ def _certified_again(answer: Candidate, level: Level, settings: RitzSettings) ->
 
 
 def _without_challengers(solution: NdfSolution, width: int) -> NdfSolution:
-    """Return a solution whose network has its first features alone: it gives the others no weight."""
+    """Return a solution whose network has only its first features: the others have no weight."""
     field, total = solution.field, solution.field.features.network.width
     features = replace(field.features, network=field.features.network.narrowed(width))
     output = torch.cat([field.output[:, :width], field.output[:, total:]], dim=1)
@@ -159,9 +160,9 @@ def _without_challengers(solution: NdfSolution, width: int) -> NdfSolution:
 def _stated(
     last: Candidate, solved: SolvedLevel, steps: tuple[Step, ...], missed: Miss
 ) -> tuple[NdfSolution, str | None]:
-    """Return an answer with its history and with what is known of its uncertainty, and why a wider field is needed."""
-    # Stress resultants are derivatives, and the last to settle: they ask for wider fields. But a field whose
-    # displacements have settled is an answer, and each resultant states how sure it is.
+    """Return an answer with its history and uncertainty, and the reason for a wider field, or None."""
+    # Stress resultants are derivatives, and settle last: they need wider fields. But a field with settled displacements
+    # is an answer, and each resultant states its uncertainty.
     solution = last.solution
     area = surface_area(solution.field.ansatz, area_rule(solution.case.surface.domain, NOWHERE, solution.rule))
     rounding = rounding_energy(solution.case.material.membrane_stiffness, area)
@@ -188,7 +189,7 @@ def _stated(
 
 
 def _unrecovered(solution: NdfSolution) -> Miss:
-    """Return what the recovery of stress resultants misses at least: what its coarser degree changes."""
+    """Return lower bounds of the errors of recovered stress resultants: their difference to a coarser degree."""
     changed = {q.name: 0.0 for q in solution.case.quantities}
     for q in solution.case.quantities:
         if isinstance(q, ResultantQuantity):
@@ -201,6 +202,15 @@ def _unrecovered(solution: NdfSolution) -> Miss:
 def _solve_level(
     case: Case, spec: FieldSpec, settings: RitzSettings, level: Level, begin: float, balances: Balances
 ) -> SolvedLevel:
+    # 1. Draw the level's features, and integrate the normal equations on its rule; soft supports join as springs.
+    # 2. Choose nested parts of the features: parts of the usual ones, all of them, and those with challengers, the last
+    #    ones with three levels of regularisation.
+    # 3. Solve for the output layer of each part from the same matrix, and certify all energies on the finer rule at
+    #    once.
+    # 4. Scale each answer by its best multiple if nothing moves, remove its rigid motion, and collect its signs and
+    #    history.
+    # Textbooks solve one Ritz basis. Here nested bases of one matrix show the error at the cost of further
+    # factorisations.
     spec = spec.model_copy(update={"detail": level.detail})
     placement, focal, chosen = Placement.on(settings.device), graded_points(case, spec), level.resolution
     ansatz, inputs = build_ansatz(case, spec), build_inputs(case, spec)
@@ -214,7 +224,6 @@ def _solve_level(
     if springs:
         equations = Springs.from_spec(ansatz, chosen.rule, focal, weight).join(equations, ansatz, features)
 
-    # Nested bases: parts of the usual features, all of them, and all there are.
     hidden, former = network.width, np.logical_or(features.fixed.former(), level.number > 1)
     plain, powers = hidden + np.nonzero(former)[0], hidden + np.nonzero(~former)[0]
     shares = NESTED if level.number == 0 and not level.repeated else NESTED[-1:]

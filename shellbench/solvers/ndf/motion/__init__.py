@@ -1,4 +1,4 @@
-"""A field in motion: the output layer obeys Newton's law, integrated in time.
+"""A field in motion: Newton's law for the output layer, integrated in time.
 
-It may import `path` and the rooms below it.
+It may import `path` and the packages below it.
 """

@@ -16,19 +16,19 @@ from shellbench.solvers.ndf.motion.motion_problem import Motion
 
 RTOL, ATOL = 1e-6, 1e-8  # of y and y', in m sqrt(kg) and m/s sqrt(kg): errors then stay far below those of the field
 MOST_TIME_STEPS = 6_000
-STABLE = 5.5  # step times frequency that the method takes: its amplification exceeds 1 from 5.9 on
+STABLE = 5.5  # largest step times frequency: the method's amplification exceeds 1 from 5.9 on
 FIRST = (
     1e-4  # of the whole time: the first step, before the error is known; a longer one is rejected, a shorter one grows
 )
 
 
 class StuckError(ArithmeticError):
-    """The integration can't go on; says why in one clause."""
+    """The integration can't continue; the message is a clause with the reason."""
 
 
 @dataclass(frozen=True)
 class Stepping:
-    """How time is stepped: tolerances of the local error, and how many steps are too many."""
+    """Settings of the steps in time: tolerances of the local error, and the largest number of steps."""
 
     rtol: float = RTOL
     atol: float = ATOL
@@ -37,7 +37,7 @@ class Stepping:
 
 @dataclass
 class Track:
-    """What integration has done so far: at each accepted step time, y, y', y'', work since rest, and whose."""
+    """Record of the integration so far: at each accepted step time, y, y', y'', work since rest, and the motion."""
 
     times: list[float] = field(default_factory=list)
     states: list[tuple[tuple[Array, Array, Array], float]] = field(default_factory=list)
@@ -52,15 +52,18 @@ Finer = Callable[[Motion, Array, float], Motion | None]  # equations of motion t
 def integrate(
     motion: Motion, marks: Sequence[float], stepping: Stepping, track: Track, finer: Finer | None = None
 ) -> Iterator[float]:
-    """Integrate from rest, landing on every mark; yield the time of each accepted step, which `track` has recorded.
+    """Integrate from rest, landing on every mark; yield the time of each accepted step, recorded in `track`.
 
-    After each step, `finer` may hand over to equations of motion with more features, of which the first are these.
+    After each step, `finer` may return equations of motion with more features, of which the first are the present ones.
 
     Raises
     ------
     StuckError
-        If a step can't be cut any further, or too many were taken.
+        If a step can't be cut further, or too many were taken.
     """
+    # 1. Bound the step by stability, and by the distance to the next mark.
+    # 2. Step by DOP853 until the mark, and record each accepted step.
+    # 3. Change to equations of motion with more features if `finer` returns them.
     # z = (y, y', work). The work of loads and supports is integrated too, for the balance of energy.
     evaluations = 0
 
@@ -82,14 +85,14 @@ def integrate(
         track.motions.append(motion)
 
     t, z, step = 0.0, np.zeros(2 * motion.basis.size + 1), FIRST * marks[-1]
-    # An explicit method is not stable beyond this. Its error control would find out by steps that it rejects.
+    # An explicit method is unstable beyond this. Its error control would find the limit by rejected steps.
     longest = STABLE / motion.highest_frequency()
     record(t, z, law(t, z))
     left = list(marks)
     while left:
         mark = left[0]
         first = min(step, longest, mark - t)
-        # Marks are ends of integration, not values of an interpolant: a load that jumps there is not smoothed over.
+        # Integration ends at marks; these are no values of an interpolant: a load that jumps there is not smoothed.
         method = DOP853(law, t, z, mark, rtol=stepping.rtol, atol=stepping.atol, first_step=first, max_step=longest)
         following: Motion | None = None
         while method.status == "running" and following is None:
@@ -101,7 +104,7 @@ def integrate(
                 raise StuckError("the time step can't be cut any further")
             t, z = float(method.t), method.y
             record(t, z, method.f)
-            # Else the last step was cut at the mark, and says nothing of the next one's length.
+            # Else the last step was cut at the mark, and is no guide for the next one's length.
             if method.status == "running":
                 step = float(method.h_abs)
             yield t
@@ -115,7 +118,7 @@ def integrate(
 
 
 def carried(motion: Motion, following: Motion, z: Array, t: float) -> Array:
-    """Return unknowns, rates and work of the same motion by features that begin with these."""
+    """Return unknowns, rates and work of the same motion with more features, which begin with these."""
     count, placement = motion.basis.size, motion.features.placement
     parts = [
         following.unknowns(widened(motion.weights(placement.tensor(z[k * count : (k + 1) * count]), t, k), following))
@@ -125,6 +128,6 @@ def carried(motion: Motion, following: Motion, z: Array, t: float) -> Array:
 
 
 def widened(w: Tensor, motion: Motion) -> Tensor:
-    """Return output weights (3 M,) as those of a motion whose features begin with theirs."""
+    """Return output weights (3 M,) extended by zeros to those of a motion whose features begin with theirs."""
     own = w.view(COMPONENTS, -1)
     return torch.nn.functional.pad(own, (0, motion.features.count - own.shape[1])).reshape(-1)

@@ -1,8 +1,8 @@
-"""A case in motion: the output layer of given features obeys Newton's law, step by step from rest.
+"""A case in motion: Newton's law for the output layer of given features, step by step from rest.
 
 The equations of motion of the output weights are integrated by the explicit Runge-Kutta method of order eight of
-Dormand and Prince with a step that its own error chooses (Hairer, Norsett & Wanner 1993, DOP853). Cloth is soft: with
-the smooth features of `smooth` the highest frequency of a napkin is near 1000 rad/s, which steps of some 5 ms take, at
+Dormand and Prince with step control by its own error (Hairer, Norsett & Wanner 1993, DOP853). Cloth is soft: with the
+smooth features of `smooth` the highest frequency of a napkin is near 1000 rad/s, which allows steps of some 5 ms, at
 the cost of a dozen evaluations of the forces each. The alternative, an incremental potential minimised at each step by
 Newton's method, takes longer steps but a matrix of all unknowns at each iteration. Measured side by side on the napkin
 in its plane, 226 unknowns up to .2 s, one core, errors against tolerances of 1e-10:
@@ -14,15 +14,15 @@ in its plane, 226 unknowns up to .2 s, one core, errors against tolerances of 1e
     generalised-alpha, 1/480 s   188 iterations      62 s    2e-5 m
 
 An iteration costs the third power of the number of unknowns, an evaluation the first. Steps shrink with the square of
-the degree, and with its fourth power where bending decides: a shell as stiff as steel would ask for the other scheme.
+the degree, and with its fourth power if bending determines them: a shell as stiff as steel would need the other scheme.
 
-Products of placed waves (`products`) can be added on the way: those of a higher degree begin with those that are there,
-so that displacement, velocity and energy stay what they are. More are asked for when the smallest waves of the motion
-stop being small, which the field itself tells: see `asks_for_more`.
+Products of placed waves (`products`) can be added during the motion: those of a higher degree begin with the present
+ones, so that displacement, velocity and energy do not change. More are added when the shortest waves of the motion are
+no longer small, which the field itself shows: see `asks_for_more`.
 
-Ever finer features are tried until the motion stands still from one to the next; how much the case's quantities moved
-between the last two is the estimate of their error. What no integrator tells is whether the field exploits its
-quadrature: energies at the kept times are computed again on a finer one.
+Ever finer features are tried until the motion settles; the change of the case's quantities between the last two levels
+estimates their error. The integrator does not show exploitation of the quadrature. Therefore energies at the kept times
+are computed again on a finer one.
 """
 
 from __future__ import annotations
@@ -59,16 +59,16 @@ DEGREES = (10, 13, 17, 22)  # along the longest side, of each level: each costs 
 SETTLED_MOTION = 2e-4  # change of the motion between levels, over the longest side, below which the finer one is kept
 MORE_POINTS = 1.5  # times as many a degree, once a field has exploited its quadrature
 MOST_POINTS = POINTS_A_DEGREE * MORE_POINTS**2  # twice more, then it gives up
-TOLD_PARTS = 1000  # in which progress is told
+TOLD_PARTS = 1000  # number of progress reports
 PROBE = 21  # points a side at which motions are compared
 MORE_GAUSS = 8  # Gauss points a side: few are not enough for waves of a low degree
-FIRST_DEGREE = 13  # of products that follow a motion, and by how much their degree grows at a time
+FIRST_DEGREE = 13  # of products that follow a motion, and the growth of their degree at a time
 DEGREE_GROWTH = 1.3  # as from one of `DEGREES` to the next
-TOP = 0.8  # of the degree: what varies more quickly is the tail; neighbours are not on record
-# Of the displacement, over the longest side: asks for more where a field may reach `REFERENCE`, and falls with a power.
+TOP = 0.8  # of the degree: higher degrees are the tail; neighbours are not on record
+# Of the displacement, over the longest side: threshold for more features, which falls with a power of the degree.
 TAIL = SETTLED_MOTION / 40
 REFERENCE, TAIL_POWER = 30, 4.0
-UNALLOCATED = "can't allocate memory"  # what torch says on a CPU, as a RuntimeError
+UNALLOCATED = "can't allocate memory"  # torch's message on a CPU, in a RuntimeError
 
 
 @dataclass(frozen=True)
@@ -87,21 +87,21 @@ class MotionLevel:
 
     @property
     def first(self) -> int:
-        """The degree that a motion begins with."""
+        """The first degree of a motion."""
         return min(FIRST_DEGREE, self.degree) if self.grow else self.degree
 
 
 def motion_levels(
     case: Case, widths: Sequence[int] | None, degrees: Sequence[int] | None = None
 ) -> list[tuple[int, int]]:
-    """Return degrees with the widths of random features that hold them: given widths or degrees, or `DEGREES`."""
+    """Return degrees with the widths of random features for them: given widths or degrees, or `DEGREES`."""
     if widths:
         return [(degree_of(case, width), width) for width in widths]
     return [(degree, widest(case, degree)) for degree in degrees or DEGREES]
 
 
 def degree_of(case: Case, width: int) -> int:
-    """Return the degree that a width of random features holds."""
+    """Return the degree that a width of random features represents."""
     degree = 1
     while widest(case, degree + 1) <= width:
         degree += 1
@@ -117,19 +117,20 @@ def solve(
     progress: ProgressCallback,
     stepping: Stepping | None = None,
 ) -> MotionSolution:
-    """Follow a motion with ever finer features until it stands still, or there are no finer ones.
+    """Follow a motion with ever finer features until it settles, or there are no finer ones.
 
     Raises
     ------
     SolveFailure
         If integration gets stuck, or a field exploits its quadrature; the motion up to there comes with it.
     """
-    # Features up to a degree, ever finer, until the motion stands still between two of them:
-    # 1. Equations of motion of the features, on a rule of so many points a degree.
+    # Take features up to ever higher degrees until the motion settles between two of them:
+    # 1. Set up equations of motion of the features, on a rule with a number of points a degree.
     # 2. Integrate from rest, and compute the energies again on a finer rule.
-    # 3. Where these disagree the field exploits its points: more points, for the next level or for the last one again.
-    # 4. Compare with the level before. A finer one that fails leaves that as what is kept.
-    # An integrator's error estimate is of time only. Here space decides, hence the comparison.
+    # 3. If these disagree the field exploits its points: take more points for the next level, or repeat the last one.
+    # 4. Compare with the level before. If a finer level fails, the level before is kept.
+    # The textbook's estimate by the integrator covers time only. Here the error in space dominates, hence the
+    # comparison.
     began = time.perf_counter()
     history: list[Step] = []
     before: MotionSolution | None = None
@@ -142,7 +143,7 @@ def solve(
             try:
                 motion = prepared(case, spec, level, points)
                 solution = _Run(case, solver, motion, level, began, progress, stepping or Stepping(), points).solve()
-            except SolveFailure as failure:  # what a coarser field found is kept, but not taken for the answer
+            except SolveFailure as failure:  # the coarser field's result is kept, but not taken as the answer
                 raise SolveFailure(f"at degree {level.degree} {failure}{kept}", before or failure.partial) from None
             except (MemoryError, RuntimeError) as error:
                 if not (isinstance(error, MemoryError | torch.OutOfMemoryError) or UNALLOCATED in str(error)):
@@ -180,7 +181,7 @@ def solve(
 
 
 def prepared(case: Case, spec: FieldSpec, level: MotionLevel, points: float) -> Motion:
-    """Return the equations of motion of a level's features, the first ones of products, on a rule of so many points."""
+    """Return the equations of motion of a level's features (for products, the first ones), on its rule."""
     spec = spec.model_copy(update={"t": 0.0})
     if isinstance(level.features, Products):
         return grown(case, spec, level, points, level.first)
@@ -199,10 +200,10 @@ def grown(case: Case, spec: FieldSpec, level: MotionLevel, points: float, degree
 
 
 def asks_for_more(motion: Motion, w: Tensor, tail: float) -> bool:
-    """Whether the displacement in the highest degrees of products exceeds a share `tail` of the longest side.
+    """Return True if the displacement in the highest degrees of products exceeds `tail` times the longest side.
 
     As products are orthonormal in the area, the root mean square of that part of the displacement is the norm of its
-    weights: no quadrature is asked, and none can be exploited.
+    weights. This needs no quadrature, so that none can be exploited.
     """
     features = motion.features
     assert isinstance(features, Products)
@@ -212,16 +213,16 @@ def asks_for_more(motion: Motion, w: Tensor, tail: float) -> bool:
 
 
 def distance(first: MotionSolution, second: MotionSolution) -> float:
-    """Return the largest root mean square, over the shell, of the difference of two motions, over the longest side."""
+    """Return the largest root mean square over the shell of two motions' difference, relative to the longest side."""
     case = second.case
     points = case.surface.domain.grid(PROBE, PROBE).reshape(-1, 2)
-    # Compared at the times that are asked for, over the whole shell: a single point may agree by chance.
+    # The comparison is at the asked times, over the whole shell: a single point may agree by chance.
     apart = [first.displacement(points, at) - second.displacement(points, at) for at in case.states]
     return max(float(np.sqrt(np.mean(np.sum(d * d, axis=-1)))) for d in apart) / max(side_lengths(case))
 
 
 class _Run:
-    """One level: a motion, its certificate, and what is kept of it."""
+    """One level: a motion, its certificate, and its record."""
 
     def __init__(
         self,
@@ -238,7 +239,7 @@ class _Run:
         self.began, self.progress, self.stepping = began, progress, stepping
         self.points = points
         self.degree = level.first
-        self.growth = [[self.degree, 0.0]] if level.grow else []  # degrees, and since when
+        self.growth = [[self.degree, 0.0]] if level.grow else []  # degrees, and the times from which they are used
 
     def solve(self) -> MotionSolution:
         track, reason, until = Track(), "", self.case.states[-1]
@@ -257,7 +258,7 @@ class _Run:
         return solution
 
     def _finer(self, motion: Motion, y: Array, t: float) -> Motion | None:
-        """Return equations of motion of more products if the field asks for them, and there are more."""
+        """Return equations of motion with more products if the field needs them, and there are more; else None."""
         tail = TAIL * (REFERENCE / self.level.degree) ** TAIL_POWER
         w = motion.weights(motion.features.placement.tensor(y), t)
         if self.degree == self.level.degree or not asks_for_more(motion, w, tail):
@@ -267,15 +268,19 @@ class _Run:
         return grown(self.case, motion.spec, self.level, self.points, self.degree)
 
     def _kept(self, track: Track) -> MotionSolution:
+        # 1. Compute output weights with two derivatives at all accepted steps, extended to the features of the last
+        #    step.
+        # 2. Compute the energies on the rule of the motion, and the drift of their balance.
+        # 3. Certify energies on the finer rule at the marks.
         motion, placement = track.motions[-1], self.motion.features.placement
-        # Weights, rates and accelerations at each step: they are what quintic Hermite interpolation in time needs.
+        # Keep weights, rates and accelerations at each step for quintic Hermite interpolation in time.
         outputs = [
             [by.weights(placement.tensor(state[order]), t, order) for order in range(3)]
             for by, t, (state, _) in zip(track.motions, track.times, track.states, strict=True)
         ]
         energies = [by.energies(o[0], o[1], t) for by, t, o in zip(track.motions, track.times, outputs, strict=True)]
         weights, rates, seconds = (torch.stack([widened(o[k], motion).view(3, -1) for o in outputs]) for k in range(3))
-        # Energy less work since rest: zero for exact integration in time, whatever the features.
+        # Energy less work since rest: zero for exact integration in time, for any features.
         lost = [e.total - work for e, (_, work) in zip(energies, track.states, strict=True)]
         solution = MotionSolution(
             case=self.case,
@@ -321,10 +326,10 @@ class _Run:
         )
 
     def _marks(self, track: Track) -> list[int]:
-        """Return the steps at which energies are certified: times that are asked for, and the last one."""
+        """Return the steps at which energies are certified: asked times, and the last one."""
         return sorted({k for k, t in enumerate(track.times) if t in self.case.states} | {len(track.times) - 1})
 
 
 def _gap(found: Energies, fine: Energies) -> float:
-    """Return the disagreement of two strain energies, relative to all the energy that there is."""
+    """Return the difference of two strain energies, relative to the sum of all energies."""
     return abs(found.strain - fine.strain) / fine.total if fine.total else 0.0

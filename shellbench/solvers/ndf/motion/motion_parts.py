@@ -1,4 +1,4 @@
-"""Parts of Newton's law for a field: energies, what the lift adds, tables, and points that mirrors bring."""
+"""Parts of Newton's law for a field: energies, the lift, tables of features, and unknowns by reflections."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Energies:
 
     @property
     def strain(self) -> float:
-        """What a displacement alone stores."""
+        """Energy stored by the displacement alone, J."""
         return self.membrane + self.bending + self.springs
 
 
@@ -50,23 +50,23 @@ class Table:
         return (self.rows @ output.T).view(-1, 6, COMPONENTS)  # one product for all points
 
     def onto(self, conjugate: Tensor) -> Tensor:
-        """Return the vector (3, M) on the output weights of what is conjugate (N, 6, 3) to the fields."""
+        """Return the vector (3, M) on the output weights of forces (N, 6, 3) conjugate to the fields."""
         total: Tensor = conjugate.reshape(-1, COMPONENTS).T @ self.rows
         return total
 
 
 @dataclass(frozen=True)
 class Reflected:
-    """Unknowns of orthonormal features: what `Basis` is, without a matrix.
+    """Unknowns of orthonormal features: the same as `Basis`, without a matrix.
 
-    The null space of what point supports hold is kept as Householder reflections.
+    The null space of the point supports' conditions is kept as Householder reflections.
 
     Attributes
     ----------
     free
-        (3 M,): whether a weight moves at all; components that are held everywhere do not.
+        (3 M,): True for weights that move; those of components held everywhere do not.
     root
-        Of the areal density: mass is this squared times the identity.
+        Root of the areal density: mass is its square times the identity.
     reflections, factors
         (3 M, k) and (k,): LAPACK's form of an orthogonal matrix whose first k columns span the constraints.
     held
@@ -81,8 +81,8 @@ class Reflected:
 
     @classmethod
     def from_constraints(cls, free: Tensor, density: float, rows: Tensor) -> Reflected:
-        """Hold what `rows` (k, 3 M) say of the weights."""
-        # R^T = Q [T; 0]: the first columns of Q span what is held, the others are free. R Q_1 T^-T = 1.
+        """Hold the conditions `rows` (k, 3 M) on the weights."""
+        # R^T = Q [T; 0]: the first columns of Q span the held directions, the others are free. R Q_1 T^-T = 1.
         own = rows[:, free].T.contiguous()
         reflections, factors = torch.geqrf(own)
         k = own.shape[1]

@@ -6,8 +6,8 @@ g(t); the other unknowns y obey
     y'' = combine^T [ f(t) - dE/dw - rho (M phi, lift'') ],
 
 where E is the energy of strains and springs, f are the loads. The columns of `held` and `combine` are orthogonal in
-mass, so that g'' exerts nothing on y. The power of loads and supports is integrated beside y: what they have done is
-what the shell must have.
+mass, so that g'' exerts nothing on y. The power of loads and supports is integrated beside y: their work must equal the
+shell's energy.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ from shellbench.solvers.ndf.path.newton import Basis
 from shellbench.solvers.ndf.strains.sampled import Sampled
 from shellbench.solvers.ndf.strains.strain_measures import GRADIENTS, stresses
 
-STENCIL = 7  # values in time from which rates of prescribed motions follow
+STENCIL = 7  # values in time that give the rates of prescribed motions
 NUDGE = 1e-6  # root mean square displacement of small motions, in sides of the shell: strains stay linear, and exact
 POWER_ITERATIONS = 30  # of power iteration, which finds the highest frequency to a few per cent
-SPACING = 1e-3  # of the whole time, between them: errors of truncation and rounding are then both near 1e-9
+SPACING = 1e-3  # of the whole time, distance of these values: errors of truncation and rounding are then both near 1e-9
 
 
 @dataclass(frozen=True)
@@ -78,18 +78,18 @@ class Motion:
 
     @cached_property
     def _alike(self) -> bool:
-        """Whether the boundary matrix is a multiple of the identity, as where all components are held or none."""
+        """Return True if the boundary matrix is a multiple of the identity, as with all components held or none."""
         through = self.sampled.through.view(-1, 5, COMPONENTS, COMPONENTS, 6)
         first = through[:, :, :1, :1] * torch.eye(COMPONENTS).to(through)[:, :, None]
         return bool(torch.equal(through, first.expand_as(through)))
 
     @cached_property
     def _table(self) -> Table | Grid:
-        """The features at the points; where components are alike, displacement and gradients that they make."""
+        """The features at the points; if all components are alike, their displacement and gradients."""
         if isinstance(self.features, Products):
             return self.features.on_grid(self.sampled.points)
         jets = self.sampled.jets
-        # Where M is a multiple of the identity all components share one small table. Both ways give the same field.
+        # If M is a multiple of the identity, all components share one small table. Both ways give the same field.
         if self._alike:
             through = self.sampled.through.view(-1, 5, COMPONENTS, COMPONENTS, 6)[:, :, 0, 0]
             value = self.sampled.matrix[:, 0, :1, None] * torch.eye(6).to(through)[VALUE]
@@ -118,11 +118,11 @@ class Motion:
 
     @cached_property
     def mass(self) -> Tensor:
-        """(3 M, 3 M) on the output weights, kg; nothing of components that are held on the whole surface."""
+        """(3 M, 3 M) on the output weights, kg; zero for components that are held on the whole surface."""
         total = self.sampled.products(self.case.material.areal_density * self.share)
         blocks = total.view(COMPONENTS, self.features.count, COMPONENTS, self.features.count)
-        # A component held on the whole surface moves as prescribed. Its features get no inertia, and so no place in the
-        # basis.
+        # A component held on the whole surface moves as prescribed. Its features get no inertia, and therefore no place
+        # in the basis.
         for c in self.case.held_everywhere:
             for d in range(COMPONENTS):
                 blocks[c, :, d] = blocks[d, :, c] = 0.0
@@ -130,7 +130,7 @@ class Motion:
 
     @cached_property
     def _rows(self) -> Tensor:
-        """(k, 3 M): what the point supports hold."""
+        """(k, 3 M): conditions of the point supports."""
         return point_rows(self.ansatz(0.0), self.features)
 
     @cached_property
@@ -149,7 +149,7 @@ class Motion:
         return self.mass @ second
 
     def unknowns(self, w: Tensor) -> Tensor:
-        """Return the unknowns y (r,), or their rates, of output weights (3 M,) that hold what is held."""
+        """Return the unknowns y (r,), or their rates, of output weights (3 M,) that satisfy the point supports."""
         return self.basis.gather(self.inertia(w))
 
     def pushed(self, force: Tensor) -> Tensor:
@@ -159,12 +159,12 @@ class Motion:
         return self.sampled.forces(force)
 
     def targets(self, t: float) -> Tensor:
-        """Return what the point supports prescribe (k,) at a time, metres, less the lift."""
+        """Return the displacements that point supports prescribe (k,) at a time, metres, less the lift."""
         return point_targets(self.ansatz(t), self.features.placement)
 
     @cached_property
     def _driven(self) -> bool:
-        """Whether any point or edge is moved."""
+        """Return True if any point or edge is moved."""
         points = any(s.support.motion is not None for s in point_supports(self.case))
         return points or self._lifts
 
@@ -173,11 +173,11 @@ class Motion:
         return self.ansatz(0.0).lift.moves
 
     def rate(self, function: Callable[[float], Tensor], t: float, order: int) -> Tensor:
-        """Return a derivative in time of something prescribed, from values between rest and the final time."""
+        """Return a derivative in time of a prescribed function, from values between rest and the final time."""
         return self.rates(function, t)[order - 1]
 
     def rates(self, function: Callable[[float], Tensor], t: float) -> tuple[Tensor, Tensor]:
-        """Return the first and the second derivative in time of something prescribed."""
+        """Return the first and the second derivative in time of a prescribed function."""
         # Finite differences on a stencil that stays between rest and the end, one-sided there. Their weights solve
         # Vandermonde's system: exact for polynomials up to the sixth degree. A prescribed motion may be any function of
         # time, so that no formula is differentiated.
@@ -215,8 +215,8 @@ class Motion:
         return total + self.basis.held @ targets
 
     def _target_rates(self, t: float) -> tuple[Tensor, Tensor]:
-        """Return the rates of what point supports prescribe; at the last time asked for they are known."""
-        # Each evaluation of the accelerations asks for both rates, of which either takes a whole stencil of motions.
+        """Return the rates of the point supports' prescribed displacements; those of the last time are cached."""
+        # Each evaluation of the accelerations needs both rates, and each rate takes a whole stencil of motions.
         if t not in self._rate_memory:
             self._rate_memory.clear()
             self._rate_memory[t] = self.rates(self.targets, t)
@@ -231,7 +231,7 @@ class Motion:
         return {}
 
     def forces(self, t: float) -> Tensor:
-        """Return the dead loads (3 M,) at a time; loads that have not changed are not integrated again."""
+        """Return the dead loads (3 M,) at a time; unchanged loads are not integrated again."""
         # Loads are compared, not assumed steady: most do not change, and a comparison costs less than an integral.
         density = force_density(self.case, self.sampled.points, t)
         points, concentrated = concentrated_forces(self.case, self.rule_spec, NOWHERE, t)
@@ -264,7 +264,7 @@ class Motion:
         return (self.sampled.matrix @ free[..., VALUE, None])[..., 0], gradients
 
     def _on_weights(self, force: Tensor, conjugate: Tensor) -> Tensor:
-        """Return the vector (3 M,) of forces (N, 3) on u and of what is conjugate (N, 15) to its gradients."""
+        """Return the vector (3 M,) of forces (N, 3) on u and of forces (N, 15) conjugate to its gradients."""
         if self._alike:
             on_fields = torch.cat([force[:, None], conjugate.view(-1, 5, COMPONENTS)], dim=1)
             return self._table.onto(on_fields).reshape(-1)
@@ -273,7 +273,7 @@ class Motion:
         return self._table.onto(on_jet.mT).reshape(-1)
 
     def resistance(self, w: Tensor, t: float) -> tuple[Tensor, Tensor, Tensor]:
-        """Return dE/dw (3 M,), and per point what is conjugate to gradients (N, 15) and the springs' pull (N, 3)."""
+        """Return dE/dw (3 M,), and by point the forces conjugate to gradients (N, 15) and the springs' pull (N, 3)."""
         u, gradients = self._fields(w, self._lift(t) if self._lifts else None)
         strained = self.sampled.undeformed.strained(self.spec.strain, gradients)
         stress = stresses(self._elasticity, strained.strains)
@@ -284,10 +284,12 @@ class Motion:
     def accelerate(self, y: Tensor, velocity: Tensor, t: float) -> tuple[Tensor, float]:
         """Return y'' (r,), and the power of loads and supports, W."""
         # y'' = combine^T (f - dE/dw - rho (M phi, lift'')): no mass matrix, as the basis is orthonormal in mass.
-        # 1. Forces of strains and springs at w; dead loads; inertia of the lift.
-        # 2. Power of the loads on w'.
-        # 3. Power of point supports: mass times acceleration less all other forces, on the part of w' that they move.
-        # 4. Power of moving edges and of loads on their motion: inertia, springs and stresses on the lift's rate.
+        # 1. Sum the forces of strains and springs at w, dead loads, and inertia of the lift.
+        # 2. Compute the power of the loads on w'.
+        # 3. Add the power of point supports: mass times acceleration less all other forces, on the part of w' that they
+        #    move.
+        # 4. Add the power of moving edges and of loads on their motion: inertia, springs and stresses on the lift's
+        #    rate.
         w = self.weights(y, t)
         resistance, conjugate, pull = self.resistance(w, t)
         force = self.forces(t)
@@ -300,7 +302,7 @@ class Motion:
         moved = self.weights(velocity, t, 1)
         power = float(force @ moved)
         if self._driven:
-            # The free fields are in balance, so that only held ones are left in it; w' - combine y' is their motion.
+            # The free fields are in balance, so that only held ones remain; w' - combine y' is their motion.
             balance = self.inertia(self.weights(acceleration, t, 2)) - residual
             power += float(balance @ (moved - self.basis.spread(velocity)))
         if rates is not None:
@@ -315,7 +317,7 @@ class Motion:
         # Power iteration on the stiffness at rest, which in this basis has the squared frequencies as eigenvalues. Its
         # product with a vector is a central difference of the forces: no matrix is made.
         rest = self.share.new_zeros(self.basis.size)
-        direction = torch.sin(torch.arange(1.0, 1 + len(rest)).to(rest))  # any that is orthogonal to no mode
+        direction = torch.sin(torch.arange(1.0, 1 + len(rest)).to(rest))  # any vector that is orthogonal to no mode
         size, value = NUDGE * self.area**0.5 * self.case.material.areal_density**0.5, 0.0
         for _ in range(POWER_ITERATIONS):
             direction = direction / direction.norm()
@@ -328,7 +330,7 @@ class Motion:
 
     def holding(self, w: Tensor, second: Tensor, t: float) -> Tensor:
         """Return the forces (k,) of the point supports, N, from output weights (3 M,) and their second derivative."""
-        # D'Alembert: the supports exert what is out of balance, on the fields that move one of them by one unit.
+        # D'Alembert: the supports exert the unbalanced forces, on the fields that move one of them by one unit.
         residual = self.resistance(w, t)[0] - self.forces(t) + self.inertia(second)
         if self._lifts:
             lag = self.case.material.areal_density * self.share[:, None] * self._lift_rates(t)[1].values

@@ -1,9 +1,9 @@
 """The solution of a motion: continuous over the shell and in time.
 
 Output weights are kept at the accepted time steps with their first and second derivatives. Between two steps they are
-the polynomial of the fifth degree that takes all six on (quintic Hermite interpolation): displacement, velocity and
-acceleration are continuous, and the displacement errs by the sixth power of the step. Prescribed motions of edges are
-evaluated at the very time that is asked for.
+the polynomial of the fifth degree with all six values (quintic Hermite interpolation): displacement, velocity and
+acceleration are continuous, and the error of the displacement is of the sixth power of the step. Prescribed motions of
+edges are evaluated at the requested time itself.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ class MotionSolution(FieldSolution):
     rule
         The fine quadrature of energies and reactions.
     parameters
-        Number of output weights that the equations of motion are solved for, at each time.
+        Number of output weights of the equations of motion, at each time.
     """
 
     case: Case
@@ -179,7 +179,7 @@ class MotionSolution(FieldSolution):
         Raises
         ------
         InputError
-            If it can't be told from that of another support.
+            If it can't be separated from that of another support.
         """
         t = self.time(at)
         state = replace(self._state(t), point_forces=tuple(self._point_forces(t)))
@@ -208,7 +208,7 @@ class MotionSolution(FieldSolution):
     def _state(self, t: float) -> NdfSolution:
         """Return the field at a time as a solution of its own."""
         spec = self.spec.model_copy(update={"t": t})
-        # What a field at rest is asked for here, its values and jets, products have as well.
+        # Products have the methods of features that a field at rest needs here: values and jets.
         features = self.features.features if isinstance(self.features, Combined) else self.features
         output = self._output(t)
         return NdfSolution(
@@ -225,8 +225,8 @@ class MotionSolution(FieldSolution):
     def rounded(self, format: NumberFormat) -> tuple[MotionSolution, int]:
         """Return the motion with all weights, at all times and with their derivatives, rounded, and the bytes it takes.
 
-        Every tensor is scaled by its largest magnitude before (see `rounding`). The times, of which there
-        are few, stay as they are.
+        Every tensor is scaled by its largest magnitude before (see `rounding`). The times, of which there are few, are
+        not rounded.
         """
         if short_enough(self.tensors().values(), format):
             return self, self.storage_bytes
@@ -260,7 +260,7 @@ class MotionSolution(FieldSolution):
         return {**network_tensors(self._network), **combine, **dict(zip(MOTION_TENSORS, moving, strict=True))}
 
     def save(self, path: Path) -> Path:
-        """Write the solution as safetensors, all else as JSON in its header; return the file with its suffix."""
+        """Write the solution as safetensors, all other data as JSON in its header; return the file with its suffix."""
         header = Header(
             solver=self.solver,
             **self.facts(),
@@ -277,12 +277,12 @@ class MotionSolution(FieldSolution):
 
 
 def read_motion(path: Path, header: Header, tensors: Mapping[str, Tensor]) -> MotionSolution:
-    """Return the motion that a file holds.
+    """Return the motion of a file.
 
     Raises
     ------
     InputError
-        In one sentence, if it is not a whole and consistent motion.
+        In one sentence, if it is not a complete and consistent motion.
     """
     with telling_damage(path):
         case = header.read_case()
@@ -309,7 +309,7 @@ def read_motion(path: Path, header: Header, tensors: Mapping[str, Tensor]) -> Mo
 
 
 def _features_of(case: Case, header: Header, tensors: Mapping[str, Tensor]) -> Combined | Products:
-    """Return the features of a motion's file; ValueError if its tensors do not fit each other."""
+    """Return the features of a motion's file; ValueError if its tensors do not match each other."""
     if "combine" in tensors:
         features, combine = features_of(case, header, tensors), tensors["combine"]
         if combine.ndim != 2 or len(combine) != features.count:
@@ -324,12 +324,12 @@ def _features_of(case: Case, header: Header, tensors: Mapping[str, Tensor]) -> C
 def load_solution(
     path: Path, solver: str, ansatz_of: Callable[[Case, FieldSpec], Ansatz] = build_ansatz
 ) -> NdfSolution | PathSolution | MotionSolution:
-    """Read a field at rest, on a path or in motion; `ansatz_of` builds the supports in as the recipe does.
+    """Read a field at rest, on a path or in motion; `ansatz_of` builds the supports in like the recipe.
 
     Raises
     ------
     InputError
-        In one sentence, if the file is not a whole and consistent solution of this solver.
+        In one sentence, if the file is not a complete and consistent solution of this solver.
     """
     header, tensors = read(path, solver)
     if header.moving:

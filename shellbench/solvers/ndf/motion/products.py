@@ -1,23 +1,23 @@
-"""Products of placed waves: one hidden layer whose fields are found by sums over one coordinate after the other.
+"""Products of placed waves: one hidden layer whose fields are computed by sums over one coordinate after the other.
 
-A wave sin(k . xi + b) with k on a lattice is a sum of products of waves of xi1 and waves of xi2. So the span of placed
-waves (`smooth.placed_features`) is made of products phi_i(xi1) psi_j(xi2), where phi and psi combine waves of one
-coordinate. With p of them a side, N = O(p^2) points of a product rule, and coefficients C, the field is
+A wave sin(k . xi + b) with k on a lattice is a sum of products of waves of xi1 and waves of xi2. Therefore the span of
+placed waves (`smooth.placed_features`) consists of products phi_i(xi1) psi_j(xi2), where phi and psi combine waves of
+one coordinate. With p of them a side, N = O(p^2) points of a product rule, and coefficients C, the field is
 
     u = Phi C Psi^T,    u,1 = Phi' C Psi^T,    and so on,
 
 for O(p^3) operations (sum factorisation; Orszag 1980), where a table of all products takes O(p^4), and an orthonormal
-basis of them O(p^6). Here each side is made orthonormal by itself, smoothest functions first (the operator of
-`smooth`), and products inherit both.
+basis of them O(p^6). Here the functions of each side are made orthonormal separately, smoothest functions first (the
+operator of `smooth`), and products inherit both properties.
 
-Products are ordered by how quickly they vary. A field of lower degree holds the first of them: what it is, it stays
-when features are added.
+Products are ordered by their variation. A field of lower degree has the first of them, and does not change when
+features are added.
 
-Where edges are held, each side's functions are waves times the factor that vanishes at its held ends: the factor of a
-rectangle is a product of such factors, too (`factors.edge_factor`).
+With held edges, each side's functions are waves times the factor that vanishes at its held ends: the factor of a
+rectangle is a product of such factors too (`factors.edge_factor`).
 
-This holds where one factor is that of all components and a coordinate's length is the same everywhere: on a plane whose
-edges are free, or held as a whole and at rest, but not clamped. Points may be held, springs may pull.
+This requires one factor for all components, and a constant length of each coordinate: a plane whose edges are free, or
+held as a whole and at rest, but not clamped. Points may be held, and springs may act.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ LOOKED_AT = 5  # points a side at which a case is looked at
 
 
 def why_no_products(case: Case, spec: FieldSpec, inputs: Inputs) -> str | None:
-    """Return why a case's field is no sum of products of such functions, as one clause, or None if it is."""
+    """Return the reason that a field is no sum of products of such functions, as one clause, or None if it is one."""
     if inputs.axes != (0, 1) or any(any(side) for side in inputs.even):
         return "its inputs are not the two coordinates alone"
     points = case.surface.domain.grid(LOOKED_AT, LOOKED_AT).reshape(-1, 2)
@@ -83,11 +83,11 @@ class Products:
     combine
         Combinations (waves, r) of them for each side, orthonormal on it, smoothest first.
     pairs
-        (M, 2): which functions of the two sides are multiplied, smoothest products first.
+        (M, 2): numbers of the multiplied functions of the two sides, smoothest products first.
     degrees
         (M,): degree of each product, (m^2 + n^2)^(1/2) on a square if m and n functions of each side are smoother.
     placement
-        Where they live.
+        Device and precision of the tensors.
     """
 
     inputs: Inputs
@@ -103,7 +103,7 @@ class Products:
         return len(self.pairs)
 
     def up_to(self, degree: int) -> Products:
-        """Return the products up to a degree: the first of these."""
+        """Return the products up to a degree, the first ones."""
         count = int((self.degrees <= degree).sum())
         return replace(self, pairs=self.pairs[:count], degrees=self.degrees[:count])
 
@@ -127,7 +127,7 @@ class Products:
         return self.line(axis, points[:, axis])[:, :, self.pairs[:, axis]]
 
     def tensors(self) -> dict[str, Tensor]:
-        """Return the tensors that make the products, beside the network's, by the names they have in a file."""
+        """Return the tensors of the products, beside the network's, by the names they have in a file."""
         pairs = self.pairs.to(self.degrees)
         return dict(zip(PRODUCT_TENSORS, (*self.combine, pairs, self.degrees), strict=True))
 
@@ -138,7 +138,7 @@ class Products:
         Raises
         ------
         ValueError
-            If its tensors do not fit each other.
+            If its tensors do not match each other.
         """
         first, second, pairs, degrees = (tensors[name] for name in PRODUCT_TENSORS)
         if first.ndim != 2 or second.ndim != 2 or len(first) + len(second) != network.width:
@@ -177,7 +177,7 @@ class Grid:
     first, second
         (3, n, r): functions of the two sides with their first and second derivatives.
     pairs
-        (M, 2): which of them are multiplied.
+        (M, 2): numbers of the multiplied functions.
     """
 
     first: Tensor
@@ -197,7 +197,7 @@ class Grid:
         return found.view(-1, 6, COMPONENTS)
 
     def onto(self, conjugate: Tensor) -> Tensor:
-        """Return the vector (3, M) on the output weights of what is conjugate (N, 6, 3) to the fields."""
+        """Return the vector (3, M) on the output weights of forces (N, 6, 3) conjugate to the fields."""
         (_, n1, r1), (_, n2, r2) = self.first.shape, self.second.shape
         u, u1, u2, u11, u22, u12 = conjugate.view(n1, n2, 6, COMPONENTS).permute(2, 3, 0, 1)
         b, b2, b22 = self.second
@@ -208,9 +208,9 @@ class Grid:
 
 def product_features(case: Case, inputs: Inputs, degree: int, placement: Placement) -> Products:
     """Return the products of placed waves up to a degree along the longest side; see `why_no_products`."""
-    # 1. For each side the waves of `placed_features` along it, the constant one among them.
-    # 2. Their independent combinations, orthonormal on the side, and eigenfunctions of the operator of `smooth`.
-    # 3. All products of a degree that is no higher, smoothest first.
+    # 1. Take, for each side, the waves of `placed_features` along it, including the constant.
+    # 2. Form their independent combinations, orthonormal on the side, as eigenfunctions of the operator of `smooth`.
+    # 3. Take all products up to the degree, smoothest first.
     along = degrees(case, degree)
     layers = [_waves(most, placement) for most in along]
     weights = [torch.stack([w, torch.zeros_like(w)][:: 1 - 2 * axis], dim=-1) for axis, (w, _) in enumerate(layers)]

@@ -1,5 +1,5 @@
-"""Finite strain: the output layer follows the path of equilibrium from rest.
+"""Finite strain: the path of equilibrium of the output layer from rest.
 
-Through buckling and against obstacles, too; and small vibrations about a state. It may import `linear` and the rooms
+The package also covers buckling, obstacles, and small vibrations about a state. It may import `linear` and the packages
 below it.
 """

@@ -1,21 +1,20 @@
 """The path of a shell through buckling: its critical load, and the stable states beyond it.
 
-Up to the first state that is no minimum of the energy the path is followed as under load control. The critical load is
-where the tangent's smallest eigenvalue, relative to the stiffness at rest, passes zero: it is found between a stable
-and an unstable state by the Illinois variant of regula falsi (Dowell & Jarratt 1971). A little beyond it the
-shell relaxes from there (`relaxed`); from there on load steps are taken as long as they lead to stable
-states, and where they don't the shell relaxes again.
+Up to the first state that is no minimum of the energy, the path is followed under load control. At the critical load
+the tangent's smallest eigenvalue, relative to the stiffness at rest, passes zero. It is found between a stable and an
+unstable state by the Illinois variant of regula falsi (Dowell & Jarratt 1971). Slightly beyond it the shell relaxes to
+a stable state (`relaxed`). Load steps follow as long as they lead to stable states; otherwise the shell relaxes again.
 
-Relaxation: from any displacement down to a stable state, by Newton's method in a trust region.
+Relaxation: descent from any displacement to a stable state, by Newton's method in a trust region.
 
-At each iterate the potential energy is minimised by its exact second-order model within a ball, whose radius follows
-from how well the model foretold the last gain (Moré & Sorensen 1983, SIAM J. Sci. Stat. Comput. 4; Conn, Gould & Toint
-2000). That the ball is one of the stiffness at rest makes the step that of a pseudo-transient method,
+At each iterate the exact second-order model of the potential energy is minimised within a ball. Its radius follows from
+the quality of the last prediction (Moré & Sorensen 1983, SIAM J. Sci. Stat. Comput. 4; Conn, Gould & Toint 2000). The
+ball is measured by the stiffness at rest, so that the step is that of a pseudo-transient method,
 
     (K + mu K_rest) s = -g,
 
-with the mu that the energy allows: it leaves a saddle along its most negative direction, only ever goes downhill, and
-becomes Newton's method at the end.
+with the mu that the energy allows. It leaves a saddle along its most negative direction, always descends, and becomes
+Newton's method at the end.
 """
 
 from __future__ import annotations
@@ -48,10 +47,10 @@ NEUTRAL = 1e-4
 A perfect shell's smallest one falls from 1 at rest to 0 at the critical load, so one of this size moves that load by
 about its own share. Waves that may travel around a shell have a zero one, of which a field makes a small number of
 either sign."""
-IMMATERIAL = 1e-4  # of the energy: what its own small slopes along neutral modes could at most promise a field
-FIRST_RADIUS = 0.1  # of the norm of the energy there is; the radius follows from gains after the first step
+IMMATERIAL = 1e-4  # of the energy: largest predicted gain along neutral modes that is ignored
+FIRST_RADIUS = 0.1  # of the norm of the present energy; the radius follows from gains after the first step
 DOUBTED = 0.25  # these three are the usual ones (Conn, Gould & Toint 2000)
-TRUSTED = 1 - DOUBTED  # shares of the foretold gain beyond which the radius grows, or shrinks
+TRUSTED = 1 - DOUBTED  # shares of the predicted gain beyond which the radius grows, or below which it shrinks
 WIDER, NARROWER = 2.0, 0.25
 MOST_TRIALS = 400
 SECULAR = 100  # bisections of the shift, at most
@@ -59,20 +58,20 @@ BISECTED = 1e-12  # relative width of the interval at which bisection ends: some
 
 
 def relaxed(problem: PathProblem, start: PathState, t: float) -> PathState:
-    """Return a stable state at load factor t of no more energy than the start has there.
+    """Return a stable state at load factor t with at most the energy of the start there.
 
     Raises
     ------
     NotConvergedError
         If none was found.
     """
-    # 1. Move the point supports, and decompose the tangent: all modes, once for each iterate.
-    # 2. Drop what the gradient has along neutral modes, if that is the field's own doing.
-    # 3. Stop at a minimum with nothing left to gain.
+    # 1. Move the point supports, and decompose the tangent into all modes, once for each iterate.
+    # 2. Drop the gradient's part along neutral modes if it is an artefact of the field.
+    # 3. Stop at a minimum without a possible gain.
     # 4. Minimise the quadratic model in the ball, and try the step.
-    # 5. Set the radius by how well the model foretold the gain; move if the energy fell.
-    # Textbooks factorise K + mu M anew for each mu. These matrices are small enough for eigenvectors. In them a trial
-    # of mu is a sum, and saddles and the hard case show by themselves.
+    # 5. Set the radius by the ratio of gain and prediction; move if the energy fell.
+    # Textbooks factorise K + mu M again for each mu. These matrices are small enough for eigenvectors. With them a
+    # trial of mu is a sum, and saddles and the hard case are visible.
     basis = problem.basis
     weights = start.weights + basis.held @ (problem.targets(t) - problem.constraints @ start.weights)
     deformed = problem.deform(weights, t, start.deformed.angles)
@@ -91,10 +90,10 @@ def relaxed(problem: PathProblem, start: PathState, t: float) -> PathState:
         values, vectors, gradient = model
         scale = deformed.magnitude
         if float(values[0]) > -NEUTRAL:
-            # Twice what a Newton step could gain, mode by mode.
+            # Twice the gain of a Newton step, mode by mode.
             left = gradient**2 / values.abs().clamp_min(NEUTRAL)
             neutral = values.abs() <= NEUTRAL
-            if float(left[neutral].sum()) <= IMMATERIAL * scale:  # the field's own doing: nothing to run after
+            if float(left[neutral].sum()) <= IMMATERIAL * scale:  # an artefact of the field: not followed
                 gradient, left = gradient.masked_fill(neutral, 0.0), left.masked_fill(neutral, 0.0)
             if float(left.sum()) <= CONVERGED * scale:
                 return PathState(t, weights, deformed, iteration)
@@ -104,8 +103,7 @@ def relaxed(problem: PathProblem, start: PathState, t: float) -> PathState:
         tried = problem.deform(weights + change, t, deformed.angles)
         gain = deformed.potential - tried.potential
         length = float(step.norm())
-        # A full Newton step inside the ball says nothing of the radius. That grows only if it has bound
-        # the step.
+        # A full Newton step inside the ball is no test of the radius, which grows only if it has limited the step.
         if gain < DOUBTED * foretold or not gain > 0:
             radius = NARROWER * length
         elif gain > TRUSTED * foretold and length > 0.99 * radius:
@@ -123,9 +121,9 @@ def trust_region_step(values: Tensor, gradient: Tensor, radius: float) -> Tensor
     `values` (n,) are the ascending eigenvalues of K, `gradient` (n,) is g.
     """
     # Moré & Sorensen: s = -(K + mu)^-1 g with K + mu semidefinite, and |s| = radius unless mu = 0.
-    # 1. The Newton step, if K is definite and it fits.
-    # 2. The hard case: g has nearly no part along the lowest mode, and no mu makes s long enough.
-    # 3. Else mu by bisection, between the least allowed and one that surely makes s short enough.
+    # 1. Take the Newton step if K is definite and the step fits into the ball.
+    # 2. Treat the hard case: g has nearly no part along the lowest mode, and no mu makes s long enough.
+    # 3. Else find mu by bisection, between the least allowed one and one that makes s short enough.
     # Moré & Sorensen take Newton's method for 1 / |s|. Bisection needs no safeguards, and costs a sum each time.
     lowest = float(values[0])
     if lowest > 0:
@@ -137,7 +135,7 @@ def trust_region_step(values: Tensor, gradient: Tensor, radius: float) -> Tensor
     floor = max(abs(lowest), float(values[-1]) * torch.finfo(values.dtype).eps)
     near = low + BISECTED * floor
     hard = -gradient / (values + near)
-    if float(hard.norm()) < radius:  # the gradient hardly leaves the saddle: the lowest direction fills the ball
+    if float(hard.norm()) < radius:  # the gradient step hardly leaves the saddle: the lowest direction fills the ball
         sign = -1.0 if float(gradient[0]) > 0 else 1.0
         rest = hard.clone()
         rest[0] = 0.0
@@ -156,30 +154,30 @@ def trust_region_step(values: Tensor, gradient: Tensor, radius: float) -> Tensor
 
 
 def _size(deformed: Deformed) -> float:
-    """Return the norm of the displacement that would store the energy by the stiffness at rest."""
+    """Return the norm of the displacement that stores the energy with the stiffness at rest."""
     return math.sqrt(2 * deformed.magnitude)
 
 
-LOCATED = NEUTRAL  # of the critical load factor: how well it is found, for an eigenvalue moves it by its own share
-# What the next ones were tuned on is not on record.
-LEFT = 1e-2  # of the critical load factor: so far beyond it the shell is let go, before other modes can buckle too
-OVERSHOT = 5e-2  # of the load factor where the smallest eigenvalue should vanish: no step goes farther beyond it
-SHORT = 1 / 64  # of the path: a step this short that does not converge is one to another branch
-SHORT_BUCKLED = 1 / 8  # the same of a buckled shell, which jumps from one pattern of waves to the next
+LOCATED = NEUTRAL  # of the critical load factor: its accuracy; an eigenvalue's error moves it by the same share
+# The cases of the tuning of the next ones are not on record.
+LEFT = 1e-2  # of the critical load factor: distance beyond it where relaxation starts, before other modes buckle
+OVERSHOT = 5e-2  # of the load factor with a predicted zero eigenvalue: no step goes farther beyond it
+SHORT = 1 / 64  # of the path: a shorter step that does not converge leads to another branch
+SHORT_BUCKLED = 1 / 8  # the same for a buckled shell, which jumps from one pattern of waves to the next
 SECANTS = 40  # trials of a critical load; bisections alone need some ten
-ABOUT_TO_BUCKLE = 0.1  # eigenvalue, of 1 at rest, above which it is Newton's method that fails and not the shell
+ABOUT_TO_BUCKLE = 0.1  # eigenvalue, of 1 at rest, above which a failure is that of Newton's method, not of the shell
 
 
 def follow_steps(problem: PathProblem, marks: Sequence[float], coarse: Sequence[PathState] = ()) -> Iterator[PathState]:
     """Yield stable states from rest to the last of increasing load factors, and the first critical one.
 
-    Newton's method starts from the states of a `coarse` path, fitted to this problem, where there are any. Buckled ones
-    serve only if the coarse shell buckles at nearly the same load; else its waves may be others.
+    Newton's method starts from the states of a `coarse` path, if there is one, fitted to this problem. Buckled states
+    serve only if the coarse shell buckles at nearly the same load; otherwise its waves may differ.
 
     Raises
     ------
     PathEndsError
-        If no stable state is found, however short the step, or a mark lies beyond buckling where the path ends.
+        If no stable state is found with the shortest step, or a mark lies beyond buckling and the path ends there.
     """
     state, case = PathState.rest(problem), problem.ansatz.case
     critical = next((near.t for near in coarse if near.critical), math.inf)
@@ -197,12 +195,12 @@ def follow_steps(problem: PathProblem, marks: Sequence[float], coarse: Sequence[
 
 
 def _to_buckling(problem: PathProblem, marks: Sequence[float], coarse: dict[float, PathState]) -> Iterator[PathState]:
-    """Yield the states up to the last mark, or to the first critical one; `coarse` ones lead to their load factors."""
+    """Yield the states up to the last mark, or to the first critical one; `coarse` states are initial guesses."""
     # Load steps to the first state that is no minimum:
-    # 1. Foretell where the lowest eigenvalue vanishes, by a secant through the last two states.
-    # 2. Step, but not far beyond that: from too far Newton's method may find a buckled state.
-    # 3. Where a short step fails, or any is unstable, look for the critical state in between.
-    # 4. A state found there that is far from buckling was a failure of Newton's method only: go on from it.
+    # 1. Predict the load factor where the lowest eigenvalue vanishes, by a secant through the last two states.
+    # 2. Step, but not far beyond it: from too far, Newton's method may find a buckled state.
+    # 3. If a short step fails, or a state is unstable, search the critical state in between.
+    # 4. If that state is far from buckling, only Newton's method had failed: continue from it.
     state, end = PathState.rest(problem), marks[-1]
     step, foretold = FIRST_STEP * end, end
     for mark in marks:
@@ -234,9 +232,9 @@ def _to_buckling(problem: PathProblem, marks: Sequence[float], coarse: dict[floa
 def _beyond_buckling(
     problem: PathProblem, state: PathState, marks: Sequence[float], coarse: dict[float, PathState]
 ) -> Iterator[PathState]:
-    """Yield stable states from a critical one to the last mark; `coarse` ones lead to their load factors."""
-    # Beyond the critical state a step need not be straight: the shell may jump to another pattern. Newton's method goes
-    # first, since it is quick. Where it fails or finds a saddle, the trust region goes downhill.
+    """Yield stable states from a critical one to the last mark; `coarse` states are initial guesses."""
+    # Beyond the critical state a step need not be straight: the shell may jump to another pattern. Newton's method is
+    # tried first, since it is quick. If it fails or finds a saddle, the trust region descends.
     end, step = marks[-1], LEFT * state.t
     for mark in marks:
         while state.t < mark:
@@ -261,13 +259,13 @@ def _beyond_buckling(
 
 
 def _critical(problem: PathProblem, stable: PathState, unstable: PathState | None, beyond: float) -> PathState:
-    """Return the last stable state before a load factor at which there is an unstable one, or none.
+    """Return the last stable state before a load factor with an unstable state, or without a state.
 
-    A field that is not quite symmetric may lead around the bifurcation: a state whose smallest eigenvalue has risen
+    A field that is not quite symmetric may pass around the bifurcation: a state whose smallest eigenvalue has risen
     again is one of the buckled shell.
     """
     # Regula falsi for the root of the lowest eigenvalue. The textbook has a value at both ends. Here the upper end may
-    # have no state at all, and the interval is bisected then.
+    # have no state, and then the interval is bisected.
     root = Illinois(_lowest(stable), _lowest(unstable) if unstable is not None else None)
     for _ in range(SECANTS):
         if beyond - stable.t <= LOCATED * beyond or abs(_lowest(stable)) <= NEUTRAL:
@@ -286,7 +284,7 @@ def _critical(problem: PathProblem, stable: PathState, unstable: PathState | Non
 
 
 def _zero(before: PathState, after: PathState) -> float | None:
-    """Return the load factor where the smallest eigenvalue vanishes if it goes on to fall as between two states."""
+    """Return the load factor where the smallest eigenvalue vanishes, extrapolated linearly from two states."""
     fall = _lowest(before) - _lowest(after)
     return after.t + _lowest(after) / fall * (after.t - before.t) if fall > 0 else None
 
@@ -298,10 +296,10 @@ def _lowest(state: PathState) -> float:
 def _stepped(
     problem: PathProblem, state: PathState, t: float, near: PathState | None = None, straight: bool = True
 ) -> PathState | None:
-    """Return the state at a load factor by Newton's method, from `near` if it is given; None if it does not converge.
+    """Return the state at a load factor by Newton's method, from `near` if given; None if it does not converge.
 
-    Nor if it must be `straight` and leads elsewhere than it set out to, as a step over a bifurcation to the buckled
-    shell does.
+    It is also None if the step must be `straight` but turns away from its tangent, like a step over a bifurcation to
+    the buckled shell.
     """
     try:
         found = equilibrium(problem, near or state, t, NEUTRAL)
@@ -309,7 +307,7 @@ def _stepped(
         return None
     if not straight or state.tangent is None:
         return found
-    # Where the tangent at the state points for the new load, against where Newton's method went.
+    # Compare the tangent's direction at the state with the step of Newton's method.
     ahead = state.tangent.solve(problem.deform(state.weights, t, state.deformed.angles).residual)
     moved = found.weights - state.weights
     along = problem.likeness(ahead, moved)

@@ -1,7 +1,7 @@
-"""Contact of a Ritz field at finite strain: what obstacles exert within each step of Newton's method.
+"""Contact of a Ritz field at finite strain: contact forces within each step of Newton's method.
 
 A step minimises the quadratic model of the potential energy among changes of the output weights that leave no gap
-negative, with gaps linearised where the shell is. Forces at points are the multipliers; they, their smoothest
+negative, with gaps linearised at the present displacement. Forces at points are the multipliers; they, their smoothest
 representatives and edges of contact are found as in linear theory (see `contact`).
 """
 
@@ -39,20 +39,20 @@ from shellbench.solvers.ndf.path.levels import PathLevel, disagreement, state_so
 from shellbench.solvers.ndf.path.newton import MOST_ITERATIONS, PathState, settled
 from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError
 
-DIFFERENCE = 1e-6  # of the shell's size: over which normals are compared; truncation and rounding are both below 1e-9
+DIFFERENCE = 1e-6  # of the shell's size: step of differences of normals; truncation and rounding are both below 1e-9
 SHUT = 1e-6  # of the largest displacement: gap of a point that the step before left in contact
 PASSES = 2  # of smoothing forces: with one of them their resultant is short by 1e-4
-STIFF = 100.0  # of a point in contact, in their mean stiffness at rest; it does nothing to one that stays closed
+STIFF = 100.0  # penalty of a point in contact, in the points' mean stiffness at rest; it has no effect at closed gaps
 
 
 @dataclass(frozen=True)
 class ContactRows:
-    """Points at which a path's problem asks for gaps.
+    """Points at which gaps of a path's problem are evaluated.
 
     Attributes
     ----------
     line
-        (n,) which of them are on an edge of contact.
+        (n,) mask of the points on an edge of contact.
     """
 
     problem: PathProblem
@@ -77,8 +77,8 @@ class ContactRows:
         return np.asarray((self.values @ weights + lift).cpu().numpy())
 
     def curvature(self, forces: Array, u: Array, t: float) -> Tensor:
-        """Return what forces (n,), N, add to the reduced tangent (r, r) as the obstacles' normals turn."""
-        # -x dn/dx. A point that slides on a ball turns the force on it; without this, Newton's method is slow there.
+        """Return the part of the reduced tangent (r, r) from forces (n,), N, as the obstacles' normals turn."""
+        # -x dn/dx. The force on a point that slides on a ball turns; without this term, Newton's method is slow there.
         on = np.flatnonzero(forces)
         case, points, rows = self.problem.ansatz.case, self.touch.points[on], self.reduced[on]
         step = DIFFERENCE * float(np.ptp(case.surface.position(self.touch.points), axis=0).max())
@@ -92,23 +92,23 @@ class ContactRows:
 
 
 def in_contact(points: ContactRows, start: PathState, t: float) -> tuple[PathState, Touch]:
-    """Return the state at a load factor that enters no obstacle, from another one, and what presses on it.
+    """Return the state at a load factor that enters no obstacle, from another one, and the contact forces.
 
     Raises
     ------
     NotConvergedError
-        If Newton's method does not get there, or passes a state that is no minimum among those in contact.
+        If Newton's method does not converge, or passes a state that is no minimum among those in contact.
     SolveFailure
-        If rounding does not tell the forces.
+        If rounding hides the forces.
     """
-    # 1. Rows G of the gaps' rates, the tangent K with predicted stresses (see `newton`), and the residual r of
+    # 1. Compute rows G of the gaps' rates, the tangent K with predicted stresses (see `newton`), and the residual r of
     #    the loads, each in the basis of independent fields.
-    # 2. Points that were pressed a step before get a penalty on their gaps. It makes K definite where only contact
-    #    holds the shell, as a strip that is pushed along a floor would buckle under dead forces. If they stay closed,
-    #    it does nothing.
-    # 3. dy = K^-1 (r + G^T x), with x >= 0 such that g + G dy >= 0, one of both zero: the dual problem by the
-    #    compliance G K^-1 G^T. These are all forces, no increments.
-    # 4. Stop when the energy dy K dy of the step is at rounding; then take the smoothest of forces.
+    # 2. Add a penalty on the gaps of points that were pressed in the step before. It makes K definite if only contact
+    #    holds the shell: a strip that is pushed along a floor would buckle under dead forces. If the gaps stay closed,
+    #    the penalty has no effect.
+    # 3. Solve dy = K^-1 (r + G^T x), with x >= 0 such that g + G dy >= 0, one of both zero: the dual problem with the
+    #    compliance G K^-1 G^T. The x are total forces, not increments.
+    # 4. Stop when the energy dy K dy of the step is at rounding; then take the smoothest forces.
     problem, placement = points.problem, points.problem.features.placement
     case, basis = problem.ansatz.case, problem.basis
     weights, deformed, geometric = start.weights, start.deformed, start.deformed.stresses
@@ -163,6 +163,9 @@ def answer(
     SolveFailure
         If the path ends early.
     """
+    # 1. Draw features, and choose the points of contact.
+    # 2. Follow load steps with contact from rest.
+    # 3. Certify the energy of each kept state on the finer rule.
     ansatz, features, (rule, fine), focal = drawn(case, spec, settings, resolution, seed)
     level = PathLevel(features, rule, fine, focal, resolution)
     problem = PathProblem(spec, ansatz, features, rule, focal).independent()

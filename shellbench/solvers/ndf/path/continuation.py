@@ -1,8 +1,8 @@
 """The path of a field from rest: load steps, displacement control, and arc length (Riks 1979, IJSS 15).
 
-Marks are landed on, by load or by displacement. A step is as long as Newton's method (see `newton`) takes it, and cut
-where it does not converge or, under load control, leads to a state that is no minimum of the energy, or, by arc length,
-turns away from the tangent it started along.
+The path lands on marks, by load or by displacement. A step grows as long as Newton's method (see `newton`) converges.
+It is cut if it does not converge, if it leads to a state that is no minimum of the energy (under load control), or if
+it turns away from its initial tangent (by arc length).
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ ARC_SAMPLES = 9  # points a side at which the length of an arc is measured
 
 @dataclass(frozen=True)
 class ByDisplacement:
-    """A problem whose path is followed by the displacement row . w."""
+    """A problem whose path is controlled by the displacement row . w."""
 
     problem: PathProblem
     row: Tensor
@@ -56,7 +56,7 @@ class ByDisplacement:
         return float(self.row @ drift(self.problem, state))
 
     def first_rate(self, tangent: Tensor) -> float:
-        """Return the rate of the displacement at rest, of dw/dt there; PathEndsError if the loads don't move it."""
+        """Return the rate of the displacement at rest by dw/dt; PathEndsError if the loads don't move it."""
         return checked_rate(float(self.row @ tangent), float(self.row.norm() * tangent.norm()))
 
     def to_displacement(self, state: PathState, value: float, target: float) -> PathState:
@@ -69,7 +69,7 @@ class ByDisplacement:
         return on_path(self.problem, state, Constraint(self.row, target), (change * tangent, change))
 
     def check_branch(self, found: PathState, rises: bool) -> None:
-        """Check that only limit points were passed: there the tangent's determinant turns with the load's rate."""
+        """Check that only limit points were passed: there the tangent's determinant and the load's rate change sign."""
         if found.tangent is not None and found.tangent.positive != rises:
             raise PathEndsError(branch_passed(self.problem.ansatz.case, found.t))
 
@@ -100,10 +100,10 @@ def arc_length_steps(problem: PathProblem, row: Tensor, marks: Sequence[float], 
     """
     # Arc length after Riks, in the plane normal to the tangent:
     # 1. Predict by an arc along the tangent, in the direction of travel; correct in the plane.
-    # 2. Cut a step that does not converge, or that leads aside, by the cosine with the tangent.
-    # 3. Shorten one over a turning point, and check that no branch was passed.
+    # 2. Cut a step that does not converge, or that turns aside, by its cosine with the tangent.
+    # 3. Shorten a step over a turning point, and check that no branch was passed.
     # 4. Land on the marks at the displacement's first passage.
-    # Textbooks measure an arc by the unknowns. Weights of random features have no magnitude of their own, so the
+    # Textbooks measure an arc by the unknowns. Weights of random features have no meaningful magnitude; the
     # displacement at points is measured instead. The load is left out of the arc, as Crisfield proposed.
     measured = _samples(problem)
     state, value, path = PathState.rest(problem), 0.0, ByDisplacement(problem, row)
@@ -129,8 +129,7 @@ def arc_length_steps(problem: PathProblem, row: Tensor, marks: Sequence[float], 
             if arc < SMALLEST_STEP * longest:
                 raise PathEndsError(f"no equilibrium was found beyond load factor {state.t:.6g}") from None
             continue
-        # The direction of travel follows the step just made. The sign of det K, the textbook's, turns at a branch as
-        # well.
+        # The last step determines the direction of travel. The textbook's sign of det K also changes at a branch.
         sign_found = math.copysign(1.0, float(moved @ (measured @ ahead)))
         heads = math.copysign(1.0, float(row @ ahead)) * sign_found
         if (sign_found, heads) != (sign, heading) and arc > CLOSE * longest:
@@ -144,7 +143,7 @@ def arc_length_steps(problem: PathProblem, row: Tensor, marks: Sequence[float], 
         state, value = found, reached
         tangent, sign, heading = ahead, sign_found, heads
         seen = measured @ tangent
-        # Unlike a load step an arc is also cut after a slow step that converged.
+        # Unlike a load step, an arc is also cut after a slow step that converged.
         arc = min(longest, arc * ARC_GROWTH) if found.iterations <= EASY else arc * ARC_CUT
     raise PathEndsError(f"the path did not reach a displacement of {end:.6g} in {MOST_STEPS} steps")
 

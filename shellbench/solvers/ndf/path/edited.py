@@ -1,8 +1,8 @@
 """Paths of edited shells from the states of an earlier path, on its features.
 
-Each state that is asked for is reached from the earlier state at the same load factor, by way of the shells between
-(`shellbench.problems.shell.variants.edit.between`, `shellbench.solvers.stepping.paths.over_edit`). The branch may have
-jumped within one easy step, and then the energy is another one than from rest.
+Each asked state is reached from the earlier state at the same load factor, through the shells between
+(`shellbench.problems.shell.variants.edit.between`, `shellbench.solvers.stepping.paths.over_edit`). The branch may jump
+within one easy step; then the energy differs from that of a path from rest.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from shellbench.solvers.stepping.paths import over_edit
 
 
 def start_of_path(start: Solution, case: Case, solver: str, widths: Sequence[int]) -> tuple[PathSolution, int]:
-    """Return a start for a path, and which of the widths that the path tries is its own; InputError if it is none."""
+    """Return a start for a path, and its width's number among those of the path; InputError if it is unsuitable."""
     found = checked_start(start, case, solver, NdfSolution, PathSolution)
     whole = not case.linear and case.path.control == "load" and case.path.after_buckling == "stop"
     if not isinstance(found, PathSolution) or not whole:
@@ -49,7 +49,7 @@ def states_of_edit(
     problem
         Of the edited shell.
     at_share
-        Gives the problem at a share of the edit.
+        Returns the problem at a share of the edit.
     start
         The earlier path, on the same features.
 
@@ -72,8 +72,8 @@ def states_of_edit(
 
 def _placed(problem: PathProblem, output: Tensor, t: float) -> PathState:
     """Return the state of output weights (3, M) of the features as drawn, in the combinations of a problem."""
-    # Combinations C of features are independent in the stiffness A at rest, C^T A C = 1. So C^T A w are the weights of
-    # the part of a field w that they have.
+    # Combinations C of features are independent in the stiffness A at rest, C^T A C = 1. Therefore C^T A w are the
+    # weights of the part of a field w in their span.
     combined = problem.features
     assert isinstance(combined, Combined)
     assert combined.stiffness is not None

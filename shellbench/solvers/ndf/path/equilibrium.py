@@ -1,8 +1,8 @@
 """Equilibrium of a field at finite strain: energy, forces and tangent of the output weights, in independent fields.
 
-Random features are nearly dependent, so the output weights of a state mean little one by one. The unknowns y are the
-weights of independent combinations of features whose stiffness at rest is the identity: at a loaded state the smallest
-eigenvalue of the tangent then says how far the state is from being no minimum.
+Random features are nearly dependent, so that single output weights of a state have little meaning. The unknowns y are
+the weights of independent combinations of features whose stiffness at rest is the identity. At a loaded state the
+smallest eigenvalue of the tangent then measures the distance from instability.
 
 Newton's method itself is in `newton`.
 """
@@ -42,10 +42,10 @@ class PathProblem:
     Attributes
     ----------
     spec, features, rule_spec, focal
-        The field, and the rule that its energy is integrated with.
+        The field, and the rule of its energy.
     keep
-        Whether the features' jets at the rule's points are kept. Without them each use takes longer, and memory a
-        fraction.
+        Whether the features' jets at the rule's points are cached. Without them each use takes longer, with a fraction
+        of the memory.
     """
 
     spec: FieldSpec
@@ -57,7 +57,7 @@ class PathProblem:
 
     def independent(self) -> PathProblem:
         """Return the problem with independent combinations of its features, the same for all components."""
-        # The sum over components has all that any of them needs, and stays positive semidefinite.
+        # The sum over components has the combinations that each of them needs, and stays positive semidefinite.
         rest = self.deform(self.rest_weights, 0.0)
         anchors = self.anchor.view(-1, self.features.count)
         alike = self.sampled_at(0.0).summed(self._form(rest)) + anchors.T @ anchors
@@ -120,7 +120,7 @@ class PathProblem:
 
     @property
     def unstrained(self) -> float:
-        """Energy that is rounding, J."""
+        """Energy that counts as rounding, J."""
         return UNSTRAINED * self.ansatz.case.material.membrane_stiffness * self.area
 
     @cached_property
@@ -131,7 +131,7 @@ class PathProblem:
 
     @cached_property
     def pressure(self) -> FollowingPressure | None:
-        """The pressures that follow the shell, if there are any."""
+        """The pressures that follow the shell, if any."""
         return FollowingPressure(self.ansatz.case, self.weights) if self.ansatz.case.following else None
 
     @cached_property
@@ -161,7 +161,7 @@ class PathProblem:
 
     @cached_property
     def anchor(self) -> Tensor:
-        """(r, 3 M): rows whose squares pin the rigid motions that nothing holds, at no cost to loads in balance."""
+        """(r, 3 M): rows whose squares pin free rigid motions, without effect on loads in balance."""
         case = self.ansatz.case
         free = free_motions(case)
         modes = rigid_modes(case.surface, self.sampled.points)[0, 0] @ free
@@ -179,7 +179,7 @@ class PathProblem:
         return torch.cat([point_rows(self.ansatz_at(0.0), self.features), *slopes])
 
     def targets(self, t: float) -> Tensor:
-        """Return what the constraints prescribe (k,), metres, less the lift."""
+        """Return the displacements that the constraints prescribe (k,), metres, less the lift."""
         ansatz, placement = self.ansatz_at(t), self.features.placement
         slopes = [target for _, target in slope_constraints(ansatz, self.features)]
         return torch.cat([point_targets(ansatz, placement), *slopes])
@@ -187,7 +187,7 @@ class PathProblem:
     def row(self, points: Array, directions: Array, t: float = 0.0) -> Tensor:
         """Return the row (3 M,) of the mean displacement of the free field at points (n, 2) along directions (n, 3).
 
-        It depends on the load factor only where clamped edges turn.
+        It depends on the load factor only if clamped edges turn.
         """
         placement = self.features.placement
         matrix = self.ansatz_at(t).factors.matrix(points, placement)[VALUE]
@@ -210,13 +210,14 @@ class PathProblem:
     @cached_property
     def basis(self) -> Basis:
         """The unknowns."""
-        # k C^T C is zero on what is held. It keeps motions that constraints alone stop: these have no other stiffness.
+        # k C^T C is zero on fields that satisfy the constraints. It keeps motions that only constraints stop: these
+        # have no other stiffness.
         k, rows = self.ansatz.case.material.membrane_stiffness, self.constraints
         return Basis.from_stiffness(self._stiffness + k * rows.T @ rows, rows, (SAME_ROW / k) ** 0.5)
 
     def likeness(self, first: Tensor, second: Tensor) -> float:
         """Return the cosine of two changes of weights (3 M,) by the stiffness at rest, 1 if one of them is zero."""
-        # Weights have no metric of their own. That of the stiffness at rest makes the cosine one of displacements.
+        # Weights have no metric of their own. With that of the stiffness at rest, the cosine is one of displacements.
         stiff = self._stiffness @ first
         product = float(stiff @ first) * float(second @ (self._stiffness @ second))
         return float(stiff @ second) / math.sqrt(product) if product > 0 else 1.0
@@ -235,10 +236,10 @@ class PathProblem:
 
     def deform(self, weights: Tensor, t: float, near: tuple[Tensor, ...] | None = None) -> Deformed:
         """Deform the shell by output weights (3 M,); angles are followed from `near`."""
-        # 1. Gradients of u at the points, from output weights and lift; strains, and stresses times area share.
-        # 2. Energy, and its gradient by the strains' first variation, pulled back to the output weights.
-        # 3. Loads, anchors of loose rigid motions, and moments, whose angles are followed from the state before.
-        # 4. Pressures that follow, whose work is taken as if they had come dead: they have no potential.
+        # 1. Compute gradients of u at the points from output weights and lift; strains, and stresses times area share.
+        # 2. Compute the energy, and its gradient by the strains' first variation, pulled back to the output weights.
+        # 3. Add loads, anchors of free rigid motions, and moments, whose angles are followed from the state before.
+        # 4. Add following pressures; their work counts as that of dead loads, since they have no potential.
         output, ansatz = weights.view(3, -1), self.ansatz_at(t)
         sampled = self.sampled_at(t)
         gradients = sampled.gradients(output, self.lift_at(t))
@@ -247,13 +248,13 @@ class PathProblem:
         conjugate = stresses(self.elasticity, strains)
         energies = (strains * conjugate).view(-1, 2, 3).sum(dim=(0, 2)) / 2
         forces, work = self.forces(t)
-        # r = -dE/dw: what the loads ask, less stress . eps' at the points.
+        # r = -dE/dw: the loads less stress . eps' at the points.
         residual = forces - sampled.pulled_back((conjugate[:, None] @ strained.variation)[:, 0])
         residual = residual - self.anchor.T @ (self.anchor @ weights)
         work += float(forces @ weights)
         angles = []
         for k, moment in enumerate(self.moments):
-            # An angle is known up to whole turns. The one next to the last state's is taken, past half a turn as well.
+            # An angle is known up to whole turns. The one nearest to the last state's is taken, also past half a turn.
             slopes = moment.sampled.gradients(output, moment.sampled.lift_gradients(ansatz))
             before = slopes.new_zeros(len(slopes)) if near is None else near[k]
             angles.append(moment.angles(slopes, before))
@@ -272,9 +273,9 @@ class PathProblem:
     def tangent(
         self, deformed: Deformed, t: float, weights: Tensor | None = None, geometric: Tensor | None = None
     ) -> Tensor:
-        """Return the second variation (3 M, 3 M) of the potential energy, in which pressures that follow have no part.
+        """Return the second variation (3 M, 3 M) of the potential energy, without following pressures.
 
-        `geometric` (N, 6) replace its stresses; `weights` are needed where moments act.
+        `geometric` (N, 6) replace its stresses; `weights` are needed with moments.
         """
         form = self._form(deformed, geometric)
         count = 3 * self.features.count
@@ -293,7 +294,7 @@ class PathProblem:
         return form + deformed.strained.second_variation(deformed.stresses if geometric is None else geometric)
 
     def load_stiffness(self, weights: Tensor, t: float) -> Tensor | None:
-        """Return the derivative (3 M, 3 M) of the forces of pressures that follow, if there are any."""
+        """Return the derivative (3 M, 3 M) of the forces of following pressures; None without any."""
         if self.pressure is None:
             return None
         sampled = self.sampled_at(t)
@@ -306,9 +307,9 @@ class PathProblem:
         return deformed.stresses + stresses(self.elasticity, self._strain_change(deformed, change, t))
 
     def foretold_energies(self, deformed: Deformed, change: Tensor, t: float) -> tuple[float, float]:
-        """Return the membrane and the bending energy, J, of the strains that their first variation predicts.
+        """Return the membrane and the bending energy, J, of the strains predicted by their first variation.
 
-        A thin shell's own strains after a bending step hold far more: the membrane has not followed yet.
+        A thin shell's own strains after a bending step have far more energy, since the membrane has not followed yet.
         """
         strains = deformed.strained.strains + self._strain_change(deformed, change, t)
         membrane, bending = (strains * stresses(self.elasticity, strains)).view(-1, 2, 3).sum(dim=(0, 2)).tolist()

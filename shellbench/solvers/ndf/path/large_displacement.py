@@ -1,7 +1,7 @@
-"""A case at finite strain: the output layer of given features follows the path of equilibrium from rest.
+"""A case at finite strain: the path of equilibrium from rest for the output layer of given features.
 
-Levels of ever finer features are climbed until the certified potential energy at the end of the path stands still: it
-is what says, with no reference at hand, that a field is rich enough for what the shell does.
+Ever finer levels of features are solved until the certified potential energy at the end of the path settles. Without a
+reference, this energy shows that a field is rich enough for the shell's deformation.
 """
 
 from __future__ import annotations
@@ -48,10 +48,11 @@ def solve(
     progress: ProgressCallback,
     start: PathSolution | None = None,
 ) -> PathSolution:
-    """Follow the path of a case with ever finer features until its energy stands still, or there are no finer ones.
+    """Follow the path of a case with ever finer features until its energy settles, or there are no finer ones.
 
-    `seed` draws the challengers that tell how sure the path is; with None it states nothing. With `start`, an earlier
-    path on the features of the first level, states begin at its own, and its energy is taken to stand still if it did.
+    `seed` draws the challengers that estimate the path's uncertainty; with None no uncertainty is stated. `start` is an
+    earlier path on the features of the first level: states begin at its own, and its energy counts as settled if it
+    was.
 
     Raises
     ------
@@ -60,6 +61,10 @@ def solve(
     InputError
         If the loads are not in balance.
     """
+    # 1. Follow the path on the next level, with the states of the level before as guesses.
+    # 2. Compare the certified energies of the two levels at the end of the path.
+    # 3. Stop when their change is small; a failed coarse level is skipped.
+    # 4. Let challengers state the uncertainty.
     began = time.perf_counter()
     history: list[Step] = []
     before: float | None = None
@@ -72,7 +77,7 @@ def solve(
         try:
             solution = run.solve(coarse)
         except SolveFailure as failure:
-            if number == len(levels) - 1:  # what a coarser field found is kept, but not taken for the answer
+            if number == len(levels) - 1:  # the coarser field's path is kept, but not taken as the answer
                 raise SolveFailure(str(failure), solution or failure.partial) from None
             before = coarse = None
             continue
@@ -99,7 +104,7 @@ def solve(
 
 
 class _Run:
-    """One level: a path, its certificate, and what is kept of it."""
+    """One level: a path, its certificate, and its record."""
 
     def __init__(
         self,
@@ -150,11 +155,11 @@ class _Run:
         return solution
 
     def stated(self, solution: PathSolution, seed: int) -> PathSolution:
-        """Return the path with how sure it is of its quantities."""
+        """Return the path with the uncertainty of its quantities."""
         if self.prescribed:
             return prescribed(solution, self.problem.unstrained)
         if self.case.path.after_buckling == "follow":
-            return solution  # beside its neutral modes one linear solve says nothing
+            return solution  # with neutral modes one linear solve is no estimate
         return challenged(self.problem, self.states, solution, self.level.resolution, seed, self._field)
 
     def summary(self, iteration: int, solution: PathSolution) -> Step:
@@ -257,11 +262,11 @@ class _Run:
         return sum(state.iterations for state in self.states)
 
     def _certified(self, fine: PathProblem, state: PathState) -> Deformed:
-        """Return what a state does on the finer rule."""
+        """Return the deformation of a state on the finer rule."""
         return fine.deform(state.weights, state.t, self._angles(fine, state))
 
     def _angles(self, problem: PathProblem, state: PathState) -> tuple[Tensor, ...]:
-        """Return the angles that a state's normals have turned by, on another problem's rule."""
+        """Return the rotation angles of a state's normals, on another problem's rule."""
         each = zip(self.problem.moments, problem.moments, state.deformed.angles, strict=True)
         return tuple(known.spread(angles, other) for known, other, angles in each)
 

@@ -1,4 +1,4 @@
-"""A level of features that a path is followed with, and its states as solutions."""
+"""A level of features for a path, and its states as solutions."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from shellbench.solvers.ndf.path.newton import Deformed, PathState
 
 @dataclass(frozen=True)
 class PathLevel:
-    """Features with the two rules that their energy is integrated with, and the points these are graded toward.
+    """Features with the two rules of their energy, and the points toward which these are graded.
 
-    `resolution` tells challengers how finely the features are drawn.
+    `resolution` gives challengers the scales of the features.
     """
 
     features: Features
@@ -40,7 +40,7 @@ def state_solution(problem: PathProblem, level: PathLevel, solver: str, state: P
     field = Field(build_ansatz(case, spec), features, output, output.new_zeros(6))
     rule = area_rule(case.surface.domain, level.focal, level.rule)
     supports = point_supports(case, state.t)
-    # Where all is prescribed there is no basis, and no point is held.
+    # If all is prescribed there is no basis, and no point is held.
     held = -problem.basis.held.T @ state.deformed.residual if supports else output.new_zeros(0)
     return NdfSolution(
         case=case,
@@ -56,5 +56,5 @@ def state_solution(problem: PathProblem, level: PathLevel, solver: str, state: P
 
 
 def disagreement(trained: Deformed, certified: Deformed, rounding: float) -> float:
-    """Return that of two potential energies, relative to what they are made of, or to one that is rounding, J."""
+    """Return the difference of two potential energies, relative to their magnitude or to the energy of rounding, J."""
     return abs(trained.potential - certified.potential) / max(certified.magnitude, rounding)

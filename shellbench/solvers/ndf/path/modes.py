@@ -5,10 +5,10 @@ linear answer to the case's loads. Of stationary values of Rayleigh's quotients,
 
     vibration  omega^2 = w.(K + G) w / w.M w,        buckling  lambda = -w.K w / w.G w,
 
-a field's frequencies can only be too high. Hidden layers of `ndf` are deep, and stay as drawn here: challengers are
-further features of the last one, and tell nothing of what no feature of these layers is. The unknowns are independent
-combinations of features whose stiffness at rest is the identity; rigid motions that nothing holds are constrained
-away, in the mean over the area.
+a field's frequencies are upper bounds. Hidden layers of `ndf` are deep, and stay as drawn here: challengers are further
+features of the last layer, and do not show errors outside the span of these layers. The unknowns are independent
+combinations of features whose stiffness at rest is the identity; constraints remove free rigid motions, in the mean
+over the area.
 """
 
 from __future__ import annotations
@@ -56,14 +56,14 @@ Integers = NDArray[np.int64]
 SETTLED_MODE = 1e-4  # relative uncertainty of a mode's value from which on an answer has not settled
 WANTED = (
     SETTLED_MODE / 10
-)  # the same below which one level is enough: corners may give more than their challengers show
-SHAPES = 25  # points a side at which a shape's largest displacement is looked for
-FAR_FACTOR = 1e-6  # reciprocal of a load factor, relative to the largest, below which errors of the stresses make it
-FINER_KIND = "finer"  # kind of features of the next level: what a mode lacks are waves that are shorter
+)  # the same for one level to be enough: corners may contribute more than their challengers show
+SHAPES = 25  # points a side at which a shape's largest displacement is searched
+FAR_FACTOR = 1e-6  # reciprocal of a load factor, relative to the largest, below which it is an error of the stresses
+FINER_KIND = "finer"  # kind of features of the next level: a mode lacks shorter waves
 
 
 def why_no_modes(case: Case, spec: FieldSpec | None = None) -> str | None:
-    """Return why a field can't tell the modes that a case asks for, as one clause, or None if it can."""
+    """Return the reason that a field can't give the modes of a case, as one clause, or None if it can."""
     if case.springs:
         return "it finds modes of shells without springs only"
     if any(support.motion is not None for support in case.supports):
@@ -77,7 +77,7 @@ def why_no_modes(case: Case, spec: FieldSpec | None = None) -> str | None:
 
 @dataclass(frozen=True)
 class _Found:
-    """The modes of one field: their values and output weights (3 M, m), and how two rules differ on them."""
+    """The modes of one field: their values and output weights (3 M, m), and the difference of two rules."""
 
     values: Array
     weights: Tensor
@@ -86,7 +86,7 @@ class _Found:
 
 @dataclass(frozen=True)
 class Recipe:
-    """Whose field finds modes: a solver's name, and the widths of hidden layers before the last, if there are any."""
+    """Recipe of the field: a solver's name, and the widths of hidden layers before the last, if any."""
 
     solver: str = NDF_RITZ
     inner: tuple[int, ...] = ()
@@ -103,18 +103,19 @@ def solve(
     Raises
     ------
     SolveFailure
-        If there are not so many modes, or the shell is not stable about the state of which frequencies are asked.
+        If there are fewer modes, or the shell is not stable at the state of the asked frequencies.
     """
-    # 1. A level has two answers on one basis: the usual features, and these with challengers of other kinds.
-    # 2. What challengers change is missed at least. Of a second level on one knows how much more the level after them
-    #    changed than they did. One level is enough only where challengers change next to nothing.
-    # 3. The values are Rayleigh's quotients on a finer rule. How the rule of the solve differs is uncertain besides.
+    # 1. Solve each level twice on one basis: with the usual features, and with challengers of other kinds.
+    # 2. Take the change by challengers as a lower bound of the error. From the second level on, compare it with the
+    #    change by the next level, which may be larger. One level is enough only if challengers change hardly anything.
+    # 3. Compute the values as Rayleigh's quotients on a finer rule. Add the difference to the rule of the solve to the
+    #    uncertainty.
     began, usual = time.perf_counter(), with_settings(usual_resolution(case), settings)
     fixed = settings.neurons is not None or settings.panels is not None
     first = first_level(case, usual, settings.neurons is not None, settings.panels is not None)
     level: Level | None = first
     before: Array | None = None
-    told: Array | None = None  # what challengers changed at the level before
+    told: Array | None = None  # changes by challengers at the level before
     steps: list[Step] = []
     answer: PathSolution | None = None
     while level is not None:
@@ -124,9 +125,9 @@ def solve(
         kept, gained = whole, np.abs(plain.values - whole.values)
         missed = gained
         if before is not None and told is not None:
-            # Challengers can only lower a quotient. Where it is higher on the finer rule they have exploited their own:
-            # they are no part of the answer, and what they change tells nothing. What the level changed still does: it
-            # is larger than what the former challengers told, and no factor is to make it larger once more.
+            # Challengers can only lower a quotient. If it is higher on the finer rule, they have exploited their own
+            # rule: they are no part of the answer, and their change is no estimate. The change by the level still is:
+            # it is larger than that by the former challengers, and needs no further factor.
             if whole.gap > plain.gap and whole.values.mean() > plain.values.mean():
                 kept, gained = plain, np.abs(before - plain.values)
                 told = np.maximum(told, gained)
@@ -137,7 +138,8 @@ def solve(
             values = dict(zip([q.name for q in case.quantities], _asked(case, found.values), strict=True))
             steps.append(Step(len(steps), seconds, float(found.values.mean()), one.unknowns, quantities=values))
         share = float((sure / np.abs(kept.values)).max())
-        # Of two fields the one of lower quotients is nearer. A wider one is worse conditioned, and may be the other.
+        # The field of lower quotients is nearer to the solution. This need not be the wider one, which is worse
+        # conditioned.
         if answer is not None and before is not None and kept.values.mean() > (1 + WANTED) * before.mean():
             answer = replace(answer, history=tuple(steps))
             break
@@ -152,11 +154,11 @@ def solve(
 
 
 def still_missed(gained: Array, told: Array, changed: Array) -> Array:
-    """Return what modes (m,) may miss still.
+    """Return the estimated errors of modes (m,).
 
-    Challengers have changed them by `gained` at this level and by `told` at the level before; `changed` is what they
-    have changed by since. So what challengers change is to be multiplied by changed / told, 1 at least, and what later
-    levels would change is the tail of a geometric series with the ratio gained / told.
+    Challengers changed the modes by `gained` at this level and by `told` at the level before; `changed` is their change
+    since that level. Therefore the change by challengers is multiplied by changed / told, at least 1. Later levels add
+    the tail of a geometric series with the ratio gained / told.
     """
     least = np.finfo(float).tiny
     ratio = np.minimum(gained / np.maximum(told, least), SLOWEST)
@@ -169,7 +171,7 @@ def _asked(case: Case, values: Array) -> list[float]:
 
 
 class _OneLevel:
-    """The features of one level, their matrices, and what they find."""
+    """The features of one level, their matrices, and their modes."""
 
     def __init__(self, case: Case, spec: FieldSpec, settings: RitzSettings, level: Level, recipe: Recipe) -> None:
         self.case, self.level, self.solver = case, level, recipe.solver
@@ -198,18 +200,18 @@ class _OneLevel:
 
     @property
     def unknowns(self) -> int:
-        """Output weights that are solved for."""
+        """Number of output weights that are solved for."""
         return 3 * self.features.count
 
     def _basis(self, kept: Tensor) -> Basis:
         k, rows = self.case.material.membrane_stiffness, self.problem.constraints
-        # The rows of `anchor` are mean displacements along rigid motions that nothing holds.
+        # The rows of `anchor` are mean displacements along free rigid motions.
         rows = torch.cat([rows, self.problem.anchor / math.sqrt(k)])[:, kept]
         stiffness = self.stiffness[kept][:, kept]
         return Basis.from_stiffness(stiffness + k * rows.T @ rows, rows, (SAME_ROW / k) ** 0.5)
 
     def _combinations(self, part: Integers) -> Tensor:
-        """Return independent combinations (3 M, r) of features, by their numbers, that the supports leave."""
+        """Return independent combinations (3 M, r) of the numbered features that the supports leave free."""
         kept = torch.as_tensor(self.features.pairs(part), device=self.stiffness.device)
         basis = self._basis(kept).combine
         combine = self.stiffness.new_zeros((self.unknowns, basis.shape[1]))
@@ -217,11 +219,11 @@ class _OneLevel:
         return combine
 
     def _loaded(self, part: Integers) -> Tensor | None:
-        """Return the output weights (3 M,) of the linear answer to the case's loads; None where there are none."""
+        """Return the output weights (3 M,) of the linear answer to the case's loads; None without loads."""
         if not self.case.loads:
             return None
-        # Powers about corners have infinite stresses there. A tiny amount of them, which rounding or the rule leaves,
-        # costs a static answer next to nothing, but buckles the shell at a point. So the stresses go without them.
+        # Powers about corners have infinite stresses there. A tiny amount of them, by rounding or the rule, hardly
+        # affects a static answer, but buckles the shell at a point. Therefore the stresses exclude them.
         hidden, fixed = self.features.network.width, self.features.fixed
         before = np.array(fixed.kept, dtype=int) <= fixed.multipliers * len(fixed.foci)
         smooth = np.r_[part[part < hidden], hidden + np.nonzero(before)[0]]
@@ -231,10 +233,10 @@ class _OneLevel:
         return found
 
     def find(self, challenged: bool) -> _Found:
-        """Find the modes, with the usual features alone or with their challengers."""
-        # 1. Stresses of the linear answer to the loads, if there are any, and their matrix G.
-        # 2. Independent combinations of the features; A u = mu B u with mu the reciprocal of what is asked for.
-        # 3. The modes of largest mu, and their quotients on the finer rule.
+        """Find the modes, with the usual features only or with their challengers."""
+        # 1. Compute the stresses of the linear answer to the loads, if any, and their matrix G.
+        # 2. Form independent combinations of the features, and A u = mu B u with mu the reciprocal of the asked value.
+        # 3. Find the modes of largest mu, and their quotients on the finer rule.
         number, width = max(int(q.mark or 1) for q in self.case.quantities), self.level.resolution.neurons
         hidden, count = self.features.network.width, self.features.count
         part: Integers = np.arange(count) if challenged else np.r_[:width, hidden:count]
@@ -267,7 +269,7 @@ class _OneLevel:
         return _Found(values, weights, gap)
 
     def _pair(self, elastic: Tensor, mass: Tensor, geometric: Tensor | None) -> tuple[Tensor, Tensor]:
-        """Return A and B whose largest eigenvalues are the reciprocals of what is asked for."""
+        """Return A and B, whose largest eigenvalues are the reciprocals of the asked values."""
         if not self.vibrates:
             assert geometric is not None  # a case that asks for buckling loads has loads
             return -geometric, elastic

@@ -1,7 +1,7 @@
 """Newton's method on the output weights of a field: at a load factor, or with one more equation on a path.
 
-It takes the stresses of the geometric stiffness from the linear prediction of its last step, and all else from the
-displacement itself: thin shells then take large steps (Magisano, Leonetti & Garcea 2017, CMAME 313).
+The stresses of the geometric stiffness come from the linear prediction of the last step, and all other terms from the
+displacement itself: thin shells then allow large steps (Magisano, Leonetti & Garcea 2017, CMAME 313).
 
 The unknowns are independent combinations of the features.
 """
@@ -21,8 +21,8 @@ from shellbench.solvers.stepping.control import NotConvergedError
 
 CONVERGED = 1e-10  # work of the residual on the last step, relative to the energy: the next one's is its square
 MOST_ITERATIONS = 14  # a step that takes more is cut
-FIRST_STEP = 1 / 8  # of a path under load: so far Newton's method is tried from rest; it is cut where that fails
-HOPELESS = 1e8  # growth of that work that no iteration comes back from: a guard
+FIRST_STEP = 1 / 8  # of a path under load: first step of Newton's method from rest; it is cut if that fails
+HOPELESS = 1e8  # growth of that work beyond which no iteration converges: a guard
 
 
 @dataclass(frozen=True)
@@ -34,11 +34,11 @@ class Deformed:
     membrane, bending, work
         Parts of the strain energy, and the work of the loads, J.
     residual
-        (3 M,): loads less what the strains resist, on the output weights.
+        (3 M,): loads less internal forces, on the output weights.
     strained, stresses
-        At the points of the rule: strains, and what is conjugate to them (N, 6).
+        At the points of the rule: strains, and conjugate stresses (N, 6).
     angles
-        By moment (n,): the angles that its normals have turned by.
+        By moment (n,): the rotation angles of its normals.
     """
 
     membrane: float
@@ -56,7 +56,7 @@ class Deformed:
 
     @property
     def magnitude(self) -> float:
-        """What the potential energy is made of, J: its parts, each without its sign."""
+        """Magnitude of the potential energy, J: the sum of its parts, each without its sign."""
         return self.membrane + self.bending + abs(self.work)
 
 
@@ -71,7 +71,7 @@ class Basis:
     def from_stiffness(cls, stiffness: Tensor, constraints: Tensor, least: float = 0.0) -> Basis:
         """Choose a basis whose stiffness is the identity, and in which `constraints` (k, 3 M) w = target are held.
 
-        Combinations of constraints that a unit of energy moves by no more than `least`, metres, are left out.
+        Combinations of constraints that a unit of energy moves by at most `least`, metres, are left out.
         """
         # Null-space method: with K = 1 in `combine`, a singular value decomposition of the constraints splits it
         # orthogonally. The first columns of V hold the supports' displacements, the others move none of them.
@@ -88,7 +88,7 @@ class Basis:
         return self.combine.shape[1]
 
     def spread(self, y: Tensor) -> Tensor:
-        """Return weights (3 M,) of unknowns (r,), less what is held."""
+        """Return weights (3 M,) of unknowns (r,), without the held part."""
         return self.combine @ y
 
     def gather(self, force: Tensor) -> Tensor:
@@ -113,10 +113,10 @@ class Equations(Protocol):
 
     @property
     def unstrained(self) -> float:
-        """Energy that is rounding, J."""
+        """Energy that counts as rounding, J."""
 
     def targets(self, t: float) -> Tensor:
-        """Return what the constraints prescribe (k,) at a load factor."""
+        """Return the displacements that the constraints prescribe (k,) at a load factor."""
 
     def deform(self, weights: Tensor, t: float, near: tuple[Tensor, ...] | None = None) -> Deformed:
         """Deform the shell by output weights (3 M,); angles are followed from `near`."""
@@ -127,7 +127,7 @@ class Equations(Protocol):
         """Return the second variation (3 M, 3 M) of the energy; `geometric` (N, 6) replace its stresses."""
 
     def load_stiffness(self, weights: Tensor, t: float) -> Tensor | None:
-        """Return the derivative (3 M, 3 M) of loads that follow the shell, if there are any."""
+        """Return the derivative (3 M, 3 M) of loads that follow the shell; None without any."""
 
     def predicted(self, deformed: Deformed, change: Tensor, t: float = 0.0) -> Tensor:
         """Return the stresses (N, 6) that the first variation predicts after a change (3 M,) of weights."""
@@ -143,7 +143,7 @@ class PathState:
     Attributes
     ----------
     t, weights, deformed
-        Load factor, output weights (3 M,), and what they do.
+        Load factor, output weights (3 M,), and their deformation.
     iterations
         Newton iterations that led here.
     tangent
@@ -161,14 +161,15 @@ class PathState:
 
     @classmethod
     def rest(cls, problem: Equations) -> PathState:
-        """Return the state that nothing loads."""
+        """Return the unloaded state."""
         return cls(0.0, problem.rest_weights, problem.deform(problem.rest_weights, 0.0))
 
     @property
     def stable(self) -> bool:
-        """Whether the state is a minimum of the potential energy.
+        """True if the state is a minimum of the potential energy.
 
-        Under a pressure that follows there is none: then, whether all steps from the state do positive work.
+        A pressure that follows the shell has no potential. Then it is True if all steps from the state do positive
+        work.
         """
         return self.tangent is None or self.tangent.definite
 
@@ -184,7 +185,7 @@ class Constraint:
 def equilibrium(problem: Equations, start: PathState, t: float, neutral: float = 0.0) -> PathState:
     """Return the state at a load factor, from another one; it is stable if its tangent is positive definite.
 
-    Modes whose eigenvalue is less than `neutral` of the stiffness at rest are left as they are.
+    Modes whose eigenvalue is less than `neutral` of the stiffness at rest are not changed.
 
     Raises
     ------
@@ -192,7 +193,7 @@ def equilibrium(problem: Equations, start: PathState, t: float, neutral: float =
         If Newton's method does not get there.
     """
     basis = problem.basis
-    # Point supports are moved first. Steps in the basis leave them where they are.
+    # Point supports are moved first. Steps in the basis do not move them.
     change = basis.held @ (problem.targets(t) - problem.constraints @ start.weights)
     return _newton(problem, start, t, change, None, neutral)
 
@@ -209,16 +210,16 @@ def on_path(problem: Equations, start: PathState, constraint: Constraint, guess:
 
 
 def settled(problem: Equations, deformed: Deformed, decrement: float, first: float) -> bool:
-    """Tell whether an iteration has ended here, by the work of its last step and of its first one, J.
+    """Return True if an iteration has converged, by the work of its last step and of its first one, J.
 
     Raises
     ------
     NotConvergedError
-        If none comes back from there.
+        If the work has grown beyond return.
     """
-    # Below the energy of a strain of 1e-10 all is rounding, as in a shell that nothing loads.
+    # Below the energy of a strain of 1e-10 all is rounding, as in an unloaded shell.
     scale = max(deformed.magnitude, problem.unstrained)
-    # Written so that what is not a number fails.
+    # Written so that NaN fails.
     if not scale < float("inf") or decrement > HOPELESS * first:
         raise NotConvergedError
     return decrement <= CONVERGED * scale
@@ -239,10 +240,10 @@ def drift(problem: Equations, state: PathState) -> Tensor:
 class Tangent:
     """A tangent in the basis of independent fields, factorised; `definite` if it is positive.
 
-    A pressure that follows makes it unsymmetric. Then `definite` speaks of its symmetric part, and `whole` solves.
+    A following pressure makes it unsymmetric. Then `definite` is that of its symmetric part, and `whole` solves.
 
-    With `neutral`, it is decomposed into its modes, and those of an eigenvalue of that size are called zero: they make
-    no state unstable, and a solution has no part of them.
+    With `neutral`, it is decomposed into its modes, and eigenvalues up to that size count as zero: they make no state
+    unstable, and a solution has no part along them.
     """
 
     def __init__(
@@ -255,13 +256,13 @@ class Tangent:
         neutral: float = 0.0,
     ) -> None:
         self.combine = problem.basis.combine
-        # Z^T K Z in independent fields that leave the point supports alone: small, dense, and the identity at rest.
+        # Z^T K Z in independent fields that do not move the point supports: small, dense, and the identity at rest.
         matrix = problem.tangent(deformed, t, weights, geometric)
         self.reduced = self.combine.T @ matrix @ self.combine
         self.whole: tuple[Tensor, Tensor] | None = None
         load = problem.load_stiffness(weights, t)
         if load is not None:
-            # Such a matrix needs LU. Its symmetric part tells whether all steps do positive work.
+            # An unsymmetric matrix needs LU. Its symmetric part shows if all steps do positive work.
             whole = self.reduced - self.combine.T @ load @ self.combine
             self.reduced = (whole + whole.T) / 2
             if bool(torch.isfinite(whole).all()):
@@ -270,9 +271,9 @@ class Tangent:
             raise NotConvergedError
         self.neutral = neutral
         self.positive = True  # its determinant
-        # 1. With neutral modes: all modes are needed, to leave some out.
-        # 2. Else Cholesky, for a stable state.
-        # 3. Where that fails LDL^T, and the sign of the determinant: it tells limit points from branches.
+        # 1. With neutral modes: compute all modes, to leave some out.
+        # 2. Else try Cholesky, for a stable state.
+        # 3. If that fails, take LDL^T, and the sign of the determinant: it distinguishes limit points from branches.
         if neutral:
             self.values, self.vectors = torch.linalg.eigh(self.reduced)
             self.definite = float(self.values[0]) > -neutral
@@ -294,8 +295,8 @@ class Tangent:
         """Return the output weights (3 M,) of a right-hand side (3 M,)."""
         reduced = (self.combine.T @ right)[:, None]
         if self.neutral:
-            # A pseudo-inverse: along a neutral mode the field stays, where Newton's step would be long and of either
-            # sign.
+            # A pseudo-inverse: the field does not move along a neutral mode, where Newton's step would be long and of
+            # either sign.
             stiff = self.values.abs() > self.neutral
             compliance = torch.where(stiff, 1 / self.values, torch.zeros_like(self.values))
             solved = self.vectors @ (compliance[:, None] * (self.vectors.T @ reduced))
@@ -318,12 +319,12 @@ def _newton(
     neutral: float = 0.0,
 ) -> PathState:
     # Newton's method with predicted stresses (Magisano, Leonetti & Garcea 2017), an iteration in four:
-    # 1. Factorise K: strains of w, and in its geometric part the stresses predicted by the step before.
-    # 2. dw = K^-1 r; on a path bordered by the constraint, dw = K^-1 r + dt K^-1 f'.
+    # 1. Factorise K from the strains of w, and in its geometric part from the stresses predicted by the step before.
+    # 2. Compute dw = K^-1 r; on a path, bordered by the constraint, dw = K^-1 r + dt K^-1 f'.
     # 3. Predict the next stresses before w moves.
     # 4. Stop when the work r . dw is at rounding.
     # The textbook takes w's own stresses, and searches along dw. In a thin shell those stresses are far too large after
-    # a bending step. Here the residual may grow at first. A step that does not converge is cut by the caller.
+    # a bending step. Here the residual may grow at first, and the caller cuts a step that does not converge.
     weights, deformed, geometric = start.weights, start.deformed, start.deformed.stresses
     if bool(step.any()):
         geometric = problem.predicted(deformed, step)
@@ -343,7 +344,8 @@ def _newton(
                 raise NotConvergedError
             change = (constraint.value - float(constraint.row @ (weights + step))) / slope
             step, t = step + change * moving, t + change
-        # The constraint is linear, so that it holds after each step. The work of r alone says how far the state is.
+        # The constraint is linear, so that it holds after each step. The work of r alone measures the distance from
+        # equilibrium.
         decrement = abs(float(deformed.residual @ step))
         geometric = problem.predicted(deformed, step, t)
         weights = weights + step

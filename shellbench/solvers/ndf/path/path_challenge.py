@@ -1,9 +1,9 @@
-"""How sure a path of a field is, as challengers tell that join each state that quantities are asked at.
+"""Uncertainty of a path of a field, from challengers at each state of the quantities.
 
 The mechanism is that of linear shells (see `challenge`), on the tangent of a state: its features and challengers of
-`ndf-ritz` share one Newton step from the state. What that changes of each quantity and of the energy, the state had
-missed. The path itself stays as it is. At a limit point the states next to it are challenged, and the curve is drawn
-again through them.
+`ndf-ritz` share one Newton step from the state. The changes of each quantity and of the energy by this step are lower
+bounds of the state's error. The path itself stays as it is. At a limit point the states next to it are challenged, and
+the curve is drawn again through them.
 """
 
 from __future__ import annotations
@@ -54,16 +54,16 @@ from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.newton import Deformed, PathState
 from shellbench.solvers.stepping.control import same
 
-SETTLED_STATE = 2e-2  # of a scale: energies err twice as much as displacements, and these are asked for 1e-2 at most
-RULE_GROWTH = (1 + TRAINED_SHARE) ** 0.5  # of panels a side: as many points a feature as without challengers
-PART = 0.25  # of what is gained, by which even a small part of the energy errs: on 48 drawn shells at most .24
-PRESCRIBED = 1e-12  # of a quantity's scale, where nothing is solved for and all is rounding
+SETTLED_STATE = 2e-2  # of a scale: energies have twice the error of displacements, whose tolerance is at most 1e-2
+RULE_GROWTH = (1 + TRAINED_SHARE) ** 0.5  # of panels a side: the same number of points a feature as without challengers
+PART = 0.25  # of the gain: error of even a small part of the energy; on 48 drawn shells at most .24
+PRESCRIBED = 1e-12  # of a quantity's scale, if nothing is solved for and all is rounding
 
 
 def prescribed(solution: PathSolution, rounding: float) -> PathSolution:
-    """Return a path that its case prescribes with how sure it is of its quantities: its quadrature alone errs.
+    """Return a path that its case prescribes, with the uncertainty of its quantities: only its quadrature has an error.
 
-    `rounding` is an energy, J, that is.
+    `rounding` is the energy, J, of rounding.
     """
     case, gap = solution.case, solution.diagnostics["energy_gap"]
     uncertainty: dict[str, float] = {}
@@ -77,7 +77,7 @@ def prescribed(solution: PathSolution, rounding: float) -> PathSolution:
 
 @dataclass(frozen=True)
 class Challenge:
-    """A path's problem with challengers beside its features.
+    """A path's problem with challengers added to its features.
 
     Attributes
     ----------
@@ -86,9 +86,9 @@ class Challenge:
     features
         Those of both fields, as drawn.
     solved
-        (3 M,): numbers of the unknowns; a power about a corner is not one of every component.
+        (3 M,): numbers of the unknowns; not every component has powers about corners.
     row
-        (3 M,) of the displacement that the path is followed by, if there is one.
+        (3 M,) row of the displacement that controls the path, if there is one.
     """
 
     problem: PathProblem
@@ -103,7 +103,8 @@ class Challenge:
         level = first_level(case, usual, given_width=True, given_rule=True)
         width = solution.field.features.network.width
         number = max(1, round(TRAINED_SHARE * width / len(level.kinds)))
-        # Both fields are integrated with as many points a feature as the path's own: else the rule tells a difference.
+        # Both fields are integrated with as many points a feature as the path's own: otherwise the rule makes a
+        # difference.
         rule = layered(case, finer_rule(usual.rule, RULE_GROWTH))
         level = replace(level, resolution=replace(level.resolution, neurons=0), challengers=number)
         features = joined_features(solution.field, solution.spec, level, seed)
@@ -122,7 +123,7 @@ class Challenge:
         return cls(joined, features, torch.nonzero(whole.reshape(-1))[:, 0], row)
 
     def start(self, problem: PathProblem, state: PathState) -> tuple[Tensor, Deformed]:
-        """Return the weights (3 M,) of a state of the path, and what they do on the rule of the challenge."""
+        """Return the weights (3 M,) of a state of the path, and their deformation on the rule of the challenge."""
         output = state.weights.view(3, -1)
         weights = output.new_zeros((3, self.problem.features.count))
         weights[:, : output.shape[1]] = output
@@ -137,10 +138,10 @@ class Challenge:
 
         The load factor changes if the path's displacement is `held`.
         """
-        # 1. K at the state, with the load's own stiffness; what holds points is added, times a stiffness.
-        # 2. A regularised inverse, as of linear shells; by LU, for a state need be no minimum.
-        # 3. Multipliers such that points stay, for the residual and for the load's rate.
-        # 4. The change of load such that the path's displacement stays.
+        # 1. Form K at the state, with the load's own stiffness; add the rows of point supports, times a stiffness.
+        # 2. Take the regularised inverse, as for linear shells, but by LU, since a state need not be a minimum.
+        # 3. Find multipliers that hold the points, for the residual and for the load's rate.
+        # 4. Find the change of load that keeps the path's displacement.
         problem, solved = self.problem, self.solved
         matrix = problem.tangent(deformed, t, weights)
         load = problem.load_stiffness(weights, t)
@@ -168,7 +169,7 @@ class Challenge:
     def field(
         self, solution: NdfSolution, weights: Tensor, energies: tuple[float, float], forces: Tensor
     ) -> NdfSolution:
-        """Return the solution of a state with these weights, energies, J, and forces of point supports instead."""
+        """Return the solution of a state with these weights, energies, J, and forces of point supports."""
         combined = self.problem.features
         assert isinstance(combined, Combined)
         output = weights.view(3, -1) @ combined.combine.T
@@ -186,20 +187,20 @@ class Challenge:
 
 @dataclass(frozen=True)
 class Found:
-    """A state of the path as it was, and as challengers change it: fields, and energies on one rule.
+    """A state of the path before and after the step with challengers: fields, and energies on one rule.
 
     Attributes
     ----------
     solutions
-        Of the state, before and after.
+        Solutions of the state, before and after.
     probed
         (n, 3): their displacements at points all over the shell, metres.
     steps
         Of the history.
     gained
-        Energy, as a share of what is stored.
+        Energy, as a share of the stored energy.
     of_displacements
-        The share by which displacements err (see `_share_of_work`).
+        Relative error of displacements (see `_share_of_work`).
     """
 
     solutions: tuple[NdfSolution, NdfSolution]
@@ -217,7 +218,7 @@ def challenged(
     seed: int,
     solution_of: Callable[[PathState], NdfSolution],
 ) -> PathSolution:
-    """Return a path with how sure it is of its quantities; `seed` draws the challengers.
+    """Return a path with the uncertainty of its quantities; `seed` draws the challengers.
 
     Parameters
     ----------
@@ -228,11 +229,12 @@ def challenged(
     usual
         The resolution of its features.
     solution_of
-        Gives the solution of a state.
+        Returns the solution of a state.
     """
-    # 1. Challenge the states at which quantities are asked, and those about turning points.
-    # 2. Each quantity changes from the state, or the curve, without challengers to that with them, on one rule.
-    # 3. Uncertainties as of linear shells, by the change and by the energy gained at the quantity's own states.
+    # 1. Challenge the states of the quantities, and those about turning points.
+    # 2. Compute the change of each quantity from the state, or the curve, without challengers to that with them, on one
+    #    rule.
+    # 3. State uncertainties as for linear shells, by the change and by the energy gained at the quantity's own states.
     case, offset = solution.case, len(solution.history) - len(states)
     challenge = Challenge.of_path(problem, solution.states[-1], usual, seed)
     gap = solution.diagnostics["energy_gap"]
@@ -244,7 +246,7 @@ def challenged(
         held = case.path.quantity is not None and not (isinstance(q, LimitPoint) and q.turning == "displacement")
         numbers = _asked(q, solution, offset)
         if not numbers:
-            continue  # one linear solve does not tell of it
+            continue  # one linear solve is no estimate of it
         for k in numbers:
             if (k, held) not in known:
                 step = solution.history[offset + k]
@@ -258,13 +260,13 @@ def challenged(
         try:
             values = [{q.name: measure(replace(state, history=history), q)} for state, history in both]
         except ValueError:
-            continue  # the curve turns no longer where it did: nothing is stated
+            continue  # the turning point has moved: nothing is stated
         changed = changes(case, values[0], values[1], last.probed)
         scales[q.name] = scale(last.solutions[0], q, values[0][q.name], problem.unstrained, last.probed[0])
         gains.append(max(found.gained for found in there.values()))
         moved = isinstance(q, DisplacementQuantity | LargestDisplacement)
         share = max(found.of_displacements for found in there.values()) if moved else gains[-1]
-        # The gain is one of the whole energy, of which a small part errs by less; its own change is asked for, too.
+        # The gain is that of the whole energy; a small part has a smaller error, and its own change counts too.
         of = max(abs(values[0][q.name]), PART * scales[q.name]) if isinstance(q, EnergyQuantity) else scales[q.name]
         uncertainty |= uncertainties(Miss(changed, share), gap, values[0], {q.name: of})
     return replace(
@@ -280,9 +282,10 @@ def challenged(
 
 
 def _asked(q: QuantityModel, solution: PathSolution, offset: int) -> tuple[int, ...]:
-    """Return the numbers of the states of the path that tell a quantity; none of a critical state.
+    """Return the numbers of the path's states that determine a quantity; none for a critical state.
 
-    None either of where along the curve an extremum lies: it follows the slope of the changes there, not their size.
+    There are none either for the position of an extremum along the curve: it depends on the slope of the changes there,
+    not on their size.
     """
     steps, path = solution.history[offset:], solution.case.path
     if isinstance(q, CriticalPoint) or (isinstance(q, LimitPoint) and q.gives != q.turning):
@@ -322,15 +325,15 @@ def _found(
 
 
 def _share_of_work(problem: PathProblem, deformed: Deformed, change: Tensor, t: float, gained: float) -> float:
-    """Return by which share the displacement that dead loads work on errs, as a Newton step (3 M,) tells.
+    """Return the relative error of the displacement on which dead loads work, from a Newton step (3 M,).
 
-    Let the loads be s times what they are, and w their work at s = 1. In equilibrium the potential energy falls with s
-    as the loads' work on the displacement: dPi/ds = -w (Hellmann and Feynman). A field whose energy is too high by
-    e(s) does so, too. So its w is too small by de/ds, which to first order is the loads' work on the Newton step. In
-    linear shells e grows as s^2: de/ds = 2 e, and with w = 2 U the share is e / U, as there. Where loads do more work
-    than twice what is stored, as in a strip that hangs, e / U is no share of any displacement.
+    Let the loads be multiplied by s, and let w be their work at s = 1. In equilibrium the potential energy changes with
+    s by the loads' work on the displacement: dPi/ds = -w (Hellmann and Feynman). This also holds for a field whose
+    energy is too high by e(s). Therefore its w is too small by de/ds, which to first order is the loads' work on the
+    Newton step. In linear shells e grows as s^2: de/ds = 2 e, and with w = 2 U the share is e / U, as there. If loads
+    do more work than twice the stored energy, as in a hanging strip, e / U is no share of any displacement.
     """
-    # The work on the step may be small by accident, the energy can't: so 2 e is the least.
+    # The work on the step may be small by chance; the energy can't: therefore 2 e is the least value.
     if problem.moments or problem.pressure is not None or not deformed.work:
-        return math.inf  # what they do is no work of dead loads
+        return math.inf  # their work is not that of dead loads
     return max(2 * gained, abs(float(problem.forces(t)[0] @ change))) / abs(deformed.work)

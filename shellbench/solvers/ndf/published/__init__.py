@@ -1,4 +1,5 @@
 """The published training (Kairanda et al., NeuralClothSim): `ndf-published` and `ndf-material`.
 
-At rest, in motion, and with the material as an input. It may import `conditioned`, `motion` and the rooms below them.
+It covers shells at rest, in motion, and with the material as an input. It may import `conditioned`, `motion` and the
+packages below them.
 """

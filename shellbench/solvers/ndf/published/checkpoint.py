@@ -1,4 +1,4 @@
-"""Checkpoints: all that a training needs to go on, in one file that is either whole or not there."""
+"""Checkpoints: all data that a training needs to continue, in one file that is either complete or absent."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ ANSWERS = ("averaged", "best")  # of trainings that keep them
 class Checkpoint:
     """A training after so many iterations.
 
-    Samples are numbered by the iteration and keyed by the seed, so there is no state of a generator to keep.
+    Samples are numbered by the iteration and keyed by the seed, so that no generator's state is kept.
 
     Attributes
     ----------
     key
-        What the training is: a checkpoint goes on only in a training of the same key.
+        Key of the training: a checkpoint continues only in a training of the same key.
     iteration
         Number of completed iterations.
     seconds
@@ -36,11 +36,11 @@ class Checkpoint:
     losses
         (iteration,): the loss of each.
     history
-        What has been recorded so far.
+        The record so far.
     averaged
-        The running average of the weights; empty where none is kept.
+        The running average of the weights; empty if none is kept.
     best, best_energy
-        The weights of least certified energy so far, and that energy, J; empty and None where none are kept.
+        The weights of least certified energy so far, and that energy, J; empty and None if none are kept.
     """
 
     key: str
@@ -57,7 +57,7 @@ class Checkpoint:
 
     @property
     def answer(self) -> list[Tensor]:
-        """The tensors that stand for the training as it is now."""
+        """The tensors of the training's present answer."""
         return self.averaged or self.weights
 
 
@@ -84,17 +84,17 @@ def write_checkpoint(checkpoint: Checkpoint, path: Path) -> None:
 
 
 def is_checkpoint(path: Path) -> bool:
-    """Tell whether a file is a checkpoint; a file that can't be read is none."""
+    """Return True if a file is a checkpoint; False if it can't be read."""
     return texts_of(path).get("format") == FORMAT
 
 
 def read_checkpoint(path: Path) -> Checkpoint:
-    """Read what `write_checkpoint` wrote.
+    """Read a file of `write_checkpoint`.
 
     Raises
     ------
     InputError
-        In one sentence, if it is no whole checkpoint.
+        In one sentence, if it is no complete checkpoint.
     """
     texts, tensors = read_tensors(path)
     with telling_damage(path):

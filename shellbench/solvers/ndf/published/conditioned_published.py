@@ -1,4 +1,4 @@
-"""The published way to a field for many materials: the material is an input of the network.
+"""The published method for many materials: the material is an input of the network.
 
 u(xi, material) = M(xi) F(xi, material) (Kairanda et al., eq. (37), at rest), trained by Adam on the energy (38) at one
 material an iteration, drawn evenly from the ranges, and at one random point in each cell of a grid. The network, the
@@ -42,12 +42,12 @@ from shellbench.solvers.ndf.strains.energy import concentrated, tabulate
 FORMAT = "ndf-material, format 1"
 INPUTS = len(Material._fields)
 ITERATIONS_AT_ONCE = 10  # iterations that are tabulated at once
-QUOTIENT_STEP = 1e-3  # of central difference quotients of the network, which err by its square
-SEPARATE = 1  # stream of random numbers for materials, beside that of points
+QUOTIENT_STEP = 1e-3  # of central difference quotients of the network, whose error is of its square
+SEPARATE = 1  # stream of random numbers for materials, separate from that of points
 
 
 def shares(case: ConditionedCase, material: Material) -> Array:
-    """Return where a material is in the ranges, (3,), from 0 to 1: evenly, as it is drawn."""
+    """Return the position of a material in the ranges, (3,), from 0 to 1, on the linear scale of the draws."""
     ends = np.array([getattr(case.ranges, name) for name in Material._fields])
     return np.asarray((np.array(material) - ends[:, 0]) / (ends[:, 1] - ends[:, 0]))
 
@@ -61,7 +61,7 @@ def drawn_material(case: ConditionedCase, seed: int, iteration: int) -> Material
 
 @dataclass(frozen=True)
 class Question:
-    """A case with all that a network of it needs."""
+    """A case with all data that its network needs."""
 
     case: ConditionedCase
     ansatz: Ansatz
@@ -71,14 +71,14 @@ class Question:
 
     @classmethod
     def from_case(cls, case: ConditionedCase, placement: Placement) -> Question:
-        """Build the published boundary functions and inputs, at the middle of the ranges: they know no material."""
+        """Build the published boundary functions and inputs, which do not depend on the material."""
         spec = FieldSpec(stretched=False, multipliers=0)
         shell = case.shell_of(case.middle)
         inputs = build_inputs(shell, spec)
         return cls(case, published_ansatz(shell, spec), inputs, InputScale.from_inputs(inputs, placement), placement)
 
     def seen(self, points: Array, material: Material) -> Tensor:
-        """Return the jets (6, N, n + 3) of what the network sees."""
+        """Return the jets (6, N, n + 3) of the network's inputs."""
         exact = self.placement._replace(dtype=torch.float64)
         plain = self.scale.apply(self.inputs.jets(points, exact).to(self.placement.dtype))
         return with_material(plain, shares(self.case, material))
@@ -92,7 +92,7 @@ def with_material(jets: Tensor, share: Array) -> Tensor:
 
 @dataclass(frozen=True)
 class Sample:
-    """What the loss of one iteration needs: inputs, rows of the four parts with their factors, and forces."""
+    """Data of the loss of one iteration: inputs, rows of the four parts with their factors, and forces."""
 
     inputs: Tensor
     rows: tuple[Tensor, ...]
@@ -100,7 +100,7 @@ class Sample:
     force: Tensor
 
     def loss(self, siren: Siren) -> Tensor:
-        """Return the energy (38) as the samples see it, over the factor of the modulus."""
+        """Return the energy (38) on the samples, divided by the factor of the modulus."""
         jets = siren.jets(self.inputs)
         count = len(self.rows[0])
         flat = jets[:, :count].permute(1, 2, 0).reshape(count, 18, 1)
@@ -112,7 +112,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class Sampler:
-    """Makes the samples; see `shellbench.solvers.ndf.published.published_training.Sampling`."""
+    """Source of the samples; see `shellbench.solvers.ndf.published.published_training.Sampling`."""
 
     question: Question
     settings: ConditionedPublishedSettings
@@ -144,7 +144,7 @@ class Sampler:
 
 @dataclass(frozen=True, kw_only=True)
 class TrainedField(ConditionedAnswer):
-    """A trained network that sees the material; it states no uncertainty."""
+    """A trained network with the material as an input; it states no uncertainty."""
 
     siren: Siren
     unit: float
@@ -155,16 +155,16 @@ class TrainedField(ConditionedAnswer):
 
     @property
     def parameters(self) -> int:
-        """Weights and biases."""
+        """Number of weights and biases."""
         return self.siren.parameters
 
     @property
     def storage_bytes(self) -> int:
-        """Bytes of them."""
+        """Bytes of weights and biases."""
         return sum(t.numel() * t.element_size() for t in self.siren.tensors)
 
     def displacement(self, points: Array, at: float | None = None, material: Material | None = None) -> Array:
-        """Return the displacement (N, 3), m, at points (N, 2), rigid motions left in."""
+        """Return the displacement (N, 3), m, at points (N, 2), including rigid motions."""
         question, chosen = self._question, material or self.case.middle
         exact = self.siren.with_tensors([tensor.cpu().double() for tensor in self.siren.tensors])
         with torch.no_grad():
@@ -191,14 +191,14 @@ class TrainedField(ConditionedAnswer):
         return (ahead - behind) / (2 * QUOTIENT_STEP) / self.asked(material)
 
     def save(self, path: Path) -> Path:
-        """Write weights and biases as safetensors, all else as JSON in the header."""
+        """Write weights and biases as safetensors, all other data as JSON in the header."""
         words = {"format": FORMAT, "case": self.case.data(), "omega0": self.siren.omega0, "unit": self.unit}
         named = {f"{k:03d}": tensor for k, tensor in enumerate(self.siren.tensors)}
         return write_described(path, named, words)
 
     @classmethod
     def load(cls, path: Path) -> TrainedField:
-        """Read what `save` wrote; InputError in one sentence if it is none."""
+        """Read a file of `save`; InputError in one sentence if it is no such file."""
         with described(path, FORMAT, "trained field for many materials") as (words, tensors):
             ordered = tuple(tensors[name] for name in sorted(tensors))
             half = len(ordered) // 2
@@ -208,7 +208,7 @@ class TrainedField(ConditionedAnswer):
 
 
 def solve(case: ConditionedCase, settings: ConditionedPublishedSettings, progress: ProgressCallback) -> TrainedField:
-    """Train a network; SolveFailure if its loss stops being finite."""
+    """Train a network; SolveFailure if its loss becomes non-finite."""
     begin = time.perf_counter()
     placement = Placement.on(settings.device)._replace(dtype=getattr(torch, settings.dtype))
     question = Question.from_case(case, placement)

@@ -1,23 +1,23 @@
 """The recipe `ndf-published`: the training of Kairanda et al. (NeuralClothSim), sections 4 and 5.1, appendices A and D.
 
 A SIREN of 5 x 512 sines with omega0 = 15, inputs in [0, 1], trained by Adam at 1e-4 for 2000 iterations (2500 on the
-plate) on 20 x 20 stratified samples, with the published boundary functions and loss. What departs from the paper, or
-is not said in it, and why:
+plate) on 20 x 20 stratified samples, with the published boundary functions and loss. Departures from the paper, and
+choices that it does not state, with their reasons:
 
 - Strains are linear. Those of eq. (30) give .406 on the plate and .253 on the roof, where the paper's Table 3 has .487
   and .3018; and its E = 30 for the cylinders is a mere scaling in linear theory only.
-- Boundary functions are brought to a maximum of 1 (see `published_network`).
+- Boundary functions are scaled to a maximum of 1 (see `published_network`).
 - Young's modulus is scaled in training by a power of ten that follows from the case (see `usual_modulus_factor`); it is
   the published one for all four shells of the obstacle course.
-- Rigid motions that are left free are taken away from the trained field in the mean over the area, as the case asks.
+- Free rigid motions are subtracted from the trained field in the mean over the area, as the case asks.
 - Derivatives are propagated forward, with the same numbers as nested automatic differentiation gives.
 
 The trained field's energy is integrated once more on a fine quadrature; the gap to the last losses is reported. It is
-not gated: with 400 random samples it measures the noise of the loss as well. What fails is a training that ends above
-rest, or with less than half of what it had gained (see `published_training.why_collapsed`).
+not gated: with 400 random samples it also measures the noise of the loss. A training fails if it ends above rest, or
+with less than half of its best gain (see `published_training.why_collapsed`).
 
 A case in motion is trained in space and time, on a functional, boundary functions and strains of its own: see
-`published_motion`. What is solved for along a static path is declined.
+`published_motion`. Static paths are declined.
 """
 
 from __future__ import annotations
@@ -74,17 +74,17 @@ from shellbench.solvers.ndf.published.published_training import (
 )
 from shellbench.solvers.ndf.strains.energy import certify, concentrated
 
-WINDOW = 100  # last losses whose mean is held against the fine quadrature
+WINDOW = 100  # last losses whose mean is compared with the fine quadrature
 RIGID_RULE = RuleSpec((4, 4), 4)  # for the mean rigid motion
-PINNED_CUTS = 3  # more panels at points that are pinned within a tenth of a unit
+PINNED_CUTS = 3  # further panels at points that are pinned within a tenth of a unit
 
 
 class Training(Protocol):
-    """A case and settings with all that is made of them: what a solver needs of a training."""
+    """Protocol of a training: a case and settings with the objects made of them, as a solver uses them."""
 
     @property
     def key(self) -> str:
-        """What it is: only checkpoints of the same key go on in it."""
+        """Key of the training: it continues only from checkpoints of the same key."""
         ...
 
     @property
@@ -94,15 +94,15 @@ class Training(Protocol):
 
     @property
     def sampler(self) -> Sampling:
-        """What it is trained on."""
+        """Source of its samples."""
         ...
 
     def watch(self, siren: Siren) -> dict[str, float]:
-        """Return the headline quantity of a network, if it is one that can be watched."""
+        """Return the headline quantity of a network, if it can be recorded during training."""
         ...
 
     def certify(self, siren: Siren) -> dict[str, float]:
-        """Return energies of a network on a quadrature that it is not trained on, J; nothing if there are none."""
+        """Return energies of a network on a quadrature that it is not trained on, J; empty if there are none."""
         ...
 
     def released(self, solution: Solution) -> Siren | None:
@@ -114,12 +114,12 @@ class Training(Protocol):
         ...
 
     def why_no_answer(self, solution: Solution) -> str | None:
-        """Return why a trained field is no answer, in one sentence; None if nothing speaks against it."""
+        """Return the reason that a trained field is no answer, in one sentence; None if nothing speaks against it."""
         ...
 
 
 def why_not(case: Case) -> str | None:
-    """Return why the published boundary functions can't hold a case, as one clause, or None if they can."""
+    """Return the reason that the published boundary functions can't hold a case, as one clause, or None if they can."""
     if refusal := why_not_plain(case, frozenset({"contact", "local loads"}) if case.dynamics else frozenset()):
         return refusal
     if case.dynamics is not None:
@@ -132,7 +132,7 @@ def why_not(case: Case) -> str | None:
 
 
 def load(path: Path, solver: str) -> Solution:
-    """Read a solution of a solver of this recipe; InputError in one sentence if it is none."""
+    """Read a file of a solver of this recipe; InputError in one sentence if it is no such file."""
     return load_motion(path, solver) if is_motion(path) else load_solution(path, solver, published_ansatz)
 
 
@@ -195,7 +195,7 @@ def _start(training: Training, iterations: int, start: Solution | Path | None) -
 
 @dataclass(frozen=True)
 class _Training:
-    """A case and settings with all that is made of them."""
+    """A case and settings, with the objects made of them."""
 
     case: Case
     settings: PublishedSettings
@@ -260,7 +260,7 @@ class _Training:
         return {primary.name: measure(solution, primary)}
 
     def certify(self, siren: Siren) -> dict[str, float]:
-        """Return energies on the rule for a solved field: finer than the samples, coarser than the last one."""
+        """Return energies on the rule of a solved field: finer than the samples, coarser than the final rule."""
         return self._energies(siren, self._around_pins(usual_resolution(self.case).rule))[0]
 
     def _around_pins(self, spec: RuleSpec) -> RuleSpec:
@@ -268,7 +268,7 @@ class _Training:
         return replace(spec, cuts=spec.cuts + PINNED_CUTS) if narrow else spec
 
     def _energies(self, siren: Siren, spec: RuleSpec) -> tuple[dict[str, float], float, int]:
-        """Return the energies of a network on a rule, that of rest, all in J, and the number of points."""
+        """Return the energies of a network on a rule, the energy at rest, all in J, and the number of points."""
         exact, focal = self.field(siren, torch.float64), focal_points(self.case)
         rule = area_rule(self.case.surface.domain, focal, spec)
         forces = concentrated(self.ansatz, spec, focal, exact.features.placement)

@@ -1,25 +1,26 @@
 """The published training of a motion: Kairanda et al., sections 4 and 5.2, appendix E.
 
-A SIREN in space and time is trained on the functional (35), which adds kinetic to potential energy. It is the paper's
-in full: 5 x 512 sines with omega0 = 15 on inputs scaled to [0, 1], u = F t^2 B + motion with its soft boundary
+A SIREN in space and time is trained on the functional (35), which adds kinetic to potential energy. It follows the
+paper in full: 5 x 512 sines with omega0 = 15 on inputs scaled to [0, 1], u = F t^2 B + motion with its soft boundary
 functions, strains by eq. (30), 20 x 20 points by 20 times redrawn at each iteration, Adam at 1e-4 for 2000 iterations.
-What departs from the paper, or is not said in it, and why:
+Departures from the paper, and choices that it does not state, with their reasons:
 
-- The sign of the first motion in eq. (72) is repaired (see `published_motion_field`).
+- The sign of the first motion in eq. (72) is corrected (see `published_motion_field`).
 - kappa of eq. (30) is symmetrised; elastic supports enter as energy.
-- Obstacles, which the paper leaves to a preliminary experiment, are in the loss as there (`published_contact`).
-- The velocity is one more derivative that is propagated forward, with the numbers of nested differentiation.
+- Obstacles, which the paper has in a preliminary experiment only, are in the loss as there.
+- The velocity is one more derivative that is propagated forward, with the same numbers as nested differentiation.
 
-What it converges to is no motion by Newton's law (see the functional below), which is a finding, not a fault of the
-training: the reaction of a support is what Newton's law would need for the motion that comes out.
+It converges to a motion that does not obey Newton's law (see the functional below). This is a property of the
+functional, not a fault of the training. The reaction of a support is the force that Newton's law requires for the
+resulting motion.
 
 The published functional of motion: the mean over time of potential *plus* kinetic energy.
 
     L = |Omega| / (N_Omega N_t) sum_ij (W - f . u + 1/2 k |u|^2 + 1/2 rho |du/dt|^2) sqrt(a)
 
-(Kairanda et al., eq. (35)) at N_Omega points, one random one in each cell of a grid, and N_t times, one in each of so
-many intervals, all redrawn at every iteration; k is the stiffness of springs. The sum is over all pairs, as printed.
-It is 1/T times the integral (33), so that its unit is J.
+(Kairanda et al., eq. (35)) at N_Omega points, one random one in each cell of a grid, and N_t times, one in each of N_t
+intervals, all redrawn at every iteration; k is the stiffness of springs. The sum is over all pairs, as printed. It is
+1/T times the integral (33), so that its unit is J.
 
 Its Euler-Lagrange equation is rho u'' = +dE/du: the sign of inertia is that of Newton's law reversed, and the final
 time brings the natural condition du/dt = 0. A free fall from rest becomes u = g (T t - t^2 / 2).
@@ -64,8 +65,8 @@ OF_STATICS = (
     "keep",
     "resample_every",
     "activation",
-)  # departures that no motion is trained with
-OF_TIMES = 1 << 64  # apart from the counters of the points: no iteration reaches it
+)  # departures that trainings of motions do not support
+OF_TIMES = 1 << 64  # separate from the counters of the points: no iteration reaches it
 
 
 def stratified_times(until: float, count: int, seed: int, iteration: int) -> Array:
@@ -77,12 +78,12 @@ def stratified_times(until: float, count: int, seed: int, iteration: int) -> Arr
 
 @dataclass(frozen=True)
 class SpaceTime:
-    """N points by T times, and all that the functional needs there beside the network.
+    """N points by T times, with the data of the functional there beside the network.
 
     Attributes
     ----------
     inputs
-        (7, T N, n): what the network sees; times vary slowest.
+        (7, T N, n): inputs of the network; times vary slowest.
     times
         (T,), s.
     factor, prescribed
@@ -90,7 +91,7 @@ class SpaceTime:
     gradients
         (N, 5, 6): from a jet to u,1, u,2, d_11, d_22, d_12.
     reference
-        What strains need of the undeformed surface, times slowest: (T N, ...).
+        The undeformed surface, times slowest: (T N, ...).
     elasticity
         (N, 2, 3, 3), N/m and N m.
     force
@@ -182,12 +183,12 @@ class SpaceTime:
 
 @dataclass(frozen=True)
 class MotionSampler:
-    """Makes the samples of a training; see `shellbench.solvers.ndf.published.published_training.Sampling`.
+    """Source of the samples of a training; see `shellbench.solvers.ndf.published.published_training.Sampling`.
 
     Attributes
     ----------
     cells, times
-        Of the grid, along xi1 and xi2, and of time.
+        Numbers of cells of the grid along xi1 and xi2, and of intervals of time.
     placement
         Of the tensors.
     """
@@ -216,7 +217,7 @@ class MotionSampler:
 
 
 def why_not_sampled(case: Case) -> str | None:
-    """Return what of a case the functional leaves out, as one clause; None if it has all."""
+    """Return the part of a case that the functional leaves out, as one clause; None if it has all."""
     if any(obstacle.friction for obstacle in case.obstacles):
         return "its obstacles have friction, and its loss of collisions has none"
     for load in case.loads:
@@ -225,19 +226,19 @@ def why_not_sampled(case: Case) -> str | None:
     return "its functional of motion knows no pressure that follows the shell" if case.following else None
 
 
-WINDOW = 100  # last losses whose mean is held against the fine quadrature
+WINDOW = 100  # last losses whose mean is compared with the fine quadrature
 CERTIFYING_RULE = RuleSpec((8, 8), 4)  # in space, of that quadrature
 FINE_TIMES = 48  # Gauss points in time
 BATCH_TIMES = 4  # of them that are evaluated at once
 
 
 def why_no_motion(case: Case) -> str | None:
-    """Return why the published functions can't hold or load a case in motion, as one clause; None if they can."""
+    """Return the reason that the published functions can't hold or load a case in motion, as one clause, or None."""
     return Ansatz.from_case(case, "both").supports.why_not_held() or why_not_sampled(case)
 
 
 def load_motion(path: Path, solver: str) -> TrainedMotion:
-    """Read what `TrainedMotion.save` wrote; InputError in one sentence if it is no motion of this solver."""
+    """Read a file of `TrainedMotion.save`; InputError in one sentence if it is no motion of this solver."""
     header, case, siren = read_motion(path, solver)
     ansatz = Ansatz.from_case(case, header.periodic_input)
     if siren.weights[0].shape[1] != ansatz.count:
@@ -252,7 +253,7 @@ def load_motion(path: Path, solver: str) -> TrainedMotion:
 
 @dataclass(frozen=True)
 class MotionTraining:
-    """A case in motion and settings with all that is made of them; see `published.Training`."""
+    """A case in motion and settings, with the objects made of them; see `published.Training`."""
 
     solver: str
     key: str
@@ -283,7 +284,7 @@ class MotionTraining:
         return {primary.name: measure(self._solution(siren), primary)}
 
     def certify(self, siren: Siren) -> dict[str, float]:
-        """See `published.Training`; a functional in space and time is found at the end alone."""
+        """See `published.Training`; a functional in space and time is computed at the end only."""
         return {}
 
     def released(self, solution: Solution) -> Siren | None:
@@ -341,6 +342,6 @@ class MotionTraining:
 
 
 def _silent(siren: Siren) -> Siren:
-    """Return a network that is zero everywhere: what is left of its motion is that of the supports."""
+    """Return a network that is zero everywhere: only the motion of the supports remains."""
     first, *_, last = siren.weights
     return Siren((first[:1] * 0, last[:, :1] * 0), (siren.biases[0][:1] * 0, siren.biases[-1] * 0), siren.omega0)

@@ -1,26 +1,26 @@
 """The published field of a moving shell: u(xi, t) = F(xi, t) t^2 B(xi) + motion (Kairanda et al., eqs. (25), (28)).
 
-F is one SIREN in space and time, so that time is one more input, scaled to [0, 1] as the others are, and the velocity
-one more derivative. In training it is a seventh plane beside a jet's six; a solution asks for it by forward-mode
+F is one SIREN in space and time, so that time is one more input, scaled to [0, 1] like the others, and the velocity is
+one more derivative. In training it is a seventh plane beside a jet's six; a solution computes it by forward-mode
 differentiation of the displacement.
 
 The published boundary functions of a moving shell: u = F t^2 B(xi) + sum over supports of (1 - B_p) m_p(xi, t).
 
 Each held place p, a corner, point or edge, has a soft factor B_p = 1 - exp(-d^2 / sigma) with the distance d from it
-and sigma = .01 (Kairanda et al., eqs. (27), (68)-(72)); B is their product over the places that hold a component. What
-a support is moved by, m_p, is faded out by the same factor. Eqs. (69) and (71) are this sum, with motions of opposite
-sign. So is eq. (72), where B stands for exp(-d^2 / sigma), once the sign before its first motion is repaired: as it is
-printed the bottom rim is moved by -m instead of m. A component that is held on the whole surface is zero.
+and sigma = .01 (Kairanda et al., eqs. (27), (68)-(72)); B is their product over the places that hold a component. The
+motion of a support, m_p, is faded out by the same factor. Eqs. (69) and (71) are this sum, with motions of opposite
+sign. Eq. (72), where B stands for exp(-d^2 / sigma), is this sum after a correction of the sign before its first
+motion: as printed, the bottom rim moves by -m instead of m. A component that is held on the whole surface is zero.
 
-A soft factor has no slope at its place, so that grad u = grad m there: it clamps, whether that is asked for or not.
+A soft factor has no slope at its place, so that grad u = grad m there: it clamps, even if the case has no clamp.
 
-Also here: the published loss of collisions (equation (75)),
+The module also has the published loss of collisions (equation (75)),
 
     lambda |Omega| / (N_Omega N_t) sum_ij max(eps - phi(x(xi_i, t_j)), 0),  lambda = 1000, eps = .001 m
 
-It is linear in the depth: an obstacle presses with lambda, in N/m^2, wherever the shell is nearer than eps, and with
-nothing elsewhere. Areas are those of the midsurface, as in the functional (35), and phi is the case's own distance: the
-paper fits a network to it.
+It is linear in the depth: an obstacle presses with lambda, in N/m^2, where the shell is nearer than eps, and not
+elsewhere. Areas are those of the midsurface, as in the functional (35). Departure from the paper: phi is the case's own
+distance, to which the paper fits a network.
 """
 
 from __future__ import annotations
@@ -56,9 +56,9 @@ from shellbench.solvers.ndf.field.jets import (
 from shellbench.solvers.ndf.field.quadrature import ROUNDING
 from shellbench.solvers.ndf.published.published_network import InputScale, Siren, soft_bump
 
-RATE_STEP = 1e-3  # of the final time, between the times by which a motion's velocity is found
+RATE_STEP = 1e-3  # of the final time: distance of the times that give a motion's velocity
 STENCILS = {0: (-25, 48, -36, 16, -3), -2: (1, -8, 0, 8, -1), -4: (3, -16, 36, -48, 25)}  # over 12: fourth order
-EDGE_POINTS = 9  # points of an edge at which that is looked at
+EDGE_POINTS = 9  # points of an edge at which this is checked
 WEIGHT = 1000.0  # lambda, N/m^2: the paper's value
 MARGIN = 1e-3  # eps, m: the paper's value
 DT = 6  # plane of the derivative in time
@@ -102,7 +102,7 @@ class SoftSupports:
         return total
 
     def why_not_held(self) -> str | None:
-        """Return what these factors can't hold, as one clause; None if they hold all."""
+        """Return the supports that these factors can't hold, as one clause; None if they hold all."""
         for support, place in self.places:
             if support.holds_slope and set(support.held) != set("xyz"):
                 return f"its soft factors hold the slope of support '{support.name}' only where they hold all else"
@@ -134,7 +134,7 @@ class SoftSupports:
         return place.points(domain, np.linspace(domain.lower[running], domain.upper[running], EDGE_POINTS))
 
     def _velocity(self, support: Support, place: Place, points: Array, t: float) -> Array:
-        """Return the velocity (N, 3) of a support's motion by differences that stay within the time of the case."""
+        """Return the velocity (N, 3) of a support's motion by differences within the time of the case."""
         assert self.case.dynamics is not None
         until = self.case.dynamics.until
         h = RATE_STEP * until
@@ -149,12 +149,12 @@ class SoftSupports:
 
 @dataclass(frozen=True)
 class Ansatz:
-    """What turns a network into the motion of a case, beside its weights.
+    """Ansatz that turns a network into the motion of a case, without the network's weights.
 
     Attributes
     ----------
     inputs
-        What the network sees of a point.
+        Inputs of the network at a point.
     supports
         Soft factors and prescribed motions.
     """
@@ -215,12 +215,12 @@ class MotionField:
 
     @cached_property
     def placement(self) -> Placement:
-        """Where the weights are, and in what precision."""
+        """Device and precision of the weights."""
         place = self.siren.tensors[0]
         return Placement(place.device, place.dtype)
 
     def to(self, placement: Placement) -> MotionField:
-        """Bring the weights elsewhere."""
+        """Move the weights to another placement."""
         tensors = [t.to(device=placement.device, dtype=placement.dtype) for t in self.siren.tensors]
         return replace(self, siren=self.siren.with_tensors(tensors))
 
@@ -274,6 +274,6 @@ def collision(case: Case, points: Array, times: Array, displacement: Tensor) -> 
 
 
 def pressing(case: Case, points: Array, areas: Array, t: float, displacement: Array) -> Array:
-    """Return what the loss presses with (N, 3), N, at points (N, 2) that stand for areas (N,), m^2, at a time t, s."""
+    """Return the contact forces (N, 3) of the loss, N, at points (N, 2) of areas (N,), m^2, at a time t, s."""
     gap, normal = gaps(case, points, displacement, t)
     return np.asarray(WEIGHT * (areas * (gap < MARGIN))[:, None] * normal)

@@ -1,6 +1,6 @@
 """The solution of the published training of a motion: one field, continuous in space and time.
 
-The file of a trained motion: its weights as safetensors, all else as JSON in their header.
+The file of a trained motion: its weights as safetensors, all other data as JSON in their header.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ MOTION_HEADER = "shellbench-motion"
 
 
 class MotionHeader(CaseHeader):
-    """All that a file says beside its weights."""
+    """Data of a file beside its weights."""
 
     format: Literal["shellbench-ndf-motion-1"] = "shellbench-ndf-motion-1"
     periodic_input: SavedPeriodicInput
@@ -62,17 +62,17 @@ def write_motion(path: Path, header: MotionHeader, siren: Siren) -> Path:
 
 
 def is_motion(path: Path) -> bool:
-    """Tell whether a file is that of a motion; a file that can't be read is none."""
+    """Return True if a file is that of a motion; False if it can't be read."""
     return MOTION_HEADER in texts_of(path)
 
 
 def read_motion(path: Path, solver: str) -> tuple[MotionHeader, Case, Siren]:
-    """Read what `write_motion` wrote.
+    """Read a file of `write_motion`.
 
     Raises
     ------
     InputError
-        In one sentence, if the file is not a whole and consistent motion of this solver.
+        In one sentence, if the file is not a complete and consistent motion of this solver.
     """
     texts, tensors = read_tensors(path)
     with telling_damage(path):
@@ -92,7 +92,7 @@ def read_motion(path: Path, solver: str) -> tuple[MotionHeader, Case, Siren]:
 
 
 def _fits(siren: Siren) -> bool:
-    """Whether layers follow each other, to three outputs."""
+    """Return True if the layers fit each other and end in three outputs."""
     width: int | None = None
     for weight, bias in zip(siren.weights, siren.biases, strict=True):
         if weight.ndim != 2 or bias.shape != weight.shape[:1] or weight.shape[1] != (width or weight.shape[1]):
@@ -103,7 +103,7 @@ def _fits(siren: Siren) -> bool:
 
 MOTION_QUERY = 4096  # points that are evaluated at once
 ENERGY_RULE = RuleSpec((12, 12), 4)  # of energies and reactions: panels of about sqrt(sigma) on a shell of unit size
-INSTANT = 1e-4  # of the final time, between the velocities by which an acceleration is found
+INSTANT = 1e-4  # of the final time: distance of the velocities that give an acceleration
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ class TrainedMotion(FieldSolution):
         return membrane, bending
 
     def touch(self, at: float | None = None) -> Touch:
-        """Return what the loss of collisions presses with, at points that stand for patches as long as wide."""
+        """Return the contact forces of the loss of collisions, at points that stand for square patches."""
         t, (points, weights) = self._time(at), self._rule()
         forces = pressing(self.case, points, weights, t, self.displacement(points, t))
         lengths = np.repeat(np.sqrt(weights)[:, None], 2, axis=1)
@@ -176,7 +176,7 @@ class TrainedMotion(FieldSolution):
     def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that the only support exerts on the shell.
 
-        They follow from Newton's law for the motion as it is: the rate of change of momentum, less the loads and the
+        They follow from Newton's law for the given motion: the rate of change of momentum, less the loads and the
         forces of springs. The functional itself balances no forces in time.
 
         Raises
@@ -211,7 +211,7 @@ class TrainedMotion(FieldSolution):
         return replace(self, field=replace(self.field, siren=siren.with_tensors(tensors))), bytes_taken
 
     def save(self, path: Path) -> Path:
-        """Write the solution as safetensors, all else as JSON in its header; return the file with its suffix."""
+        """Write the solution as safetensors, all other data as JSON in its header; return the file with its suffix."""
         header = MotionHeader(
             solver=self.solver,
             **self.facts(),

@@ -1,31 +1,32 @@
-"""The published network: a SIREN whose frequency stays outside its weights while it is trained.
+"""The published network: a SIREN whose frequency is outside its weights during training.
 
-Adam moves every weight by about its learning rate whatever the gradient, so omega0 (W h + b) is trained differently
-from (omega0 W) h + omega0 b: here the weights are those of Sitzmann et al. (2020), and omega0 is multiplied into them
-only when the trained field becomes a `shellbench.solvers.ndf.field.network.Network` on the inputs of this package.
+Adam moves every weight by about its learning rate, independent of the gradient. Therefore omega0 (W h + b) is trained
+differently from (omega0 W) h + omega0 b. Here the weights are those of Sitzmann et al. (2020), and omega0 is multiplied
+into them only when the trained field becomes a `shellbench.solvers.ndf.field.network.Network` on the inputs of this
+package.
 
-Also here: a sine layer on second-order jets with its backward pass written by hand.
+The module also has a sine layer on second-order jets with a hand-written backward pass.
 
-`jets` leaves the backward pass to automatic differentiation, which takes a sine layer apart into some
-twenty products and keeps every one of them. A layer h <- sin(omega (W h + b)) needs only z, its sine and its cosine
-again: with z_1, z_11, ... the planes of z and g those of the incoming gradient, the chain rule
+`jets` leaves the backward pass to automatic differentiation, which splits a sine layer into some twenty products and
+keeps all of them. A layer h <- sin(omega (W h + b)) needs only z, its sine and its cosine: with z_1, z_11, ... the
+planes of z and g those of the incoming gradient, the chain rule
 
     sin(z)_1 = cos(z) z_1,   sin(z)_11 = cos(z) z_11 - sin(z) z_1^2,   sin(z)_12 = cos(z) z_12 - sin(z) z_1 z_2
 
-transposes to a handful of fused products, and the matrix products of all six planes stay one.
+transposes to a few fused products, and the matrix products of all six planes remain one product.
 
-Also here: the published boundary functions, derived from the supports of any case.
+The module also has the published boundary functions, derived from the supports of any case.
 
-Held edges carry xi (L - xi) on the held components (Kairanda et al., eqs. (61), (64), (65)), with its maximum brought
-to 1: as printed it is up to 6e6 on the plate and the training does not start. That is `BoundaryFactors` of this
-package, clamps included.
+Held edges have the factor xi (L - xi) on the held components (Kairanda et al., eqs. (61), (64), (65)). Departure from
+the paper: its maximum is scaled to 1; as printed it is up to 6e6 on the plate, and the training does not start. This is
+`BoundaryFactors` of this package, clamps included.
 
-A shell that nothing holds is kept from drifting by holding the points under its point loads against all directions
-but that of the load, by factors 1 - exp(-d^2 / sigma) (eq. (66)). For loads along one axis this is the published pair
-of factors on the other two components; for any directions it is the product of the matrices
-I - exp(-d^2 / sigma) (I - f f^T / |f|^2), exact where no second load is within a few sqrt(sigma). The distance is taken
-in the units of the case file, degrees for angles, as eq. (66) is written: in radians the samples strike its steep
-flank every few dozen iterations, and Adam does not recover from the gradient there.
+A shell without supports is kept from drifting: the points under its point loads are held in all directions except that
+of the load, by factors 1 - exp(-d^2 / sigma) (eq. (66)). For loads along one axis this is the published pair of factors
+on the other two components; for any directions it is the product of the matrices I - exp(-d^2 / sigma) (I - f f^T /
+|f|^2), exact where no second load is within a few sqrt(sigma). The distance is in the units of the case file, degrees
+for angles, as in eq. (66): in radians the samples hit its steep flank every few dozen iterations, and Adam does not
+recover from the gradient there.
 """
 
 from __future__ import annotations
@@ -135,8 +136,8 @@ class _SineLayer(Function):
 class InputScale:
     """The affine map t = factor * c + shift from the package's inputs c to the published ones t.
 
-    Plain coordinates of [-1, 1] are brought to [0, 1] (Kairanda et al., appendix A); cosine and sine of a periodic one
-    stay as they are.
+    Plain coordinates of [-1, 1] are mapped to [0, 1] (Kairanda et al., appendix A); cosine and sine of a periodic one
+    are unchanged.
 
     Attributes
     ----------
@@ -174,7 +175,7 @@ class Siren:
     omega0
         Frequency of every sine.
     activation
-        In place of the sine, by name; then omega0 is 1.
+        Name of another activation than the sine; then omega0 is 1.
     """
 
     weights: tuple[Tensor, ...]
@@ -184,7 +185,7 @@ class Siren:
 
     @property
     def tensors(self) -> list[Tensor]:
-        """All that is trained, layer by layer."""
+        """The trained tensors, layer by layer."""
         return [*self.weights, *self.biases]
 
     @property
@@ -259,7 +260,7 @@ def initial_siren(
 
 
 def check_like(siren: Siren, wanted: Siren) -> None:
-    """Check that two networks have layers of the same sizes; InputError in one sentence if they have not."""
+    """Raise InputError, in one sentence, if two networks do not have layers of the same sizes."""
     for found, expected in zip(_shapes(siren), _shapes(wanted), strict=False):
         if found != expected:
             raise InputError(f"the start has a layer of {found}, but the settings ask for one of {expected}")
@@ -279,8 +280,8 @@ def _uniform(generator: torch.Generator, bound: float, shape: tuple[int, ...], p
 
 
 SIGMA = 0.01  # Kairanda et al., section 5.2; in squared units of the case file's coordinates
-PINNED_CELLS = 20  # a side, of the published grid: how wide pins are that its samples see
-FAR_FROM_PIN = 700.0  # d^2 / sigma beyond this is taken as this: exp underflows to nothing
+PINNED_CELLS = 20  # a side, of the published grid: the width of pins that its samples resolve
+FAR_FROM_PIN = 700.0  # upper bound of d^2 / sigma: beyond it exp underflows to zero
 
 
 @dataclass(frozen=True)
@@ -294,7 +295,7 @@ class PublishedFactors:
 
     @cached_property
     def pins(self) -> tuple[tuple[Point, Array], ...]:
-        """Points that are held beside their load, with the matrices (3, 3) of the directions held there."""
+        """Points with loads that are held across the load, with the matrices (3, 3) of the held directions."""
         if self.case.supports or not self.case.remove_rigid_motions or self.kind == "none":
             return ()
         pins = []
@@ -334,8 +335,8 @@ def soft_bump(
 ) -> Tensor:
     """Return the jet (6, N) of exp(-d^2 / sigma) at points (N, 2), d the distance from a place (eq. (27)).
 
-    Differences of xi1 and xi2 count as so many `units` each; that from an edge is across it alone. A periodic
-    coordinate goes the shorter way round.
+    Differences of xi1 and xi2 are multiplied by `units`; the distance from an edge is only across it. A periodic
+    coordinate takes the shorter way round.
     """
     domain = case.surface.domain
     exponent = constant(placement.tensor(np.zeros(len(points))))
@@ -359,7 +360,7 @@ def _square(z: Tensor) -> Tensor:
 
 
 def published_ansatz(case: Case, spec: FieldSpec) -> Ansatz:
-    """Return the published way of building in the supports of a case."""
+    """Return the ansatz with the published boundary functions of a case."""
     return Ansatz(
         case, PublishedFactors(case, spec.t, spec.pins, spec.components == "covariant"), Lift(case, spec.t), spec.t
     )

@@ -1,11 +1,11 @@
-"""The published loss: the energy of a shell by one random point in each cell of a grid, redrawn at every iteration.
+"""The published loss: the energy of a shell from one random point in each cell of a grid, redrawn at every iteration.
 
 L = |Omega|/N sum_i (W - f . u) sqrt(a) at N stratified samples, less the work f . u of point loads (Kairanda et al.,
 eqs. (35), (62), (67)); forces on edges are integrated along them. Strains are the linear part of eq. (30).
 
-Samples are numbers of a counter-based generator, keyed by the seed and counted by the iteration: whichever iteration a
-training goes on from, and on whichever device, it sees the samples that it would have seen. All that does not depend
-on the network is tabulated for many iterations at once, in float64.
+Samples are numbers of a counter-based generator, keyed by the seed and counted by the iteration. Therefore a resumed
+training, on any device, has the same samples as an uninterrupted one. All data that do not depend on the network are
+tabulated for many iterations at once, in float64.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from shellbench.solvers.ndf.strains.energy import Concentrated, concentrated, su
 SAMPLES_AT_ONCE = 10_000  # sampled points that are tabulated at once
 PLATE = 0.00406  # deflection of a simply supported square plate: w = PLATE q L^4 / B (Timoshenko, article 30)
 ORDER_ONE = (0.1, 10.0)  # metres: estimated deflections for which the modulus stays as it is
-AIM = 100.0  # metres: what the estimate is brought to where it does not; E = 30 brings the pinched cylinders' to 124
+AIM = 100.0  # metres: scaled estimate otherwise; E = 30 brings the pinched cylinders' to 124
 
 
 def stratified_samples(case: Case, cells: tuple[int, int], seed: int, iteration: int) -> Array:
@@ -47,7 +47,7 @@ def stratified_samples(case: Case, cells: tuple[int, int], seed: int, iteration:
 
 @dataclass(frozen=True)
 class Sample:
-    """What the loss of one iteration needs beside the network.
+    """Data of the loss of one iteration beside the network.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class Sample:
     work: float
 
     def loss(self, siren: Siren) -> Tensor:
-        """Return the potential energy of the field, as the samples see it."""
+        """Return the potential energy of the field on the samples."""
         jets = siren.jets(self.inputs)
         count = len(self.rows)
         strains = (self.rows @ jets[:, :count].permute(1, 2, 0).reshape(count, 18, 1))[..., 0] + self.offset
@@ -77,22 +77,22 @@ class Sample:
 
 @dataclass(frozen=True)
 class Sampler:
-    """Makes the samples of a training.
+    """Source of the samples of a training.
 
     Attributes
     ----------
     ansatz, inputs, scale
-        The way supports are built in, and what the network sees of a point.
+        Supports as built in, and inputs of the network at a point.
     cells
         Of the grid, along xi1 and xi2.
     modulus_factor
         Factor s of Young's modulus: with u = lift + s M F the loss is 1/s times the energy of the shell.
     edges
-        How finely loads along edges are integrated.
+        Resolution of the rule for loads along edges.
     placement
         Of the tensors.
     every
-        Iterations on the same samples.
+        Number of iterations on the same samples.
     """
 
     ansatz: Ansatz
@@ -113,7 +113,7 @@ class Sampler:
     def samples(self, start: int, stop: int) -> Iterator[Sample]:
         """Yield the samples of iterations start, ..., stop - 1.
 
-        They are tabulated in the same blocks wherever a training starts: the last bit of a sine can depend on its
+        They are tabulated in the same blocks wherever a training starts, since the last bit of a sine can depend on its
         place in a block.
         """
         case, count = self.ansatz.case, math.prod(self.cells)
@@ -164,24 +164,24 @@ def deflection_of_a_plate(ansatz: Ansatz) -> float:
 
 
 def largest_prescribed(ansatz: Ansatz) -> float:
-    """Return the largest prescribed displacement, m; 0 where no support moves."""
+    """Return the largest prescribed displacement, m; 0 if no support moves."""
     rule = area_rule(ansatz.case.surface.domain, NOWHERE, RuleSpec((6, 6), 6))
     return float(ansatz.lift.jet(rule.points, Placement())[VALUE].abs().max()) if ansatz.lift.moves else 0.0
 
 
 def expected_displacement(ansatz: Ansatz) -> float:
-    """Return the displacement, m, that load and stiffness let expect; 1 where nothing loads or moves the shell."""
+    """Return the displacement, m, expected from load and stiffness; 1 if nothing loads or moves the shell."""
     return max(deflection_of_a_plate(ansatz), largest_prescribed(ansatz)) or 1.0
 
 
 def usual_modulus_factor(ansatz: Ansatz) -> float:
     """Return the power of ten by which Young's modulus is scaled in training, from the case alone.
 
-    A network starts with displacements of order one and leaves that order slowly. Where a plate of the shell's area,
-    under the same total load, deflects by `ORDER_ONE`, the modulus stays as it is; where not, the estimate is brought
-    near `AIM`, since a curved shell is stiffer than the plate. For the obstacle course these are the published
+    A network starts with displacements of order one and leaves that order slowly. If a plate of the shell's area, under
+    the same total load, deflects within `ORDER_ONE`, the modulus is not scaled. Otherwise the estimate is scaled to
+    about `AIM`, since a curved shell is stiffer than the plate. For the obstacle course these are the published
     choices: no scaling of plate and roof, and E = 30 for 3e6 of the pinched cylinders (Kairanda et al., section 5.1).
-    Where only supports are moved, the largest prescribed motion is brought to order one.
+    If only supports are moved, the largest prescribed motion is scaled to order one.
     """
     estimate, moved = deflection_of_a_plate(ansatz), largest_prescribed(ansatz)
     if ORDER_ONE[0] <= max(estimate, moved) <= ORDER_ONE[1] or max(estimate, moved) == 0.0:

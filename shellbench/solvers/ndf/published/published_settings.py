@@ -1,4 +1,4 @@
-"""Settings of `ndf-published` and of `ndf-material`, and which of them a training's course depends on."""
+"""Settings of `ndf-published` and of `ndf-material`, and the key of those that affect a training."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ OMEGA0, LEARNING_RATE = 15.0, 1e-4  # the paper's values (Kairanda et al., secti
 NDF_PUBLISHED = "ndf-published"  # of the solver, in records and files
 
 NOT_OF_THE_TRAINING = {"device", "checkpoint", "checkpoint_every"}
-OF_FIXED_LENGTH = "cosine"  # a schedule whose steps depend on the iterations asked for
+OF_FIXED_LENGTH = "cosine"  # a schedule whose steps depend on the number of iterations
 
 
 class PublishedSettings(SeededSettings):
@@ -79,14 +79,14 @@ class PublishedSettings(SeededSettings):
 
 
 def training_key(case: Case, settings: PublishedSettings) -> str:
-    """Return what a training is, as a digest: of the case and of all settings that its course depends on."""
+    """Return a digest of a training: of the case and of all settings that its course depends on."""
     free = NOT_OF_THE_TRAINING if settings.schedule == OF_FIXED_LENGTH else {*NOT_OF_THE_TRAINING, "iterations"}
     facts = {"case": case.digest(), **settings.model_dump(mode="json", exclude=free)}
     return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
 
 
 def own_checkpoint(case: Case, settings: PublishedSettings) -> Path | None:
-    """Return the file in which a training keeps its checkpoints; None if it keeps none."""
+    """Return the file of a training's checkpoints; None if it keeps none."""
     if settings.checkpoint is None:
         return None
     return Path(settings.checkpoint) / f"{case.name}-{training_key(case, settings)[:16]}.safetensors"

@@ -1,4 +1,4 @@
-"""Training by Adam (Kingma & Ba 2014) on samples that are redrawn at every iteration; when a training has collapsed."""
+"""Training by Adam (Kingma & Ba 2014) on samples redrawn at every iteration, and the test of a collapsed training."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from shellbench.solvers.ndf.published.checkpoint import Checkpoint, write_checkp
 from shellbench.solvers.ndf.published.published_network import Siren
 
 RECORD = 25  # iterations between two entries of the history
-STRETCH = 10  # entries of the history whose mean is an energy that a training had: 400 random samples are noisy
-CERTAIN = 2.0  # standard errors that this mean is raised by, so that luck is no energy
+STRETCH = 10  # entries of the history whose mean estimates an energy of a training: 400 random samples are noisy
+CERTAIN = 2.0  # standard errors that are added to this mean, to exclude chance
 CERTIFIED = "certified_energy"  # name in the history, J
-KEPT_GAIN = 0.5  # of its best gain that a training must end with
+KEPT_GAIN = 0.5  # of its best gain: least gain at the end of a training
 
 
 class Sampled(Protocol):
-    """What is drawn for one iteration."""
+    """Samples drawn for one iteration."""
 
     def loss(self, siren: Siren) -> Tensor:
         """Return the loss of a network."""
@@ -38,7 +38,7 @@ class Sampling(Protocol):
     Attributes
     ----------
     modulus_factor
-        What a loss is to be multiplied by to be an energy, J.
+        Factor from a loss to an energy, J.
     """
 
     @property
@@ -57,7 +57,7 @@ class Sampling(Protocol):
 
 
 class LossNotFinite(Exception):
-    """The loss is no number any more; `good` is the training when it last was one."""
+    """The loss is NaN or infinite; `good` is the last finite state of the training."""
 
     def __init__(self, iteration: int, good: Checkpoint) -> None:
         super().__init__(f"the loss is not finite within iterations {good.iteration + 1} to {iteration}")
@@ -66,7 +66,7 @@ class LossNotFinite(Exception):
 
 @dataclass(frozen=True)
 class Plan:
-    """How to train.
+    """Plan of a training.
 
     Attributes
     ----------
@@ -77,9 +77,9 @@ class Plan:
     checkpoint
         File to keep the training in, at least every `checkpoint_every` iterations; None for none.
     cosine
-        Whether the learning rate falls to nothing, as a cosine does from 0 to pi (Loshchilov & Hutter 2017).
+        Whether the learning rate falls to zero, as a cosine does from 0 to pi (Loshchilov & Hutter 2017).
     averaging
-        What an iteration keeps of the running average of weights, which then are the answer; 0 for none.
+        Share that an iteration keeps of the running average of weights, which then are the answer; 0 for no average.
     certify_every
         Iterations between two certified energies; 0 for none.
     keep_best
@@ -102,11 +102,11 @@ class Plan:
         )
 
     def kept_of_average(self, iteration: int) -> float:
-        """Return what an iteration keeps of the running average: less at first, so that the start is forgotten."""
+        """Return the share of the running average that an iteration keeps; it is less at first, to forget the start."""
         return min(self.averaging, iteration / (iteration + 9))
 
     def certifies(self, before: int, iteration: int) -> bool:
-        """Whether an energy is due at an iteration that is recorded, the one before being `before`."""
+        """Return True if an energy is due at a recorded iteration; `before` is the recorded one before it."""
         if not self.certify_every:
             return False
         due = iteration // self.certify_every > before // self.certify_every
@@ -128,28 +128,29 @@ def train(
     progress: ProgressCallback,
     certify: Callable[[Siren], dict[str, float]] = lambda siren: {},
 ) -> Checkpoint:
-    """Go on with a training, and return it as it stands after the last iteration.
+    """Continue a training, and return its state after the last iteration.
 
     Parameters
     ----------
     siren
-        Says what the network is; its numbers are those of `now`.
+        Structure of the network; its numbers are those of `now`.
     watch
-        Gives quantities of a network for the history.
+        Returns quantities of a network for the history.
     certify
-        Gives its energies on a fine quadrature, among them `CERTIFIED`; nothing where there are none.
+        Returns its energies on a fine quadrature, among them `CERTIFIED`; empty if there are none.
 
     Raises
     ------
     LossNotFinite
-        If it is not, which is looked at every `RECORD` iterations.
+        If the loss is not finite, which is checked every `RECORD` iterations.
     """
-    # The published recipe: Adam on samples drawn anew each time, a fixed number of iterations, no stopping rule.
-    # 1. Take weights and both moments from where the training stands: it goes on as if it had never stopped.
-    # 2. Loss of one draw, gradient, step; the running average of the weights goes along, if one is asked for.
-    # 3. Every `RECORD` iterations: look whether all is finite, keep the state, and write it down if that is due.
-    # 4. Certified energies now and then: they choose the weights that are kept, if the best are asked for.
-    # Looking each time would make the device wait for the host.
+    # The published recipe: Adam on newly drawn samples each time, a fixed number of iterations, no stopping rule.
+    # 1. Take weights and both moments from the state of the training, so that it continues without a difference.
+    # 2. Compute loss and gradient of one draw, and take a step; update the running average of the weights, if there is
+    #    one.
+    # 3. Every `RECORD` iterations: check that all is finite, keep the state, and write it if that is due.
+    # 4. At intervals, certify the energy: it selects the best weights, if these are to be kept.
+    # A check at each iteration would make the device wait for the host.
     begin, first = time.perf_counter() - now.seconds, now.iteration
     place = siren.tensors[0]
     tensors = [weight.to(place).clone().requires_grad_() for weight in now.weights]
@@ -166,10 +167,10 @@ def train(
         if averaged:
             with torch.no_grad():
                 torch._foreach_lerp_(averaged, tensors, 1 - plan.kept_of_average(iteration))
-        losses.append(loss.detach())  # stays on the device: asking for its value would make it wait
+        losses.append(loss.detach())  # stays on the device: reading its value would make it wait
         if iteration % RECORD == 0 or iteration == plan.iterations:
             if not all(bool(torch.isfinite(t).all()) for t in [torch.stack(losses), *tensors]):
-                # `now` is still the last state that was finite.
+                # `now` is still the last finite state.
                 raise LossNotFinite(iteration, now)
             recent, losses = torch.stack(losses).double().cpu(), []
             answer = network.with_tensors(averaged) if averaged else network
@@ -198,11 +199,11 @@ def train(
 
 
 def why_collapsed(certified: float, course: Sequence[tuple[int, float]], rest: float, loaded: bool) -> str | None:
-    """Return why a trained field is no answer, in one sentence; None if its energy does not speak against it.
+    """Return the reason that a trained field is no answer, in one sentence; None if its energy gives no reason.
 
-    Rest is the field without the network: the undeformed shell, or what the motion of supports alone makes of it. A
-    field gains what its energy lies below that of rest. The gain that a training had at its best is the largest over
-    all stretches of its course, each the mean less `CERTAIN` standard errors.
+    Rest is the field without the network: the undeformed shell, or the shell moved by its supports alone. The gain of a
+    field is its energy below that of rest. The best gain of a training is the largest over all stretches of its course;
+    that of a stretch is its mean less `CERTAIN` standard errors.
 
     Parameters
     ----------
@@ -217,8 +218,8 @@ def why_collapsed(certified: float, course: Sequence[tuple[int, float]], rest: f
         already be the answer, so that nothing can be gained on it.
     """
     gain = rest - certified
-    # The loss can't say whether a training has collapsed: it is noisy, and taken on the points that it exploits. The
-    # certified energy can, against rest, and against what the course shows that the network once could do.
+    # The loss can't show a collapse: it is noisy, and computed on the points that the training exploits. The certified
+    # energy can, compared with rest and with the best gain of the course.
     best, first, last = _best_gain(course, rest)
     now = f"its certified energy, {certified:.3g} J, is {f'{gain:.2g} J below' if gain > 0 else 'not below'} rest"
     if best > 0 and gain < KEPT_GAIN * best:
@@ -233,8 +234,8 @@ def _best_gain(course: Sequence[tuple[int, float]], rest: float) -> tuple[float,
     best = (0.0, 0, 0)
     for k in range(len(course) - STRETCH + 1):
         iterations, energies = zip(*course[k : k + STRETCH], strict=True)
-        # One draw is a few hundred points, and the luckiest of many a large false gain. The mean of a stretch raised by
-        # its own error is an energy that the training surely had.
+        # One draw has a few hundred points, and the best of many draws shows a large false gain. The mean of a stretch
+        # plus its own error is an upper bound of an energy that the training reached.
         raised = float(np.mean(energies) + CERTAIN * np.std(energies, ddof=1) / STRETCH**0.5)
         best = max(best, (rest - raised, iterations[0], iterations[-1]))
     return best
@@ -269,7 +270,7 @@ def _kept(
 
 
 def _better(now: Checkpoint, energy: float) -> Checkpoint:
-    """Return the training with its present answer as its best one, if it is."""
+    """Return the training with its present answer as the best one, if it is better."""
     if now.best_energy is not None and now.best_energy <= energy:
         return now
     return replace(now, best=[tensor.clone() for tensor in now.answer], best_energy=energy)  # files share no memory

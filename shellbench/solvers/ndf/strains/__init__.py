@@ -1,4 +1,4 @@
-"""Strains of a field, and the energy and the forces that they make.
+"""Strains of a field, with their energy and forces.
 
-Linear ones are tables of quadrature, those of any size are sampled. It may import `field`.
+Linear strains are tabulated on a quadrature; finite strains are evaluated at sample points. It may import `field`.
 """

@@ -1,13 +1,13 @@
 """The energy of u = lift + M F, tabulated at quadrature points.
 
 The strain energy is half the sum of squares of rows that are linear in the jets of F, and the work of the loads is
-linear in its values: what any recipe needs to solve for an output layer, or to train the layers below it.
+linear in the values of F. Every recipe uses this table to solve for an output layer, or to train the layers below it.
 
 The certificate: the energy of a found field on an independent, finer quadrature.
 
 On any exact quadrature (f . u)^2 / (u K u) is a lower bound of the compliance, and the potential energy of a field that
-moves as prescribed an upper bound of the true one. A field that exploits the points it was trained on shows a gap
-between the two rules. The gap is no bound on the error of a displacement.
+moves as prescribed is an upper bound of the true one. A field that exploits its training points has a gap between the
+two rules. The gap is no bound on the error of a displacement.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from shellbench.solvers.ndf.field.supports import concentrated_forces, force_den
 
 @dataclass(frozen=True)
 class Table:
-    """What the energy needs at N points, quadrature weights included.
+    """Data of the energy at N points, quadrature weights included.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Table:
         Work of the loads on the lift, J.
     anchors
         (r, N, 3): on F's values, the means of u along the rigid motions left free, times the root of the membrane
-        stiffness. Their squares pin those motions and cost nothing: loads in balance do no work on them.
+        stiffness. Their squares pin those motions without effect: loads in balance do no work on them.
     """
 
     rows: Tensor
@@ -91,7 +91,7 @@ def pulling_rows(stiffness: Tensor) -> Tensor:
 
 
 def tables(ansatz: Ansatz, rule: Rule, placement: Placement) -> Iterator[tuple[Array, Table]]:
-    """Yield the points and the table of one batch of a rule after the other."""
+    """Yield the points and the table, batch by batch of a rule."""
     area = surface_area(ansatz, rule)
     for batch in rule.batches():
         yield batch.points, tabulate(ansatz, batch, placement, area)
@@ -179,9 +179,9 @@ def normal_equations(ansatz: Ansatz, features: FeatureSet, rule: Rule, forces: C
 
 
 def add_gram(total: Tensor, rows: Tensor) -> None:
-    """Add rows^T rows on and above the diagonal, half the work of a product; what is below it may stay as it was."""
+    """Add rows^T rows on and above the diagonal, half the work of a product; entries below it are undefined."""
     if total.device.type == "cpu" and rows.dtype == torch.float64:
-        # LAPACK counts its triangles by columns: what is below the diagonal there is above it here.
+        # LAPACK stores its triangles by columns: its lower triangle is the upper one here.
         dsyrk(1.0, rows.numpy().T, beta=1.0, c=total.numpy().T, overwrite_c=1, lower=1)
     else:
         total.addmm_(rows.T, rows)
@@ -206,7 +206,7 @@ class Certified:
     work
         Work of the loads (first degree).
     springs
-        Energy of springs and soft supports (second degree): part of the potential energy, and of no strain energy.
+        Energy of springs and soft supports (second degree): part of the potential energy, but not of the strain energy.
     """
 
     membrane: Polynomial
@@ -216,7 +216,7 @@ class Certified:
 
     @property
     def gain(self) -> float:
-        """Work gained along u, where nothing is moved: -dE/ds at s = 0."""
+        """Work gained along u without moved supports: -dE/ds at s = 0."""
         return self.work[1]
 
     @property
@@ -226,12 +226,12 @@ class Certified:
 
     @property
     def compliance(self) -> float:
-        """(f . u)^2 / (u K u) where nothing is moved: a lower bound of the shell's compliance."""
+        """(f . u)^2 / (u K u) without moved supports: a lower bound of the shell's compliance."""
         return self.gain**2 / self.stiffness if self.stiffness > 0 else 0.0
 
     @property
     def best(self) -> float:
-        """The multiple s of least energy, where nothing is moved."""
+        """The multiple s of least energy, without moved supports."""
         return self.gain / self.stiffness if self.stiffness > 0 else 1.0
 
     def parts(self, s: float = 1.0) -> tuple[float, float, float]:
@@ -253,11 +253,13 @@ def certify(
     ansatz: Ansatz, features: FeatureSet, outputs: list[Tensor], rule: Rule, forces: Concentrated
 ) -> list[Certified]:
     """Return the energies on a rule of the fields with these output layers (3, M), all of the same features."""
-    # All energies are polynomials in s for lift + s (u - lift), as strains are linear here:
-    # 1. Strains of the lift (offset) and of u - lift (row) at the points. The rows hold roots of stiffness and weight.
-    # 2. Products by powers of s: offset^2 / 2, offset . row, row^2 / 2. Work likewise, in two powers.
-    # 3. Forces at points and edges add to the work only.
-    # One sweep over the points gives the energy of any multiple, and so the best one, without another integration.
+    # All energies are polynomials in s for lift + s (u - lift), since strains are linear here:
+    # 1. Compute strains of the lift (offset) and of u - lift (row) at the points. The rows contain roots of stiffness
+    #    and weight.
+    # 2. Sum products by powers of s: offset^2 / 2, offset . row, row^2 / 2. Sum work likewise, in two powers.
+    # 3. Add forces at points and edges to the work.
+    # One sweep over the points gives the energy of any multiple, and therefore the best one, without another
+    # integration.
     stacked = torch.cat(outputs)
     strain = np.zeros((len(outputs), 3, 3))  # output layer; membrane, bending and springs; power of s
     work = np.zeros((len(outputs), 2))
@@ -286,13 +288,13 @@ def certify(
 def energy_gap(potential: float, fine: Certified, moved: bool, rounding: float = 0.0) -> float:
     """Return |C_train / C_fine - 1| from the potential energy on the training rule and the certified energies.
 
-    Where only loads act, the compliance is C = -2 E. Where supports are moved it is the disagreement of the two
-    potential energies, relative to the magnitudes they are made of. With soft supports both energies have the springs'
-    in them: the gap then says how well the two rules agree on shell and springs together, and nothing of how far the
-    supports give. A shell that moves as a rigid body stores `rounding`, J, and no gap is told of less.
+    With loads only, the compliance is C = -2 E. With moved supports the gap is the difference of the two potential
+    energies, relative to the magnitudes of their parts. With soft supports both energies include that of the springs:
+    the gap then compares the two rules for shell and springs together, and does not show the yield of the supports.
+    `rounding`, J, is the least energy in the denominator, as for a shell that moves as a rigid body.
     """
     if not moved:
-        # With loads only E = -C / 2 at the minimum: -2 E is the compliance on the training rule.
+        # With loads only, E = -C / 2 at the minimum: -2 E is the compliance on the training rule.
         return abs(-2 * potential / fine.compliance - 1) if fine.compliance > 0 else 0.0
     membrane, bending, work = fine.parts()
     magnitude = membrane + bending + fine.spring_energy() + abs(work) + rounding
@@ -301,7 +303,7 @@ def energy_gap(potential: float, fine: Certified, moved: bool, rounding: float =
 
 def exploits(gap: float, largest: float, rule: str = "finer") -> str | None:
     """Return the clause that refuses a field whose energies on two rules disagree too much, or None if they do not."""
-    if gap <= largest:  # not so where it is not a number
+    if gap <= largest:  # False if it is NaN
         return None
     return (
         f"the field exploits its quadrature: its energy on the {rule} one differs by {gap:.2g},"

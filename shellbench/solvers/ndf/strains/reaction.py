@@ -2,14 +2,14 @@
 
 Edge moments work on the angle by which the normal turns about their fixed axis e. With q the part of the deformed
 normal n across e, the angle's variation is (e x q) . dn / q . q, where e x q = e x n: such a moment is conservative,
-its work the moment times the angle from the undeformed normal.
+and its work is the moment times the angle from the undeformed normal.
 
-A following pressure exerts p a1 x a2 per parametric area, of the deformed base vectors. Where an edge is free it has no
-potential: its derivative is not symmetric, and neither is the tangent that a Newton step is solved with.
+A following pressure exerts p a1 x a2 per parametric area, of the deformed base vectors. At a free edge it has no
+potential: its derivative is not symmetric, and neither is the tangent of a Newton step.
 
 Reactions follow by virtual work. For a virtual displacement v that is a rigid motion on the support and vanishes on all
-others, the work of the reaction is a(u, v) - f(v). No stress is evaluated at the edge, so the error is of second order
-in that of the field.
+others, the work of the reaction is a(u, v) - f(v). No stress is evaluated at the edge, so that the error is of second
+order in that of the field.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class EdgeMoment:
     Attributes
     ----------
     case, load
-        Whose load it is.
+        The case and the load.
     sampled
         Features at the points.
     lengths
@@ -78,7 +78,7 @@ class EdgeMoment:
         return angles.new_tensor(np.interp(theirs, ours, angles.cpu().numpy()))
 
     def angles(self, gradients: Tensor, near: Tensor) -> Tensor:
-        """Return the angles (N,), rad, and of those that differ by full turns the ones closest to `near` (N,)."""
+        """Return the angles (N,), rad; the number of full turns is chosen to be closest to `near` (N,)."""
         if not self.finite:
             return (self.rows(gradients) * gradients[:, :2].flatten(1)).sum(-1)
         e, before = self._axis, self.sampled.undeformed.reference.normal
@@ -136,7 +136,7 @@ def edge_moments(
 
 @dataclass(frozen=True)
 class FollowingPressure:
-    """All pressures of a case that follow, at the points of a rule with parametric weights (N,)."""
+    """All following pressures of a case, at the points of a rule with parametric weights (N,)."""
 
     case: Case
     weights: Tensor
@@ -166,17 +166,17 @@ Sides = tuple[set[Edge], set[Edge]]
 
 @dataclass(frozen=True)
 class Virtual:
-    """The virtual motions that tell of a support.
+    """The virtual motions that give the reaction of a support.
 
     Attributes
     ----------
     edges
         For each component, the edges where the motion is one and those where it is zero.
     told
-        Whether each component of the force is told: not where both kinds of edges meet at a corner, whose reaction
+        Whether each component of the force is determined: not if both kinds of edges meet at a corner, whose reaction
         belongs to both supports.
     turns
-        Whether moments are: not where a motion turns planes of symmetry as well.
+        Whether moments are determined: not if a motion turns planes of symmetry as well.
     """
 
     edges: tuple[Sides, Sides, Sides]
@@ -194,7 +194,7 @@ class Virtual:
         for c in range(3):
             own: set[Edge] = set(whole) if c in held else set()
             others: set[Edge] = set()
-            mirrors: set[Edge] = set()  # they let a translation pass, but no rotation
+            mirrors: set[Edge] = set()  # they admit a translation, but no rotation
             for s in edge_supports(case) if c not in held else ():
                 holder = s.held.get(c)
                 turns = s.slope is not None and holder is None and c not in case.held_everywhere
@@ -213,7 +213,7 @@ class Virtual:
         return cls((edges[0], edges[1], edges[2]), (told[0], told[1], told[2]), turning and all(told))
 
     def why_not_told(self, quantity: ReactionQuantity | TorqueQuantity) -> str | None:
-        """Return why a quantity can't be told, as one clause, or None if it can."""
+        """Return the reason that a reaction can't be separated from that of another support, as one clause, or None."""
         if isinstance(quantity, ReactionQuantity):
             known = all(told or not part for told, part in zip(self.told, quantity.direction, strict=True))
         else:
@@ -244,9 +244,16 @@ def edge_reaction(
     """Return force and moment (6,), N and N m, that a support exerts through its edges.
 
     `held` (k,) are the forces of the point supports, in the order of `point_supports`; they work on v as well. `body`
-    gives forces per area (N, 3) at points (N, 2) beside the loads, such as those of inertia; `touch` what obstacles
-    exert. At finite strain the arms of forces are those of the deformed shell.
+    returns further forces per area (N, 3) at points (N, 2), such as those of inertia; `touch` are the contact forces.
+    At finite strain the arms of forces are those of the deformed shell.
     """
+    # 1. Choose virtual motions that are rigid on the support's edges and vanish on all others.
+    # 2. Sum over the area a(u, v) less the work of loads, springs and following pressures.
+    # 3. Subtract the work of concentrated forces, contact forces and point supports.
+    # 4. Subtract the work of edge moments.
+    # 5. Return NaN for components that can't be separated from another support.
+    # The textbook integrates stresses along the edge. Virtual work needs no stress there, and its error is of second
+    # order.
     case, placement, t = field.ansatz.case, field.features.placement, field.ansatz.t
     virtual = Virtual.from_support(case, support)
     edges = virtual.edges
@@ -266,7 +273,7 @@ def edge_reaction(
         force = placement.tensor(density if body is None else density + body(points)) * weights[:, None]
         u = field.jet(points)
         gradients = surface.gradients(u)
-        if case.springs and case.dynamics is None:  # in motion `body` has them
+        if case.springs and case.dynamics is None:  # in motion `body` includes them
             force = force - placement.tensor(case.spring_stiffness(points)) * u[VALUE] * weights[:, None]
         if case.following:
             pressure = FollowingPressure(case, placement.tensor(batch.weights))
@@ -307,7 +314,7 @@ def virtual_motions(
 ) -> list[Tensor]:
     """Return the jets (6, N, 3) of three translations and three rotations about `centre`, weighted by edges.
 
-    `displacement` (6, N, 3) is the jet of the shell's, where its arms are those of the deformed shell.
+    `displacement` (6, N, 3) is the jet of the shell's displacement, if arms are those of the deformed shell.
     """
     x = from_derivatives(case.surface.derivatives(points, 2), placement)
     if displacement is not None:

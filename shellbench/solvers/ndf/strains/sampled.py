@@ -1,4 +1,4 @@
-"""Features and reference geometry at points, and what goes between the output weights and displacement gradients."""
+"""Features and reference geometry at points, and the maps between output weights and displacement gradients."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from shellbench.solvers.ndf.field.quadrature import BATCH
 from shellbench.solvers.ndf.strains.strain_measures import GRADIENTS, Undeformed, gradients_through
 
 COLUMNS = 6 * COMPONENTS  # components of F by planes of its jet
-CACHED = 256  # points whose products are summed at once: a processor's cache holds them
+CACHED = 256  # points whose products are summed at once: they fit into a processor's cache
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Sampled:
     features
         The features.
     kept
-        (N, 6, M) jets of the features; None where each use computes them anew, a portion of the points at a time.
+        (N, 6, M) jets of the features; None if each use computes them again, for a portion of the points at a time.
     through
         (N, 15, 18) from the jet of F to displacement gradients (`strain_measures.gradients_through`).
     matrix
@@ -46,7 +46,7 @@ class Sampled:
 
     @classmethod
     def at_points(cls, ansatz: Ansatz, features: FeatureSet, points: Array, keep: bool = True) -> Sampled:
-        """Tabulate points (N, 2), and keep the jets there or not."""
+        """Tabulate points (N, 2), with or without the jets there."""
         placement, surface = features.placement, ansatz.case.surface
         undeformed = Undeformed.at_points(surface, points, placement)
         matrix = ansatz.factors.matrix(points, placement)
@@ -60,7 +60,7 @@ class Sampled:
         return torch.cat([jets for _, jets in self._portions()]) if self.kept is None else self.kept
 
     def _portions(self, small: bool = False) -> Iterator[tuple[slice, Tensor]]:
-        """Yield jets (n, 6, M), and which points they belong to; in `small` portions if they are kept, or at once."""
+        """Yield jets (n, 6, M) with the slice of their points; kept jets in `small` portions, or at once."""
         if self.kept is not None and not small:
             yield slice(None), self.kept
             return
@@ -95,7 +95,7 @@ class Sampled:
         return gradients, self.matrix @ free[..., VALUE].mT
 
     def pulled_back(self, conjugate: Tensor) -> Tensor:
-        """Return the vector (3 M,) on the output weights from what is conjugate (N, 15) to the gradients."""
+        """Return the vector (3 M,) on the output weights from forces (N, 15) conjugate to the gradients."""
         on_jet = (conjugate[:, None] @ self.through).view(-1, COMPONENTS, 6)
         total = conjugate.new_zeros((COMPONENTS, self.features.count))
         for some, jets in self._portions():
@@ -146,7 +146,7 @@ class Sampled:
     def add_form(self, total: Tensor, form: Tensor) -> None:
         """Add the symmetric form (N, 15, 15) of the gradients to a matrix (3 M, 3 M) of the output weights.
 
-        Only its blocks of components on and above the diagonal; `mirrored` completes them.
+        It adds only the blocks of components on and above the diagonal; `mirrored` completes them.
         """
         on_jets = (self.through.mT @ form @ self.through).view(-1, COMPONENTS, 6, COMPONENTS, 6)
         for some, jets in self._portions(small=True):

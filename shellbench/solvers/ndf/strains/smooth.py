@@ -1,13 +1,13 @@
-"""Smooth trial functions: combinations of features with no more waves than asked for, and rules that suit them.
+"""Smooth trial functions: combinations of features with a limited number of waves, and rules that suit them.
 
-Random features are nearly dependent, and what they leave to tell apart at the end is rough. Their combinations are
-ordered by the scalar operator
+Random features are nearly dependent, and their last independent combinations are rough. The combinations are ordered by
+the scalar operator
 
     sum_a (L / L_a) d/dt_a ( t_a (1 - t_a) d/dt_a ),   t_a = 0 .. 1 along side a of length L_a, L the longest,
 
-whose eigenfunctions along one side are Legendre's polynomials P_m, with the eigenvalues m (m + 1). Because its weight
-vanishes at the edges it asks for no condition there, so that smooth fields converge faster than any power of the
-degree; eigenfunctions of the plain stiffness have no slope across free edges and converge as a power of it (Canuto et
+whose eigenfunctions along one side are Legendre's polynomials P_m, with the eigenvalues m (m + 1). Its weight vanishes
+at the edges, so that it imposes no condition there, and smooth fields converge faster than any power of the degree.
+Eigenfunctions of the plain stiffness have no slope across free edges, and converge as a power of the degree (Canuto et
 al., Spectral Methods, 2006, section 2.3). A periodic side has the weight 1/4, which gives it waves of the same length.
 """
 
@@ -39,19 +39,19 @@ LONG_SHARE = 3 / 4  # of the usual points: exact for third powers of the field; 
 PERIOD = 1.5  # of placed waves, in sides: longer ones depend more on each other, shorter ones fit edges worse
 HIGHEST_PLACED = 1.5  # their highest frequency, over that of a polynomial of the degree in the middle of a side
 CERTIFYING_PANELS = 1.25  # times as many panels, of the certificate, with one more point in each
-SPRING = 1e-6  # relative error of the springs' whole stiffness that is nothing to the motion
+SPRING = 1e-6  # relative error of the springs' whole stiffness that is negligible for the motion
 MOST_PANELS = 64  # of a side, for springs
 
 
 def degrees(case: Case, degree: int) -> tuple[float, float]:
-    """Return the highest degree along each side, for that along the longest."""
+    """Return the highest degree along each side, from that along the longest."""
     lengths = side_lengths(case)
     first, second = (max(1.0, degree * math.sqrt(length / max(lengths))) for length in lengths)
     return first, second
 
 
 def widest(case: Case, degree: int) -> int:
-    """Return the number of random features that hold the fields up to a degree."""
+    """Return the number of random features that represent the fields up to a degree."""
     first, second = degrees(case, degree)
     return math.ceil(SURPLUS * (first + 1) * (second + 1))
 
@@ -69,13 +69,14 @@ def scales(case: Case, inputs: Inputs, degree: int) -> Array:
 def placed_features(case: Case, inputs: Inputs, degree: int, placement: Placement) -> Network:
     """Return one layer of sines with the weights of a lattice, a Fourier series of a longer period (Huybrechs 2010).
 
-    All waves are there up to a frequency, each as a sine and a cosine. Weights that are drawn leave gaps, the more the
-    higher the degree: of 22, polynomials of .6 of it are met to 4 %, here to .3 %; of 9, to .1 %, here to 2 %.
+    It has all waves up to a frequency, each as a sine and a cosine. Drawn weights leave gaps, more so at higher
+    degrees. For degree 22, polynomials of .6 of it have errors of 4 %, here of .3 %; for degree 9, of .1 %, here of 2
+    %.
 
     Raises
     ------
     InputError
-        If a coordinate is periodic, and so enters as a cosine and a sine.
+        If a coordinate is periodic, since it enters as a cosine and a sine.
     """
     if inputs.axes != (0, 1):
         raise InputError(f'{case.name}: setting hidden = "placed" needs two coordinates that are not periodic')
@@ -93,7 +94,7 @@ def placed_features(case: Case, inputs: Inputs, degree: int, placement: Placemen
 
 
 def rule_of(case: Case, degree: int, points: float = POINTS_A_DEGREE, order: int = PANEL_ORDER) -> RuleSpec:
-    """Return a rule of some points a degree that takes the springs in."""
+    """Return a rule with a number of points a degree that resolves the springs."""
     first, second = (math.ceil(points * along / order) for along in degrees(case, degree))
     spec = RuleSpec((first, second), order, joints=case.kinks)
     exact = _stiffness(case, replace(spec, panels=(MOST_PANELS, MOST_PANELS)))
@@ -105,7 +106,7 @@ def rule_of(case: Case, degree: int, points: float = POINTS_A_DEGREE, order: int
 
 
 def finer(spec: RuleSpec) -> RuleSpec:
-    """Return the rule that another one is judged by."""
+    """Return the finer rule that certifies another one."""
     panels = (math.ceil(CERTIFYING_PANELS * spec.panels[0]), math.ceil(CERTIFYING_PANELS * spec.panels[1]))
     return replace(spec, panels=panels, order=spec.order + 1)
 
@@ -116,7 +117,7 @@ def _stiffness(case: Case, spec: RuleSpec) -> Array:
 
 
 def smooth(ansatz: Ansatz, features: FeatureSet, rule: Rule, degree: int) -> Combined:
-    """Return combinations of features up to a degree, orthonormal in the area, the boundary matrix taken in."""
+    """Return combinations of features up to a degree, orthonormal in the area with the boundary matrix included."""
     domain, placement = ansatz.case.surface.domain, features.placement
     jacobian = Undeformed.at_points(ansatz.case.surface, rule.points, placement).geometry.jacobian
     held = ansatz.factors.matrix(rule.points, placement)[VALUE]
@@ -138,8 +139,8 @@ def smooth(ansatz: Ansatz, features: FeatureSet, rule: Rule, degree: int) -> Com
 def orthonormal(jets: Tensor, weights: Tensor) -> Tensor:
     """Return orthonormal combinations (M, r) of features with jets (6, N, M).
 
-    The constant one, the output layer's bias, is taken out of the others and kept: what is left out because it nearly
-    depends on others would else be a part of it.
+    The constant feature, the output layer's bias, is removed from the others and kept: otherwise a part of it might be
+    left out as nearly dependent.
     """
     values = jets[VALUE]
     constant = torch.nonzero(jets[[D1, D2]].abs().amax(dim=(0, 1)) == 0)[:, 0]

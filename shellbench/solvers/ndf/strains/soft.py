@@ -1,13 +1,12 @@
-"""Soft supports: springs that draw held components to where they belong, in place of boundary factors.
+"""Soft supports: springs that pull held components to their prescribed values, instead of boundary factors.
 
 The energy of the springs joins that of the shell as a loss term,
 
     P = 1/2 k sum_c [ int over edges of (u_c - ubar_c)^2 ds  +  L sum over points of (u_c - ubar_c)^2 ],
 
 k = weight D / L in N/m^2, with D the membrane stiffness (N/m) and L the root of the midsurface's area. At weight 1 an
-edge gives about as much as the shell itself does when it is stretched over its own length. The weight is a choice that
-nothing in the case tells, and supports give by about 1 / weight whatever it is (Kairanda et al., section F and
-figure II).
+edge yields about as much as the shell itself when it is stretched over its own length. The weight does not follow from
+the case, and supports yield by about 1 / weight for any choice (Kairanda et al., section F and figure II).
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ from shellbench.solvers.ndf.strains.energy import Certified, NormalEquations, Po
 
 
 def why_not_soft(case: Case) -> str | None:
-    """Return why springs can't hold the supports of a case, as one clause, or None if they can."""
+    """Return the reason that springs can't hold the supports of a case, as one clause, or None if they can."""
     if not case.linear or case.dynamics:
         return 'supports = "soft" is for shells at rest in linear theory'
     if case.springs:
@@ -58,7 +57,7 @@ class Springs:
     targets
         (P,): the displacement that the support prescribes, metres.
     at_points
-        How many of them, the last ones, are at points, in the order of `supports.point_supports`.
+        Number of springs at points; these are the last ones, in the order of `supports.point_supports`.
     """
 
     points: Array
@@ -98,7 +97,7 @@ class Springs:
 
     @property
     def moved(self) -> bool:
-        """Whether they draw anything away from its place."""
+        """True if they pull any point away from its place."""
         return bool(np.any(self.targets))
 
     def rows(self, ansatz: Ansatz, features: Features) -> Tensor:
@@ -137,7 +136,7 @@ class Springs:
 
 
 def support_error(field: Field) -> float:
-    """Return the largest difference between a held component and what is prescribed, metres, over all held places."""
+    """Return the largest difference between a held component and its prescribed value, metres, over all held places."""
     case, t = field.ansatz.case, field.ansatz.t
     error = 0.0
     for support in edge_supports(case):

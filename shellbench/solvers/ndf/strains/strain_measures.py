@@ -1,7 +1,7 @@
 """Strain measures of a displacement field at any size: exact, published, and linear, each with two variations.
 
 All are functions of five displacement gradients at a point, u,1, u,2 and d_ab = u,ab - Gamma^m_ab u,m (ab = 11, 22,
-12), with reference Christoffel symbols. They share the exact membrane strain, but for the linear one,
+12), with reference Christoffel symbols. All except the linear one have the exact membrane strain,
 
     eps_ab = (a_a . u,b + a_b . u,a + u,a . u,b) / 2
 
@@ -17,7 +17,7 @@ published one, eq. (30), reads, with phi_l = u,l . a3 and phi^l = abar^lm phi_m,
 it is not invariant under rigid rotation, and a plate rolled to the angle theta has cos theta + sin^2 theta of its true
 curvature. No measure subtracts large numbers.
 
-Also here: the undeformed surface at points, as strain measures need it, with its elasticity.
+The module also has the undeformed surface at points, with its elasticity.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ GRADIENTS = 15  # u,1, u,2, d_11, d_22, d_12, each with three components
 TWICE = (1.0, 1.0, 2.0)  # strains are 11, 22 and twice 12
 
 
-UNSTRAINED = 1e-20  # energy per membrane stiffness and area, a strain of 1e-10, that is rounding
+UNSTRAINED = 1e-20  # energy per membrane stiffness and area that counts as rounding: a strain of 1e-10
 
 
 def gradient_map(geometry: Geometry) -> Tensor:
@@ -76,7 +76,7 @@ def gradients_through(geometry: Geometry, matrix: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class Reference:
-    """What strain measures need of the undeformed surface: base vectors (N, 2, 3), a3, abar^ab, and bbar (N, 3)."""
+    """Undeformed surface in strain measures: base vectors (N, 2, 3), a3, abar^ab, and bbar (N, 3)."""
 
     base: Tensor
     normal: Tensor
@@ -98,7 +98,7 @@ class Strained(Protocol):
         ...
 
     def conjugate(self, stresses: Tensor) -> Tensor:
-        """Return what is conjugate to the gradients (N, 15): the sum of stresses (N, 6) times first variations."""
+        """Return the forces conjugate to the gradients (N, 15): the sum of stresses (N, 6) times first variations."""
         ...
 
     def second_variation(self, stresses: Tensor) -> Tensor:
@@ -173,7 +173,7 @@ def membrane_variation(base: Tensor) -> Tensor:
 
 
 def membrane_second(stresses: Tensor) -> Tensor:
-    """Return the second variation (N, 15, 15) that the membrane stresses (N, 6) weigh."""
+    """Return the sum (N, 15, 15) of membrane stresses (N, 6) times the second variations of the membrane strains."""
     form = stresses.new_zeros((len(stresses), 5, 3, 5, 3))
     for c in range(3):
         form[:, 0, c, 0, c], form[:, 1, c, 1, c] = stresses[:, 0], stresses[:, 1]
@@ -212,7 +212,7 @@ class Exact:
         return torch.cat([membrane_variation(self.turned.base), rows], dim=1)
 
     def conjugate(self, stresses: Tensor) -> Tensor:
-        """See `Strained`; without the rows, which take longer to make than to sum."""
+        """See `Strained`; computed without the rows, which would take longer."""
         moments = stresses[:, 3:] * stresses.new_tensor(TWICE)
         forces = stresses[:, [0, 2, 2, 1]].view(-1, 2, 2)
         turning = self.turned.turning((moments[:, None] @ self._bent)[:, 0])
@@ -343,13 +343,13 @@ def _cross(first: Tensor, second: Tensor) -> Tensor:
 
 
 def _like(tensor: Tensor, vectors: Tensor) -> Tensor:
-    """Broadcast (N, i, j) over what vectors (N, ..., 3) have between."""
+    """Broadcast (N, i, j) over the middle axes of vectors (N, ..., 3)."""
     return tensor.reshape(len(tensor), *([1] * (vectors.ndim - 2)), *tensor.shape[1:])
 
 
 @dataclass(frozen=True)
 class Undeformed:
-    """Geometry at N points, and in the form that strain measures take."""
+    """Geometry at N points, also in the form of strain measures."""
 
     geometry: Geometry
     reference: Reference
@@ -357,7 +357,7 @@ class Undeformed:
 
     @classmethod
     def at_points(cls, surface: Surface, points: Array, placement: Placement) -> Undeformed:
-        """Look at points (N, 2) of a surface."""
+        """Compute the geometry at points (N, 2) of a surface."""
         found = geometry(surface, points, placement)
         jet = from_derivatives(surface.derivatives(points, 2), placement)
         second = torch.stack([jet[D11], jet[D22], jet[D12]], dim=1)
@@ -370,7 +370,7 @@ class Undeformed:
         return gradient_map(self.geometry) @ jet.permute(1, 0, 2)
 
     def strained(self, measure: StrainName, gradients: Tensor) -> Strained:
-        """Return the strains that displacement gradients (N, 5, 3) make."""
+        """Return the strains of displacement gradients (N, 5, 3)."""
         return MEASURES[measure](self.reference, gradients)
 
     def elasticity(self, material: Material) -> Tensor:
@@ -380,5 +380,5 @@ class Undeformed:
 
 
 def stresses(elasticity: Tensor, strains: Tensor) -> Tensor:
-    """Return what is conjugate to strains (N, 6), for an elasticity (N, 2, 3, 3)."""
+    """Return the stresses conjugate to strains (N, 6), for an elasticity (N, 2, 3, 3)."""
     return (elasticity @ strains.view(-1, 2, 3, 1)).view(-1, 6)

@@ -1,4 +1,4 @@
 """Training of all weights by certified energy: `ndf`.
 
-It may import `motion` and the rooms below it.
+It may import `motion` and the packages below it.
 """

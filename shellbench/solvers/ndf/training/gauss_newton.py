@@ -1,16 +1,16 @@
 """Gauss-Newton in the energy norm for the hidden weights, the output layer eliminated.
 
 Variable projection in Kaufman's form (BIT 15, 1975): a change d of the hidden weights changes the strains by J d, and
-the output layer then adapts by whatever the features' strains A can represent. So the model of the energy is
-g d + 1/2 d H d with H = J^T (I - A (A^T A)^-1 A^T) J, and g the energy's gradient at fixed output weights. That is the
-full one where the energy is stationary in the output weights; where point supports bear forces, their part is left out.
+the output layer then adapts within the span of the features' strains A. The model of the energy therefore is g d + 1/2
+d H d with H = J^T (I - A (A^T A)^-1 A^T) J, and g the energy's gradient at fixed output weights. This is the full
+gradient if the energy is stationary in the output weights; the part by forces of point supports is left out.
 
-The same points are asked many times, so what costs geometry is tabulated once. Three parts: the points of an area
-rule (`Sample`), the points of edge and point loads (`Tips`), and the energy of a field on both (`Energy`).
+The same points are used many times, so that their geometry is tabulated once. There are three parts: the points of an
+area rule (`Sample`), the points of edge and point loads (`Tips`), and the energy of a field on both (`Energy`).
 
-How strains change with the hidden weights is told by a reverse sweep through the network's jets: any linear functional
+A reverse sweep through the network's jets gives the derivatives of strains by the hidden weights: any linear functional
 of the feature jets (a strain row, or all of the energy's gradient) is pulled back layer by layer. One sweep serves many
-functionals at once, and no graph is kept.
+functionals at once, and keeps no graph.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Sample:
         return self.inputs.shape[1]
 
     def parts(self) -> Iterator[Sample]:
-        """Yield the sample in portions of `BATCH` points; the lift's work is whole in each."""
+        """Yield the sample in portions of `BATCH` points; each has the whole work of the lift."""
         for start in range(0, len(self), BATCH):
             part, table = slice(start, start + BATCH), self.table
             yield Sample(
@@ -126,14 +126,14 @@ class Energy:
         return 0.5 * (self.base - self.gain)
 
     def relative_gain(self, over: Energy) -> float:
-        """Return by how much this energy is better than another one, relative to its own magnitude."""
+        """Return the gain of this energy over another one, relative to its own magnitude."""
         return (self.gain - over.gain) / max(abs(2 * self.potential), torch.finfo(torch.float64).tiny)
 
 
 def normal_equations_on(
     sample: Sample, tips: Tips, network: Network, kept: list[Tensor] | None = None
 ) -> NormalEquations:
-    """Integrate the energy of the output weights on a sample; `kept` takes the jets of its parts, for `energy_on`."""
+    """Integrate the energy of the output weights on a sample; `kept` gets the jets of its parts, for `energy_on`."""
     unknowns = 3 * (network.width + sample.fixed.shape[2])
     like = network.weights[0]
     stiffness, load = like.new_zeros((unknowns, unknowns)), like.new_zeros(unknowns)
@@ -155,7 +155,7 @@ def energy_on(sample: Sample, tips: Tips, network: Network, output: Tensor, kept
     Raises
     ------
     SolveFailure
-        If it is not a number.
+        If it is NaN.
     """
     work, stored, base = 0.0, 0.0, -2 * (sample.table.work + tips.work)
     for k, part in enumerate(sample.parts()):
@@ -167,13 +167,13 @@ def energy_on(sample: Sample, tips: Tips, network: Network, output: Tensor, kept
     if len(tips):
         work += float(tips.load(network) @ output.reshape(-1))
     gain = work * work / stored if stored > 0 else 0.0
-    if not gain < float("inf"):  # also where it is not a number
+    if not gain < float("inf"):  # also if it is NaN
         raise SolveFailure("the energy of the field is not finite")
     return Energy(gain, base)
 
 
 def forward(network: Network, inputs: Tensor) -> tuple[Tensor, list[Layer]]:
-    """Return the feature jets (6, N, M) of input jets (6, N, n), and what the sweep back needs."""
+    """Return the feature jets (6, N, M) of input jets (6, N, n), and the data of the reverse sweep."""
     function, h, tape = activation(network.activation), inputs, []
     for weight, bias in zip(network.weights, network.biases, strict=True):
         z = h @ weight.T
@@ -239,8 +239,8 @@ def unflatten(vector: Tensor, like: Network) -> Network:
     )
 
 
-GRAM_JITTER = 10 * JITTER  # on the unit diagonal of the features' matrix, which a coarse quadrature conditions worse
-FLOOR = 1e-6  # of the unprojected diagonal, in Marquardt's scaling: weights that the output layer replaces stay
+GRAM_JITTER = 10 * JITTER  # on the unit diagonal of the features' matrix, which a coarse quadrature makes worse
+FLOOR = 1e-6  # of the unprojected diagonal, in Marquardt's scaling: it fixes weights that the output layer can replace
 
 
 @dataclass(frozen=True)
@@ -260,9 +260,9 @@ class Quadratic:
     floor: Tensor
 
     def step(self, damping: float) -> Tensor | None:
-        """Return -(H + damping diag H)^-1 g, or None where that is not positive definite."""
-        # Marquardt scales by the diagonal of H. The projection leaves next to nothing on the diagonal of some weights,
-        # which would then run away. The floor is a share of the diagonal before it.
+        """Return -(H + damping diag H)^-1 g, or None if that matrix is not positive definite."""
+        # Marquardt scales by the diagonal of H. The projection nearly removes the diagonal of some weights, which would
+        # then diverge. The floor is a share of the diagonal before projection.
         scale = (self.matrix.diagonal() + FLOOR * self.floor).clamp_min(torch.finfo(self.slope.dtype).tiny).sqrt()
         scaled = self.matrix / scale[:, None] / scale
         scaled.diagonal().add_(damping)
@@ -271,16 +271,16 @@ class Quadratic:
         return step if int(info) == 0 and bool(torch.isfinite(step).all()) else None
 
     def decrease(self, step: Tensor) -> float:
-        """Return by how much the model falls along a step, J."""
+        """Return the decrease of the model along a step, J."""
         return float(-(self.slope @ step) - 0.5 * step @ (self.matrix @ step))
 
 
 def energy_gradient(sample: Sample, tips: Tips, network: Network, output: Tensor) -> Tensor:
     """Return the gradient (P,) of the energy in the hidden weights at a fixed output layer (3, M)."""
     # g = sum over points of (stress . dstrain/dtheta - force . du/dtheta), by one reverse sweep for each part of the
-    # sample. The rows hold the roots of stiffness and weight, so that strains are their own stresses. The output layer
-    # is fixed: its own change adds nothing, as the energy is stationary in it. Under point supports it is so only along
-    # what they leave free: the work of their forces is left out of g.
+    # sample. The rows contain the roots of stiffness and weight, so that strains are their own stresses. The output
+    # layer is fixed: its change adds nothing, since the energy is stationary in it. With point supports this is true
+    # only of the free fields: the work of their forces is left out of g.
     used = output[:, : network.width]
     total = output.new_zeros(network.parameters)
     for part in sample.parts():
@@ -310,19 +310,20 @@ def quadratic_model(
 ) -> Quadratic:
     """Return the model of the energy: its gradient on `sample`, its matrix on the sparser `coarse`.
 
-    It is one of all weights, or in the directions of a `sketch`. `slope` (P,) is the gradient if it is known.
+    It covers all weights, or the directions of a `sketch`. `slope` (P,) is the gradient if it is known.
 
     Raises
     ------
     SolveFailure
         If the features' strains are not finite.
     """
-    # 1. [A J], strains by output and by hidden weights, on the coarse rule; their Gram matrix point by point.
-    # 2. H = J^T J - (A^T J)^T (A^T A)^-1 (A^T J), the Schur complement of the output layer.
-    # 3. g on the fine sample: it decides where training goes, H only how fast.
+    # 1. Compute [A J], strains by output and by hidden weights, on the coarse rule, and their Gram matrix point by
+    #    point.
+    # 2. Form H = J^T J - (A^T J)^T (A^T A)^-1 (A^T J), the Schur complement of the output layer.
+    # 3. Compute g on the fine sample: it determines the minimum that training approaches, H only the speed.
     # Golub and Pereyra differentiate the projection too. Kaufman drops that term, which is of the size of the residual.
-    # Strains are no small residual, but g is exact all the same, and H is only a model. The projection itself is never
-    # formed: it would have a row for each strain of each point.
+    # Strains are no small residual, but g is still exact, and H is only a model. The projection itself is never formed:
+    # it would have a row for each strain of each point.
     unknowns, count = output.numel(), sketch.count if sketch else network.parameters
     joint = output.new_zeros((unknowns + count,) * 2)
     anchors = output.new_zeros((len(coarse.table.anchors), unknowns))
@@ -337,7 +338,7 @@ def quadratic_model(
     own, cross, matrix = joint[:unknowns, :unknowns], joint[:unknowns, unknowns:], joint[unknowns:, unknowns:]
     own = own + anchors.T @ anchors
     try:
-        # half^T half is subtracted: positive semidefinite whatever the rounding of the inverse.
+        # half^T half is subtracted: it is positive semidefinite for any rounding of the inverse.
         half = RegularisedInverse.from_matrix(own, GRAM_JITTER).half(cross)
     except IndefiniteError:
         raise SolveFailure("the Gauss-Newton matrix is not positive definite") from None

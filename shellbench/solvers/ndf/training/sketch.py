@@ -1,18 +1,19 @@
-"""Random directions of a deep network's weights: Gauss-Newton where a matrix over all weights is out of reach.
+"""Random directions of a deep network's weights: Gauss-Newton if a matrix over all weights is too large.
 
 A step on P weights needs a matrix (P, P): minutes for three layers of 64, and 35 GB for five of 128. Here each layer
-moves by U C V^T with random orthonormal U and V, drawn anew for each step, and only C is solved for. The matrix is then
-as small as the number of directions: a random subspace method (Hanzely, Doikov, Richtarik & Nesterov, arXiv:2002.09526)
-with Kronecker-structured draws.
+moves by U C V^T with random orthonormal U and V, newly drawn for each step, and only C is solved for. The size of the
+matrix is then the number of directions: a random subspace method (Hanzely, Doikov, Richtarik & Nesterov,
+arXiv:2002.09526) with Kronecker-structured draws.
 
-U and V act on the two ends of a layer's derivatives, before their product is formed. So no row of the Jacobian is ever
-as long as P, unlike with a dense random matrix. Biases are the last column of a layer's weights.
+U and V act on the two ends of a layer's derivatives, before their product is formed. Therefore no row of the Jacobian
+is as long as P, unlike with a dense random matrix. Biases are the last column of a layer's weights.
 
-Where a matrix over all weights is only dear, a step moves the units of the last hidden layer that the energy falls with
-most steeply, and all layers before: block coordinates, chosen as Gauss & Southwell do. On pinched cylinders a quarter
-of the units gain two thirds of what all do, for a sixth of the time; as many random directions gain a hundredth.
+If a matrix over all weights is possible but expensive, a step moves the steepest units of the last hidden layer, and
+all layers before: block coordinates, chosen by the rule of Gauss & Southwell. On pinched cylinders a quarter of the
+units has two thirds of the gain of all, in a sixth of the time; the same number of random directions has a hundredth of
+the gain.
 
-Also here: hidden layers at points, and how a derivative goes through one.
+The module also has hidden layers at points, and the derivatives through a layer.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class Sketch:
 
     @classmethod
     def draw(cls, network: Network, directions: int, generator: torch.Generator) -> Sketch:
-        """Draw about as many directions, at most, alike for all layers; a small layer moves in all of its own."""
+        """Draw at most about `directions` directions, equally for all layers; a small layer moves in all of its own."""
         shapes = [(weight.shape[0], weight.shape[1] + 1) for weight in network.weights]
         like, left, right = network.weights[0], [], []
         for (units, inputs), (a, b) in zip(shapes, shared(directions, shapes), strict=True):
@@ -56,7 +57,7 @@ class Sketch:
     def steepest(cls, network: Network, slope: Tensor, directions: int) -> Sketch:
         """Return about `directions` weights of the steepest units of the last hidden layer, and all weights before it.
 
-        Steep are the units of the largest part of the gradient `slope` (P,).
+        The steepest units have the largest part of the gradient `slope` (P,).
         """
         like = network.weights[0]
         left = [torch.eye(len(weight)).to(like) for weight in network.weights]
@@ -92,7 +93,7 @@ class Sketch:
         return flatten_layers([u.T @ part @ v for u, part, v in zip(self.left, parts, self.right, strict=True)])
 
     def extend(self, change: Tensor) -> Tensor:
-        """Return the change (P,) of all weights that a change (count,) of C makes."""
+        """Return the change (P,) of all weights by a change (count,) of C."""
         sizes = [(u.shape[1], v.shape[1]) for u, v in zip(self.left, self.right, strict=True)]
         parts = self._by_layer(change, sizes)
         return flatten_layers([u @ part @ v.T for u, part, v in zip(self.left, parts, self.right, strict=True)])
@@ -104,8 +105,8 @@ class Sketch:
 
 
 def shared(directions: int, shapes: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Return (a, b) for each layer of a shape (m, n): a b directions of its m n, and no more than asked for in all."""
-    # The smallest layers first: what they can't use is left to the others.
+    """Return (a, b) for each layer of a shape (m, n): a b directions of its m n, in all at most `directions`."""
+    # The smallest layers come first: the directions that they can't use go to the others.
     left, result = directions, dict.fromkeys(range(len(shapes)), (0, 0))
     for rest, k in zip(range(len(shapes), 0, -1), sorted(result, key=lambda k: math.prod(shapes[k])), strict=True):
         (units, inputs), each = shapes[k], max(1, left // rest)
@@ -117,7 +118,7 @@ def shared(directions: int, shapes: Sequence[tuple[int, int]]) -> list[tuple[int
 
 
 def _orthonormal(size: int, count: int, generator: torch.Generator) -> Tensor:
-    if count == size:  # all of them: any basis will do
+    if count == size:  # all of them: any basis is possible
         return torch.eye(size, dtype=torch.float64)
     drawn = torch.randn((size, count), generator=generator, dtype=torch.float64)
     basis: Tensor = torch.linalg.qr(drawn)[0]
@@ -125,7 +126,7 @@ def _orthonormal(size: int, count: int, generator: torch.Generator) -> Tensor:
 
 
 class Layer(NamedTuple):
-    """What the sweep needs of a layer: input jets (6, N, n), z (6, N, m), and sigma', sigma'', sigma''' (N, m)."""
+    """Data of a layer for the sweep: input jets (6, N, n), z (6, N, m), and sigma', sigma'', sigma''' (N, m)."""
 
     inputs: Tensor
     z: Tensor
@@ -140,7 +141,7 @@ def through_activation(layer: Layer, seed: Tensor) -> Tensor:
     Parameters
     ----------
     seed
-        (N, S, 6, m): with which factor each plane of sigma(z) enters functional S at a point.
+        (N, S, 6, m): factors of the planes of sigma(z) in functional S at a point.
     """
     z1, z2, z11, z12, z22 = (layer.z[plane][:, None] for plane in (D1, D2, D11, D12, D22))
     f1, f2, f3 = layer.first[:, None], layer.second[:, None], layer.third[:, None]

@@ -1,14 +1,14 @@
-"""The recipe `ndf`: a deep coordinate network, all of whose weights are trained.
+"""The recipe `ndf`: a deep coordinate network with all weights trained.
 
-Three hidden layers by default. The output layer is solved for exactly at every step (variable projection), the hidden
-weights follow by Gauss-Newton with Marquardt's damping, and a step counts only if independent points certify its gain;
-see `training`. First-order training of the same energy takes thousands of iterations, because membrane
-and bending stiffness differ by (L/h)^2; here a handful is enough. `challenge` tells how sure the answer is.
+Three hidden layers by default. Every step solves for the output layer exactly (variable projection). The hidden weights
+follow by Gauss-Newton with Marquardt's damping. A step counts only if independent points certify its gain; see
+`training`. First-order training of the same energy takes thousands of iterations, because membrane and bending
+stiffness differ by (L/h)^2; here a few are enough. `challenge` estimates the uncertainty.
 
-The recipe `ndf` at finite strain: a deep network whose output layer follows the path of a case.
+At finite strain, the output layer of a deep network follows the path of a case.
 
-The hidden layers are trained on the linearised problem at full load, which is cheap, and then kept: on plates and roofs
-they are worth as much at finite strain as before training, so what decides there is the last hidden layer's width.
+The hidden layers are trained on the linearised problem at full load, which is cheap, and then kept. On plates and roofs
+the training gains nothing at finite strain, where the last hidden layer's width is decisive.
 """
 
 from __future__ import annotations
@@ -71,8 +71,8 @@ from shellbench.solvers.ndf.training.training import (
 )
 from shellbench.solvers.ndf.training.training_problem import FINAL_ORDER, Quadratures, Trained, TrainingProblem
 
-SERVES = 10.0  # certified gain by challengers, in units of the tolerance of training, up to which a start's layers do
-ITERATIONS, MIXED_ITERATIONS = 3, 2  # by certified energy for the time: a mixed start leaves less to training
+SERVES = 10.0  # largest certified gain by challengers, in tolerances of training, with which a start's layers serve
+ITERATIONS, MIXED_ITERATIONS = 3, 2  # by certified energy at equal time: a mixed start leaves less to training
 WIDEST_TRAINED = 300  # a Gauss-Newton step costs the third power of the width
 
 Constraints = Callable[[Ansatz, Features], tuple[Tensor, Tensor]]
@@ -91,13 +91,17 @@ def follow(
 ) -> PathSolution:
     """Follow the path of a case with deep networks of ever larger width, `plan.widths` if there are any.
 
-    With `begin`, an earlier path, from its states, on its hidden layers.
+    With `begin`, an earlier path, it starts from that path's states, on its hidden layers.
 
     Raises
     ------
     SolveFailure
         If the path ends early for the widest, or its field exploits the quadrature.
     """
+    # 1. For each width, draw a deep network and train its hidden layers on the linear problem at full load, if
+    #    possible.
+    # 2. Follow the path with these layers kept, level by level (`large_displacement.solve`).
+    # 3. With `begin`, take the hidden layers of the earlier path, and start from its states.
     full = case.path.until if case.path.control == "load" else 1.0
     linear = case.model_copy(update={"theory": "kirchhoff-love-linear"})
     problem = TrainingProblem.from_case(
@@ -131,7 +135,8 @@ def follow(
         path, first = start_of_path(begin, case, solver, widths)
         kept = path.states[-1].field.features.network
         builds = [partial(build, numbers[first], widths[first], kept), *builds[first + 1 :]]
-    # Along paths challengers of trained layers would state as much as some tolerances, and would decide by a hair.
+    # Along paths, challengers of trained layers would give uncertainties close to some tolerances, so that chance would
+    # decide.
     solution = large_displacement.solve(case, spec, solver, builds, largest_gap, None, progress, path)
     trained = solution.parameters > solution.states[-1].field.output.numel()
     hidden = "trained in linear theory" if trained else "as drawn"
@@ -139,9 +144,9 @@ def follow(
 
 
 def may_be_trained(case: Case, width: int) -> bool:
-    """Tell whether hidden layers can be trained: no wide ones, nor where all is prescribed or edge moments act.
+    """Return True if hidden layers can be trained: they must not be wide, and not all prescribed or under edge moments.
 
-    Nor where the shell is followed through buckling: linear theory would teach them states without waves.
+    Paths through buckling are excluded too: training by linear theory gives states without waves.
     """
     prescribed = case.prescribed
     moments = any(isinstance(load, MomentLoad) for load in case.loads)
@@ -154,7 +159,7 @@ def _trained(problem: TrainingProblem, plan: Plan, network: Network, points: Qua
     try:
         state, points = trusted(problem, plan, points.evaluate(problem, network), points)
         state, _ = train(problem, plan, state, points, lambda iteration, state: None)
-    except SolveFailure:  # what was drawn is as good
+    except SolveFailure:  # the drawn layers are as good
         return network
     return state.network
 
@@ -214,8 +219,8 @@ def field_spec(settings: TrainerSettings, strain: StrainName) -> FieldSpec:
 
 
 def mirrored(case: Case, settings: TrainerSettings, start: Solution | None) -> bool:
-    """Tell whether planes of symmetry are to be built in: those of a start, or as settings say, or where they pay."""
-    # Where widths are given, fields of these widths are compared, with each other and with those of other recipes.
+    """Return True if planes of symmetry are built in: as in a start, or by settings, or if it is of advantage."""
+    # Given widths serve for comparisons of fields with each other, and with those of other recipes.
     if isinstance(start, NdfSolution):
         return start.spec.mirrors
     if settings.mirrors is not None:
@@ -242,7 +247,7 @@ def _move(case: Case, settings: TrainerSettings, strain: StrainName, tell: Progr
 
 
 def training_plan(settings: TrainerSettings, widths: tuple[int, ...], scales: tuple[tuple[float, float], ...]) -> Plan:
-    """Return what training may do, with these widths and scales to start from."""
+    """Return the limits of a training, with these widths and scales to start from."""
     return Plan(
         inner=settings.inner,
         widths=widths,
@@ -258,7 +263,7 @@ def training_plan(settings: TrainerSettings, widths: tuple[int, ...], scales: tu
 
 
 class _Run:
-    """One training: the states it passes through become the solution's history."""
+    """One training: its states become the solution's history."""
 
     def __init__(
         self, case: Case, settings: TrainerSettings, start: Solution | None, progress: ProgressCallback
@@ -271,7 +276,7 @@ class _Run:
         mirrors = self.problem.ansatz.mirrors
         widths, scales = default_plan_widths(case, self.problem.singular, mirrors.parts if mirrors else 1)
         mixed = scales == MIRRORED_SCALES or (scales == MIXED_SCALES and not settings.widths)
-        # Where widths are given starts are compared: the mixture is one for the usual width.
+        # Given widths serve for comparisons of starts: the mixture is for the usual width only.
         if settings.widths and self.problem.singular and not mirrors:
             scales = SINGULAR_SCALES
         self.plan = training_plan(settings, settings.widths or widths, scales)
@@ -290,7 +295,7 @@ class _Run:
             state, points = trusted(self.problem, self.plan, state, points)
             self._report(0, state)
             if start is not None:
-                # One linear solve on hidden layers that are there. Challengers tell whether they serve the edit.
+                # One linear solve on the existing hidden layers. Challengers show if these suit the edit.
                 found = self._certified(state, points, "the hidden layers of the start serve here, too")
                 served = found.diagnostics["challenge_gain"] <= SERVES * self.settings.tolerance
                 if served and found.unsettled is None:

@@ -13,12 +13,12 @@ NDF = "ndf"  # of the solver, in records and files
 TRAINED_LAYER = (
     2.2  # l of stretched inputs in sqrt(h R): between 2 and 2.5 the certified energy of pinched cylinders is flat
 )
-TRAINED_MULTIPLIERS = 4  # singular features a point force; more gained under a tenth of the remaining error
+TRAINED_MULTIPLIERS = 4  # singular features a point force; more of them gained less than a tenth of the remaining error
 INNER = (8, 8)  # hidden layers before the last; wider ones gained nothing certified
 
 
 class TrainerSettings(SeededSettings):
-    """Settings of `ndf`; what is None follows from the case.
+    """Settings of `ndf`; a value of None follows from the case.
 
     Attributes
     ----------

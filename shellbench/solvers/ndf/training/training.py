@@ -1,9 +1,9 @@
 """Training all weights of a field by certified energy.
 
-Three quadratures keep a field from exploiting its points. The energy and its gradient live on the training points. A
-step counts only if the energy falls on independent, finer check points too, and by about the same amount. A third,
-finest rule, which no decision has seen, gives the certificate that is reported (see `trainer`). Width
-and scale of the starting features are chosen by the check points' energy, so nothing is known of the answer.
+Three quadratures keep a field from exploiting its points. The energy and its gradient are computed on the training
+points. A step counts only if the energy also falls on independent, finer check points, and by about the same amount. A
+third, finest rule, which no decision uses, gives the reported certificate (see `trainer`). Width and scale of the
+starting features are chosen by the check points' energy, without any known value.
 """
 
 from __future__ import annotations
@@ -26,29 +26,29 @@ from shellbench.solvers.ndf.training.sketch import Sketch
 from shellbench.solvers.ndf.training.training_problem import COARSE_ORDER, Quadratures, Trained, TrainingProblem
 
 CERTIFICATE = 3.0  # points of the final rule, as a multiple of the training points
-# Chosen by certified energy on plates, roofs and cylinders; each shell takes the best of a tuple. What other pairs give
-# is not on record, and neither are the neighbours of what follows, beyond what a line says.
+# Chosen by certified energy on plates, roofs and cylinders; each shell takes the best of a tuple. The results of other
+# pairs are not on record, and neither are the neighbours of the next constants, except where a line states them.
 SINGULAR_SCALES = (2.0, 2.0), (2.0, 3.0), (1.0, 4.0)  # about point forces: each start has one of them
 WIDEST_SINGULAR = 500  # last hidden layer, about point forces on curved shells
 MIXED_SCALES = SINGULAR_SCALES[2], SINGULAR_SCALES[0]  # on curved shells: the features of one start have both
-MIRRORED_SCALES = (1.0, 3.0), (0.7, 4.0)  # the same where a field has to vary over one of several parts only
-MANY_WEIGHTS, STEEPEST = 3200, 900  # hidden weights beyond which a step moves only the steepest ones, and how many
-COARSE_ROWS = 2.0  # strain rows of the Gauss-Newton matrix a column; 3 gains nothing more
+MIRRORED_SCALES = (1.0, 3.0), (0.7, 4.0)  # the same for a field on one of several parts
+MANY_WEIGHTS, STEEPEST = 3200, 900  # hidden weights beyond which a step moves only the steepest ones, and their number
+COARSE_ROWS = 2.0  # strain rows of the Gauss-Newton matrix a column; 3 has no advantage
 AGREEMENT = 0.2  # admissible difference of the gains on the two point sets, as a share of the smaller
-REFINE, MOST_REFINED = 1.4, 3.0  # more training points where they are exploited, and how many more at most
+REFINE, MOST_REFINED = 1.4, 3.0  # factor of training points if they are exploited, and its limit
 # Factors of the damping after a refusal, a fair step, a good one. On plates, roofs and cylinders fours in place of
 # sixteens make twice as many attempts, and end with the same certified energy.
 HARDEN, EASE, EASE_MORE = 16.0, 3.0, 10.0
 FAIR = 0.3
 GOOD = 1 - FAIR  # of the predicted decrease
-ATTEMPTS = 3  # steps tried in an iteration, ever more damped
-NEGLIGIBLE = 0.02  # share of the tolerance: where the most damped step is bound to gain less, training ends
-DRAWS = 3  # of directions among which no step was certified, one after the other, before training ends
+ATTEMPTS = 3  # steps tried in an iteration, with increasing damping
+NEGLIGIBLE = 0.02  # share of the tolerance: if the most damped step can't gain more, training ends
+DRAWS = 3  # successive draws of directions without a certified step before training ends
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What training may do; see `TrainerSettings` for what each setting is for.
+    """Limits of a training; see `TrainerSettings` for the purpose of each setting.
 
     Attributes
     ----------
@@ -61,7 +61,8 @@ class Plan:
     gap
         Disagreement of training and check points beyond which more points are taken.
     directions
-        Of hidden weights in a Gauss-Newton step, at most; None for all of them, of `MANY_WEIGHTS` for the steepest.
+        Largest number of directions of hidden weights in a Gauss-Newton step. None stands for all of them, or for the
+        `STEEPEST` if there are more than `MANY_WEIGHTS`.
     """
 
     inner: tuple[int, ...]
@@ -81,18 +82,18 @@ Report = Callable[[int, Trained], None]
 
 
 def first_state(problem: TrainingProblem, plan: Plan) -> tuple[Trained, Quadratures]:
-    """Return starting features of the width and scale that certified energy asks for, and their points.
+    """Return starting features, with width and scale chosen by certified energy, and their points.
 
     Raises
     ------
     SolveFailure
-        If no start agrees with itself on two quadratures.
+        If no start agrees on two quadratures.
     """
-    # Widths from narrow to wide, until one gains too little over the one before, or is bound to: gains shrink as a
-    # geometric series does.
-    # 1. Points for the width; more of them as long as no start agrees with itself on both sets.
-    # 2. Of all scales the start of most certified gain.
-    # 3. Wider networks try that scale and larger ones; where forces act at points, that scale only.
+    # Try widths from narrow to wide, until one gains too little over the one before, or can't gain more: gains shrink
+    # like a geometric series.
+    # 1. Take points for the width, and more of them as long as no start agrees on both sets.
+    # 2. Take the start of most certified gain among all scales.
+    # 3. For wider networks, try that scale and larger ones; with forces at points, that scale only.
     best: tuple[Trained, Quadratures] | None = None
     scales: Sequence[tuple[float, float]] = plan.scales
     former = gain = 0.0
@@ -123,7 +124,8 @@ def _best_start(
 ) -> tuple[Trained, Sequence[tuple[float, float]]] | None:
     found = None
     stretched = np.asarray(problem.features.inputs.stretched)
-    # Random hidden layers with a solved output layer: a start costs one linear solve. So all scales can be tried.
+    # With random hidden layers and a solved output layer, a start costs one linear solve. Therefore all scales can be
+    # tried.
     for start in [scales] if plan.mixed else [(pair,) for pair in scales]:
         each = np.array([np.where(stretched, of_stretched, plain) for plain, of_stretched in start])
         by_input = problem.features.placement.tensor(each[np.arange(width) % len(each)])
@@ -137,7 +139,7 @@ def _best_start(
 
 
 def refined(problem: TrainingProblem, state: Trained, points: Quadratures) -> tuple[Trained, Quadratures]:
-    """Take more points, and the output layer anew."""
+    """Take more points, and solve for the output layer again."""
     more = Quadratures.for_width(problem, state.network.width, points.refinement * REFINE)
     return more.evaluate(problem, state.network), more
 
@@ -154,17 +156,19 @@ def train(
 ) -> tuple[Trained, str]:
     """Train all weights; return the last certified state and why training ended.
 
-    `report` is called with each certified state; whatever fails later, that one stands.
+    `report` is called with each certified state, which stays valid if training fails later.
     """
     # Variable projection with Levenberg & Marquardt's damping, an iteration in five:
-    # 1. Of many weights, the steepest ones, or random directions if asked for; of few, all.
-    # 2. A sparse rule, one of three in turn, for the Gauss-Newton matrix.
-    # 3. Gradient on the training points, matrix on the sparse ones, output layer eliminated.
-    # 4. Damp until a step is certified: energy down on training and check points alike, the output layer solved anew.
-    # 5. No such step, and only the training points saw a gain: they are exploited, take more. Else draw other
-    #    directions, a few times, or stop. Stop too if the most damped step promised next to nothing.
-    # Textbooks accept what lowers the objective on its own points. A field lowers that without end, by displacements
-    # that cost energy only between the points. Independent points see through that.
+    # 1. Choose directions: the steepest of many weights, or random directions if asked for; all of few weights.
+    # 2. Take a sparse rule, one of three in turn, for the Gauss-Newton matrix.
+    # 3. Compute the gradient on the training points, and the matrix on the sparse ones, with the output layer
+    #    eliminated.
+    # 4. Increase the damping until a step is certified: the energy falls on training and check points, with a new
+    #    output layer.
+    # 5. Without such a step: if only the training points show a gain, they are exploited, so take more. Else draw other
+    #    directions, a few times, or stop. Also stop if the most damped step predicts hardly any gain.
+    # Textbooks accept a step that lowers the objective on its own points. A field can lower it without limit, by
+    # displacements that cost energy only between the points. Independent points detect this.
     damping, refused, generator = plan.damping, 0, torch.Generator().manual_seed(plan.seed)
     for iteration in range(1, plan.iterations + 1):
         weights = state.network.parameters
@@ -200,20 +204,20 @@ def train(
 
 
 class Search(NamedTuple):
-    """What came of ever more damped steps.
+    """Result of a search with ever more damped steps.
 
     Attributes
     ----------
     state
         The first one that is certified, if any is.
     exploited
-        Whether the training points alone saw a gain.
+        Whether a gain exists on the training points alone.
     damping
         For the next iteration.
     evaluations
         Of the network.
     promised
-        Decrease of the energy, J, that the model tells of the last of these steps.
+        Decrease of the energy, J, that the model predicts for the last of these steps.
     """
 
     state: Trained | None
@@ -234,7 +238,7 @@ def _search(
 ) -> Search:
     theta, exploited, spent, promised = flatten(state.network), False, 0, math.inf
     for attempt in range(ATTEMPTS):
-        # A rejected step costs an evaluation, not a model: the same matrix is damped more.
+        # A rejected step costs an evaluation, but no new model: the damping of the same matrix increases.
         step = local.step(damping)
         if step is not None:
             promised = local.decrease(step)
@@ -245,8 +249,8 @@ def _search(
                 new = points.checked(new)
                 spent += len(points.check)
                 if agree(new, state) and new.gap <= max(plan.gap, state.gap):
-                    # Gain over prediction, as in a trust region: an energy falls by half of what its gain rises.
-                    # Damping eases only where the first attempt was accepted.
+                    # Gain over prediction, as in a trust region: the energy falls by half of the rise of `gain`.
+                    # Damping decreases only if the first attempt was accepted.
                     ratio = 0.5 * (new.train.gain - state.train.gain) / promised
                     ease = 1.0 if attempt or ratio <= FAIR else EASE_MORE if ratio > GOOD else EASE
                     return Search(new, False, damping / ease, spent, promised)
@@ -258,23 +262,23 @@ def _search(
 def _attempt(problem: TrainingProblem, points: Quadratures, network: Network) -> Trained | None:
     try:
         return points.solved(problem, network)
-    except SolveFailure:  # the step went too far: a shorter one is tried
+    except SolveFailure:  # the step was too long: a shorter one is tried
         return None
 
 
 def agree(new: Trained, old: Trained) -> bool:
-    """Tell whether both point sets see a gain, and about the same one."""
+    """Return True if both point sets show a gain, of about the same size."""
     seen, certified = new.train.gain - old.train.gain, new.check.gain - old.check.gain
-    # Each condition alone can be met by luck or exploitation.
+    # Each condition alone can be satisfied by chance or exploitation.
     return seen > 0 and certified > 0 and abs(seen - certified) <= AGREEMENT * min(seen, certified)
 
 
 def default_plan_widths(
     case: Case, singular: bool, parts: int = 1
 ) -> tuple[tuple[int, ...], tuple[tuple[float, float], ...]]:
-    """Return the widths and scales that a case asks for, chosen by certified energy on plates, roofs and cylinders.
+    """Return the default widths and scales of a case, chosen by certified energy on plates, roofs and cylinders.
 
-    `parts` is how many parts planes of symmetry cut the shell into that are built into the field.
+    `parts` is the number of parts into which built-in planes of symmetry cut the shell.
     """
     if singular and is_flat(case):
         return (100, 200), SINGULAR_SCALES

@@ -1,4 +1,4 @@
-"""What is trained: a field for a case, and the points that its energy is taken at."""
+"""The problem of training: a field for a case, and the points at which its energy is taken."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from shellbench.solvers.ndf.linear.solve import solve_output
 from shellbench.solvers.ndf.strains.energy import concentrated
 from shellbench.solvers.ndf.training.gauss_newton import Energy, Sample, Tips, energy_on, normal_equations_on
 
-# Points a feature of the last hidden layer; more where the field is singular. With these, converged fields agree with
-# themselves to 1e-6 and less on independent points.
+# Points a feature of the last hidden layer; more if the field is singular. With these, energies of converged fields on
+# independent points agree to 1e-6 and less.
 TRAINING_POINTS, SINGULAR_POINTS, MIRRORED_POINTS = 8.0, 18.0, 20.0
 MOST_TRAINING_POINTS = 7200  # at first: with 400, 500 and 600 features about point forces gaps are 2e-6 alike
 LEAST_POINTS = 550  # 4 x 4 panels: below, even the inputs are not resolved
@@ -61,7 +61,7 @@ class Trained:
 
 @dataclass(frozen=True)
 class TrainingProblem:
-    """What training asks of a case; `tally` counts what it costs on any machine: "output layers" solved for."""
+    """A case as training uses it; `tally` counts a cost that is the same on any machine: "output layers" solved for."""
 
     ansatz: Ansatz
     features: Features
@@ -86,7 +86,7 @@ class TrainingProblem:
 
     @property
     def singular(self) -> bool:
-        """Whether forces act at points."""
+        """True if forces act at points."""
         return len(self.focal) > 0
 
     def with_network(self, network: Network) -> Features:
@@ -114,7 +114,7 @@ class TrainingProblem:
 
 @dataclass(frozen=True)
 class Quadratures:
-    """Training and check points, and how often they were refined."""
+    """Training and check points, and the number of their refinements."""
 
     spec: RuleSpec
     train: Sample
@@ -124,7 +124,7 @@ class Quadratures:
 
     @classmethod
     def for_width(cls, problem: TrainingProblem, width: int, refinement: float = 1.0) -> Quadratures:
-        """Take as many points as a width asks for."""
+        """Take the points for a width."""
         each = SINGULAR_POINTS if problem.singular else TRAINING_POINTS
         if problem.ansatz.mirrors:
             each = MIRRORED_POINTS
@@ -149,6 +149,6 @@ class Quadratures:
         return Trained(network, output, layer.reactions, energy, energy, len(self.train))
 
     def checked(self, state: Trained) -> Trained:
-        """Measure the energy on the check points, too."""
+        """Measure the energy on the check points too."""
         check = energy_on(self.check, self.tips, state.network, state.output)
         return replace(state, check=check, evaluations=state.evaluations + len(self.check))
