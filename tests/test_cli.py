@@ -125,7 +125,7 @@ def test_the_obvious_path_is_green(shellbench) -> None:
     code, out, err = shellbench("report", "--no-print")
     assert (code, err) == (0, "")
     page = Path("reports/latest/report.md").read_text(encoding="utf-8")
-    assert "All 2 gated figures hold." in page
+    assert "All 2 gated values pass." in page
     assert "4 other runs" in page
     assert shellbench("gate", "--suite", "toys")[0] == 1
 

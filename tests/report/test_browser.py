@@ -4,10 +4,12 @@ import base64
 import json
 import os
 import shutil
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from shellbench.bench.store.store import Store as Records
 from shellbench.report.data import exhibit
@@ -28,6 +30,7 @@ FLAGS = (
 )
 WITHOUT_WEBGL = ("--disable-3d-apis", "--disable-webgl")
 NARROW = {"width": 360, "height": 740}
+HIGHEST = 8000  # pixels of a suite's page
 ROUNDING = 3e-5  # of the largest component: what two bytes keep
 
 
@@ -86,6 +89,10 @@ class Open:
         self.file = path.name
         self.page.goto(path.as_uri())
 
+    def unfold(self):
+        """Open all that is folded."""
+        self.page.evaluate("() => document.querySelectorAll('main details').forEach((one) => (one.open = true))")
+
     def _heard(self, kind, text):
         if kind == "error":
             self.complaints.append(text)
@@ -123,6 +130,7 @@ class Open:
 @pytest.fixture(scope="module")
 def course(browser, course_page):
     opened = Open(browser, course_page, viewport={"width": 1280, "height": 900}, accept_downloads=True)
+    opened.unfold()
     yield opened
     opened.context.close()
 
@@ -186,6 +194,33 @@ def test_the_verdict_is_seen_first(course):
     verdict = course.page.locator(".verdict").bounding_box()
     assert verdict["y"] + verdict["height"] < 400
     assert verdict["y"] < course.page.locator("table").first.bounding_box()["y"]
+
+
+@pytest.mark.parametrize("viewport", [{"width": 1440, "height": 900}, {"width": 390, "height": 844}])
+def test_the_first_page_shows_a_result_without_scrolling(browser, course_report, viewport):
+    opened = Open(browser, course_report, viewport=viewport)
+    for shown in (".verdict", "table.results thead", "table.results tbody tr >> nth=0"):
+        box = opened.page.locator(shown).first.bounding_box()
+        assert box["y"] + box["height"] <= viewport["height"]
+    assert opened.page.evaluate("() => document.documentElement.scrollWidth") <= viewport["width"]
+    assert not opened.page.locator("details[open] code").filter(has_text="shellbench run").count()
+    opened.context.close()
+
+
+def test_a_page_of_a_suite_is_short_and_links_open_what_is_folded(browser, course_page):
+    opened = Open(browser, course_page, viewport={"width": 1440, "height": 900})
+    assert opened.page.evaluate("() => document.documentElement.scrollHeight") <= HIGHEST
+    table = opened.page.locator("#table-displacements_obstacle_course")
+    assert not table.is_visible()
+    opened.page.locator("nav a[href='#displacements']").click()
+    table.wait_for(state="visible")
+    opened.unfold()
+    clipped = (
+        "(all) => all.filter((one) => one.scrollWidth > one.clientWidth && getComputedStyle(one).overflowX !== 'auto')"
+    )
+    assert opened.page.locator(".wide").evaluate_all(clipped) == []
+    assert opened.page.evaluate("() => document.documentElement.scrollWidth") <= 1440
+    opened.context.close()
 
 
 def test_the_slider_moves_the_shell(course, store):
@@ -428,20 +463,22 @@ def test_the_contents_stay_in_sight(browser, course_page):
 
 def test_the_full_width_is_used(browser, course_page):
     opened = Open(browser, course_page, viewport={"width": 2200, "height": 900})
+    opened.unfold()
     box = opened.page.locator("#table-displacements_obstacle_course").bounding_box()
     assert box["x"] + box["width"] > 2100
     opened.context.close()
 
 
-def test_in_the_dark_the_page_is_dark_and_figures_stay_on_white(browser, course_page):
+def test_in_the_dark_the_page_is_dark_and_figures_follow(browser, course_page):
     opened = Open(browser, course_page, color_scheme="dark")
     colour = "(one) => getComputedStyle(one).{}.match(/[0-9]+/g).slice(0, 3).map(Number)"
     page = opened.page.locator("body").evaluate(colour.format("backgroundColor"))
     words = opened.page.locator("main p").first.evaluate(colour.format("color"))
-    figure = opened.page.locator("figure img").first.evaluate(colour.format("backgroundColor"))
     assert max(page) < 64
     assert min(words) > 128
-    assert figure == [255, 255, 255]
+    for kind in ("drawing", "picture"):
+        image = opened.page.locator(f"figure img.{kind}").first.screenshot(type="png")
+        assert np.median(np.asarray(Image.open(BytesIO(image)).convert("L"))) < 64
     opened.context.close()
 
 

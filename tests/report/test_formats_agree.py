@@ -18,7 +18,7 @@ from shellbench.bench.catalogue import catalog
 from shellbench.bench.store import store as bench
 from shellbench.report.data.evidence import Evidence
 from shellbench.report.page.page import write_report
-from shellbench.report.sections.resolution import mesh_table, resolution_table
+from shellbench.report.sections.resolution import resolution_table
 from shellbench.report.sections.tables import displacement_tables, render
 from tests.report.conftest import COURSE, Store
 from tests.report.test_tables import lines, number
@@ -235,7 +235,7 @@ def test_other_tables_print_the_same_numbers_in_all_formats(store: Store, nonlin
     found = []
     for made in (store, nonlinear):
         evidence = Evidence({record.run_id: record for record in made.records}, made.rows, made.folder)
-        found += [resolution_table(evidence), mesh_table(evidence)]
+        found.append(resolution_table(evidence))
         found += displacement_tables(made.rows, made.known_values)
     tables = [table for table in found if len(table.data)]
     assert len(tables) > 3

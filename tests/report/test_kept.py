@@ -96,29 +96,12 @@ def test_errors_are_against_the_known_value_as_it_is_now(made, evidence):
     )
 
 
-def test_memory_at_equal_error_is_that_of_the_coarsest_run_within_it(made):
-    (fem,) = table(made, "kept_memory").query("solver == 'fem'").to_dict("records")
-    # Errors: 4: 0.39 %, 8: 0.024 %, 16: 0.0015 %
-    assert [fem[f"storage_{level:g}"] for level in kept.LEVELS] == [96 * n * n for n in (4, 8, 16)]
-    assert [fem[f"memory_{level:g}"] for level in kept.LEVELS] == [1e6 * n for n in (4, 8, 16)]
-    (field,) = table(made, "kept_memory").query("solver == 'field'").to_dict("records")
-    assert field["storage_0.01"] == 96 * 16  # 0.6 % of the worse seed
-    assert field["storage_0.001"] is None or field["storage_0.001"] != field["storage_0.001"]
-
-
 def test_three_discretisations_are_compared_at_common_points(made):
     (fem,) = table(made, "kept_points").query("solver == 'fem'").to_dict("records")
     assert fem["discretisations"] == "cells 16×16, cells 32×32, cells 64×64"
     assert fem["first"] == pytest.approx(SCALE * (16**-4.0 - 32**-4.0))
     assert fem["last"] == pytest.approx(SCALE * (32**-4.0 - 64**-4.0))
     assert fem["is_common"]
-
-
-def test_one_solution_is_the_same_through_three_grids(made):
-    data = table(made, "kept_grids")
-    assert data["same"].tolist() == [0.0, 0.0]
-    assert data["mesh_10"].tolist() == [SCALE / 100] * 2
-    assert "Every continuous field" in " ".join(made.words)
 
 
 def test_figures_have_four_points_a_line_and_mark_own_runs(made, store):

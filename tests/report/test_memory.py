@@ -15,7 +15,6 @@ from shellbench.report.sections.memory import (
     level_table,
     rounding_table,
     section,
-    solve_table,
 )
 from tests.report.resolutions import (
     HEADLINE,
@@ -249,15 +248,6 @@ def test_rounding_is_shown_for_the_finest_run(sharp):
     assert shells["change"].tolist() == pytest.approx([relative for _, relative in ROUNDING.values()])
 
 
-def test_memory_of_the_solve_is_the_peak_less_what_was_held_before(sharp):
-    short, whole = solve_table(case_runs(sharp)), section(sharp).details[0]
-    assert len(short.data) == 2
-    assert len(whole.data) == 7
-    for one in whole.data.to_dict("records"):
-        assert one["solve_memory_bytes"] == 1000 * one["unknowns"]
-        assert one["peak_memory_bytes"] == 200_000_000 + 1000 * one["unknowns"]
-
-
 def test_smallest_of_the_candidates(sharp):
     (case,) = case_runs(sharp)
     found = answers(case, ladder(case, "shells"))
@@ -276,7 +266,6 @@ def test_smallest_of_the_candidates(sharp):
 
 def test_nothing_at_all_is_no_section(tmp_path):
     assert section(evidence(tmp_path, [])) is None
-    assert solve_table((), finest_only=False).data.empty
 
 
 @pytest.mark.parametrize("which", ["plate", "napkin"])

@@ -1,8 +1,8 @@
 import pytest
 
 from shellbench.report.data.evidence import Evidence
-from shellbench.report.sections.resolution import mesh_table, resolution_table
-from tests.report.conftest import COURSE, TRUTH, Store
+from shellbench.report.sections.resolution import resolution_table
+from tests.report.conftest import COURSE, Store
 
 
 @pytest.fixture(scope="module")
@@ -41,23 +41,6 @@ def test_one_line_for_each_solver_whatever_the_seeds(evidence):
         assert data.loc[data["case"] == case, "solution"].tolist() == ["fem", "ndf-ritz", "ndf", "ndf-ritz, GELU"]
 
 
-def test_meshes_stand_in_order_with_their_differences(evidence):
-    data = mesh_table(evidence).data
-    plate = data[data["case"] == "square_plate"]
-    assert plate["mesh"].tolist() == ["16×16", "32×32", "64×64"]
-    assert plate["difference"].tolist() == [1e-3 / n**2 for n in (16, 32, 64)]
-    assert plate["largest_displacement"].unique() == pytest.approx([TRUTH["square_plate"]])
-
-
 def test_nothing_reported_is_no_table(store, by_id):
     silent = {name: record.model_copy(update={"diagnostics": {}, "resolution": ()}) for name, record in by_id.items()}
     assert resolution_table(Evidence(silent, store.rows, store.folder)).data.empty
-    assert mesh_table(Evidence(silent, store.rows, store.folder)).data.empty
-
-
-@pytest.mark.parametrize("odd", [None, "text", [1, 2], [{"cells": [8]}], [{"largest_difference": "x"}]])
-def test_a_plug_ins_own_words_do_no_harm(store, by_id, odd):
-    strange = {
-        name: record.model_copy(update={"diagnostics": {"mesh_differences": odd}}) for name, record in by_id.items()
-    }
-    assert mesh_table(Evidence(strange, store.rows, store.folder)).data.empty

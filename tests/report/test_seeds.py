@@ -1,11 +1,10 @@
 import numpy as np
 import pytest
 
-from shellbench.bench.catalogue import catalog
 from shellbench.report.data.evidence import Evidence
-from shellbench.report.sections.seeds import naturally, section, seed_figure, seed_spreads, seed_table
-from tests.report.conftest import TRUTH, UNCERTAINTY, record, row
-from tests.report.studied import evidence, studied
+from shellbench.report.sections.seeds import naturally, section, seed_spreads, seed_table
+from tests.report.conftest import TRUTH
+from tests.report.studied import studied
 
 ERRORS = {0: -3e-3, 1: 1e-3, 2: 5e-3}
 
@@ -53,8 +52,6 @@ def test_without_a_known_value_spreads_are_relative_to_the_mean(runs):
     found = line(rows)
     assert found["relative_standard_deviation"] == pytest.approx(np.std(values, ddof=1) / values.mean())
     assert np.isnan(found["largest_error"]) if found["largest_error"] is not None else True
-    labels = seed_figure(spreads_of(rows), Evidence({}, rows, None)).axes[0].get_yticklabels()
-    assert labels[0].get_text().endswith("†")
 
 
 def test_a_failed_seed_is_counted_and_left_out(tmp_path, runs):
@@ -81,28 +78,6 @@ def test_runs_with_other_settings_are_not_mixed(tmp_path, runs):
 
 def test_numbers_in_words_sort_as_numbers():
     assert sorted(["w 10", "w 9", "w 9, a", "v 11"], key=naturally) == ["v 11", "w 9", "w 9, a", "w 10"]
-
-
-def test_a_figure_for_each_suite_marks_every_run_with_default_settings(tmp_path, runs):
-    case = catalog.named_case("scordelis_lo")
-    made = [record(tmp_path, case, "field", seed, error) for seed, error in ERRORS.items()]
-    held = evidence(tmp_path, [*runs, *((one, row(one)) for one in made)])
-    found = section(held)
-    assert [exhibit.name for exhibit in found.exhibits] == ["seeds_obstacle_course"]
-    axes = found.exhibits[0].figure.axes[0]
-    marks = [line for line in axes.get_lines() if line.get_marker() not in ("None", "none", None)]
-    drawn = sorted(float(x) for line in marks for x in line.get_xdata())
-    assert drawn == pytest.approx(sorted(100 * abs(error) for error in ERRORS.values()))
-    assert found.exhibits[0].run_ids == tuple(one.run_id for one in made)
-    assert [(table.name, len(table.data)) for table in found.tables] == [("seeds", 1)]
-    assert [(table.name, len(table.data)) for table in found.details] == [("seeds_studied", 1)]  # long: as a file only
-
-
-def test_the_known_value_s_uncertainty_is_shaded_where_it_is_in_view(tmp_path):
-    rows = [studied(tmp_path, "resolution", "field", {"n": 1}, e, seed=s)[1] for s, e in enumerate((1e-9, 1e-6))]
-    axes = seed_figure(spreads_of(rows), Evidence({}, rows, None)).axes[0]
-    (shade,) = axes.patches
-    assert shade.get_x() + shade.get_width() == pytest.approx(100 * UNCERTAINTY)
 
 
 def test_default_runs_that_a_study_declares_too_stand_with_the_comparison_of_solvers(tmp_path, runs):

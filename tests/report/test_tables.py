@@ -130,7 +130,7 @@ def test_values_have_as_many_digits_as_their_errors_and_spreads_ask_for(store, c
 def test_failed_late_and_missing_runs_are_said_with_their_reason(store, course_rows, format):
     text = html.unescape(render(course_rows, format, store.known_values)).replace("\\", "")
     written = solver_lines(render(course_rows, format, store.known_values), format)
-    assert "fell short" in written["scordelis_lo", "ndf"][VERDICT]
+    assert "fail" in written["scordelis_lo", "ndf"][VERDICT]
     assert "missing" in written["pinched_cylinder_diaphragm", "ndf"][VERDICT]
     assert "run failed" in written["pinched_cylinder_free", "ndf"][VERDICT]
     assert "pass" in written["square_plate", "ndf"][VERDICT]
@@ -142,7 +142,7 @@ def test_one_bad_seed_spoils_the_verdict_of_its_line(store, course_rows):
     of_roof = [row for row in course_rows if row.case == "scordelis_lo" and row.solver == "ndf"]
     assert [row.passed for row in of_roof] == [True, False, True]
     data = displacement_tables(of_roof, store.known_values)[0].data
-    assert data.loc[data["kind"] == "solver", "verdict"].tolist() == ["fell short"]
+    assert data.loc[data["kind"] == "solver", "verdict"].tolist() == ["fail"]
 
 
 def test_an_expected_failure_is_neither_pass_nor_fail(store, course_rows):

@@ -11,10 +11,11 @@ from typing import Any, TypeVar
 import pandas as pd
 
 from shellbench.bench.catalogue import catalog
+from shellbench.bench.judge.classes import judged_by_class
 from shellbench.bench.judge.row import Row
 from shellbench.bench.store.record import Record
 from shellbench.report.data.exhibit import Exhibit, Ink, inks
-from shellbench.report.data.runs import Known, compared, in_order_of_cases, table_of_runs
+from shellbench.report.data.runs import Known, compared, in_order_of_cases, is_graded, table_of_runs
 
 T = TypeVar("T")
 
@@ -67,8 +68,8 @@ class Evidence:
 
     @cached_property
     def compared(self) -> list[Row]:
-        """The rows that hold solvers against known values."""
-        return compared(self.rows)
+        """The rows that hold solvers against known values; those without frozen tolerances are judged by class."""
+        return [judged_by_class(row) if is_graded(row) else row for row in compared(self.rows)]
 
     @cached_property
     def headline(self) -> list[Row]:

@@ -103,7 +103,8 @@ def rounded(value: float, uncertainty: float | None = None, *, show_uncertainty:
     digits = _at(value, last)
     if not (show_uncertainty and uncertainty):
         return digits
-    return Digits(digits.mantissa, digits.exponent, max(1, math.ceil(uncertainty / 10.0**last - 1e-6)))
+    exponent = digits.exponent if value else min(last, 0)  # 0(5)e-9: nothing, to 5e-9
+    return Digits(digits.mantissa, exponent, max(1, math.ceil(uncertainty / 10.0**last - 1e-6)))
 
 
 def quoted(value: float, plain_from: int = SMALLEST_PLAIN) -> Digits:
@@ -135,18 +136,10 @@ def allowance(tolerance: float) -> Digits:
     return quoted(float(f"{100.0 * tolerance:.{FIGURES}g}"), SMALLEST_PLAIN_PERCENT)
 
 
-def power_of_ten(value: float) -> Digits:
-    """Print a relative error or tolerance as a power of ten, with two significant digits at most: 1.5e-4, 1e-3."""
-    if not value:
-        return Digits("0")
-    mantissa, _, power = f"{value:.{PERCENT_FIGURES - 1}e}".partition("e")
-    return Digits(mantissa.removesuffix(".0"), int(power))
-
-
 def _at(value: float, last: int, plain_from: int = SMALLEST_PLAIN) -> Digits:
     """Print a value down to the digit of ten to the power `last`."""
     if not value:
-        return Digits("0" if last >= 0 else f"{0:.{-last}f}")
+        return Digits("0")
     exponent = order_of(round(value, -last) or value)
     if plain_from <= exponent <= LARGEST_PLAIN:
         return Digits(f"{round(value, -last):.{max(0, -last)}f}")

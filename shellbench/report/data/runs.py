@@ -123,6 +123,11 @@ def _judged(row: Row) -> bool:
     return row.passed is not None and row.default_settings and not row.label
 
 
+def is_graded(row: Row) -> bool:
+    """Tell whether a row is judged by a class: its solver has no frozen tolerances."""
+    return row.default_settings and not row.own_case and row.solver not in catalog.tolerances()
+
+
 def told_apart(rows: Sequence[Row], records: Mapping[str, Record] | None = None) -> tuple[list[Row], dict[str, Record]]:
     """Return rows and records, a user's own case that has the name of one of the suite's under another name."""
     names = set(catalog.case_names())

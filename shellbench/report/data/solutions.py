@@ -17,7 +17,7 @@ from shellbench.bench.catalogue.reference import KnownValue, KnownValues
 from shellbench.bench.judge.row import Row
 from shellbench.bench.store.record import ANSWERED, NOT_SETTLED
 from shellbench.report.data.columns import frame
-from shellbench.report.data.notation import Notation, power_of_ten
+from shellbench.report.data.notation import MARKDOWN, Notation, allowance, percent, rounded
 from shellbench.report.data.runs import Known, grouped, same_but_for_seed, solution_name, variant_name
 
 THEORIES = {
@@ -42,7 +42,7 @@ BLOCK = ["case", "own_case", "quantity", "at"]  # what a row is a figure of, the
 NUMBERS = ["value", "uncertainty", "relative_error", "absolute_error", "seed", "parameters", "storage_bytes", "seconds"]
 NUMBERS += ["peak_memory_bytes", "energy_gap", "reference"]
 
-PASS, SHORT, EXPECTED, NOT_GATED = "pass", "fell short", "expected failure", "not gated"
+PASS, SHORT, EXPECTED, NOT_GATED = "pass", "fail", "expected failure", "not gated"
 STATUS_WORDS = {
     "failed": "run failed",
     "timeout": "timed out",
@@ -51,6 +51,7 @@ STATUS_WORDS = {
     NOT_SETTLED: NOT_SETTLED,
 }
 BAD = (SHORT, *STATUS_WORDS.values())
+MOST_VALUES = 3  # in one line of what fails
 
 
 def theory_words(theory: str | None) -> str:
@@ -234,10 +235,10 @@ class Verdict:
         """The verdict in one sentence."""
         short = self.gated - self.held - self.without_answer - self.unsettled
         have, settled = ("have" if count != 1 else "has" for count in (self.without_answer, self.unsettled))
-        held = f"{'All' if self.good else f'{self.held} of'} {self.gated} gated figures hold"
+        held = f"{'All' if self.good else f'{self.held} of'} {self.gated} gated values pass"
         parts = (
             held if self.gated else "Nothing is gated here",
-            f"{short} fell short" if short else "",
+            f"{short} fail{'s' if short == 1 else ''}" if short else "",
             f"{self.without_answer} {have} no answer" if self.without_answer else "",
             f"{self.unsettled} {settled} not settled" if self.unsettled else "",
             f"{_counted(self.expected, 'expected failure')} (open findings)" if self.expected else "",
@@ -252,20 +253,6 @@ def _counted(count: int, what: str) -> str:
 
 
 @dataclass(frozen=True)
-class Cell:
-    """One solver on one case.
-
-    Attributes
-    ----------
-    state
-        "good", "bad", "expected" or "open".
-    """
-
-    words: str
-    state: str
-
-
-@dataclass(frozen=True)
 class Shortfall:
     """Runs of one solver on one case that fell short for the same reason: which seeds, in what, and why."""
 
@@ -275,16 +262,56 @@ class Shortfall:
 
 
 def shortfalls(rows: Sequence[Row]) -> list[Shortfall]:
-    """Return one entry for each case, solver and reason of values that failed or have no answer."""
-    bad = [row for row in rows if row.passed is False or row.status not in ("ok", "declined")]
-    groups = grouped(bad, lambda row: (row.case_title or row.case, solution_name(row), row.status, row.reason or ""))
+    """Return the values that fail or have no answer, a line for each case, solver and reason; expected ones too."""
+    bad = [row for row in rows if row.passed is False or _is_expected(row) or row.status not in ("ok", "declined")]
+    groups = grouped(bad, lambda row: (row.case_title or row.case, solution_name(row), *_why(row)))
     found = []
-    for (case, solution, status, reason), of_group in groups.items():
+    for (case, solution, word, reason), of_group in groups.items():
         seeds = list(dict.fromkeys(str(row.seed) for row in of_group if row.seed is not None))
         which = f"seed{'s' if len(seeds) > 1 else ''} {', '.join(seeds)}, " if seeds else ""
-        what = f"{STATUS_WORDS.get(status, SHORT)} ({', '.join(dict.fromkeys(row.quantity for row in of_group))})"
-        found.append(Shortfall(case, solution, f"{which}{what}" + (f": {reason}" if reason else "")))
+        values = list(dict.fromkeys(map(value_words, of_group)))
+        more = f" and {len(values) - MOST_VALUES} more" if len(values) > MOST_VALUES else ""
+        shown = ", ".join(values[:MOST_VALUES]) + more
+        found.append(Shortfall(case, solution, f"{which}{word} ({shown})" + (f": {reason}" if reason else "")))
     return found
+
+
+def _is_expected(row: Row) -> bool:
+    return row.passed is None and row.open_finding is not None
+
+
+def _why(row: Row) -> tuple[str, str]:
+    """Return what became of a value, and why; nothing if its error says so."""
+    if row.status != "ok":
+        return STATUS_WORDS.get(row.status, SHORT), row.reason or ""
+    if _is_expected(row):
+        return EXPECTED, row.open_finding or ""
+    exceeds = row.judged_error is not None and row.tolerance is not None and abs(row.judged_error) > row.tolerance
+    return SHORT, "" if exceeds else row.reason or ""
+
+
+def value_words(row: Row, with_allowed: bool = True) -> str:
+    """Return a value's name, its error and the error that is allowed; its name alone if no error is known."""
+    name = row.quantity.replace("_", " ") + (f" at {row.mark}" if row.mark else "")
+    if row.judged_error is None or row.status != "ok":
+        return name
+    allowed = f" ({allowed_words(row)} allowed)" if with_allowed and row.tolerance is not None else ""
+    return f"{name} {size_words(row, row.judged_error)}{allowed}"
+
+
+def allowed_words(row: Row) -> str:
+    """Return the largest error that a row is allowed."""
+    if row.tolerance is not None and not row.tolerance_is_absolute:
+        return f"{MARKDOWN.number(allowance(row.tolerance))} %"
+    return size_words(row, row.tolerance)
+
+
+def size_words(row: Row, size: float | None, notation: Notation = MARKDOWN) -> str:
+    """Return an error in percent, or in the row's unit where its tolerance is absolute; plain words unless told."""
+    size = size or 0.0
+    if not row.tolerance_is_absolute:
+        return notation.number(percent(size)) + (" %" if notation is MARKDOWN else notation.per_cent)
+    return f"{notation.number(rounded(size, abs(size) / 10))} {row.unit}".strip()
 
 
 def overall(rows: Sequence[Row]) -> Verdict:
@@ -306,34 +333,3 @@ def overall(rows: Sequence[Row]) -> Verdict:
         without_answer=sum(not row.passed and row.status not in ANSWERED for row in gated),
         unsettled=sum(not row.passed and row.status == NOT_SETTLED for row in gated),
     )
-
-
-def matrix(rows: Sequence[Row], notation: Notation) -> tuple[list[str], list[tuple[str, list[Cell]]]]:
-    """Return the gated solvers, and for each case its title and each solver's worst headline error on it.
-
-    The verdict of a cell is over all gated quantities of the case, not the headline alone.
-    """
-    gated = [row for row in rows if row.passed is not None or row.open_finding]
-    of_both = grouped(gated, lambda row: (row.case, solution_name(row)))
-    solvers = list(dict.fromkeys(solver for _, solver in of_both))
-    titles = {row.case: row.case_title or row.case for row in gated}
-    return solvers, [
-        (title, [_cell(of_both.get((case, solver), []), notation) for solver in solvers])
-        for case, title in titles.items()
-    ]
-
-
-def _cell(rows: Sequence[Row], notation: Notation) -> Cell:
-    if not rows:
-        return Cell(notation.missing, "open")
-    words = verdict(rows)
-    state = {PASS: "good", EXPECTED: "expected", NOT_GATED: "open"}.get(words, "bad" if words in BAD else "open")
-    headline = [row for row in rows if row.primary]
-    errors = [row.relative_error for row in headline if row.relative_error is not None]
-    if not errors:
-        return Cell(notation.escape(words), state)
-    shown = [max(errors, key=abs)]
-    if headline[0].tolerance is not None and not headline[0].tolerance_is_absolute:
-        shown.append(headline[0].tolerance)
-    numbers = " / ".join(notation.number(power_of_ten(one)) for one in shown)
-    return Cell(f"{notation.escape(words)}: {numbers}", state)

@@ -23,6 +23,7 @@ from shellbench.report.data.solutions import overall
 from shellbench.report.data.table import Table
 from shellbench.report.page.leaves import WHOLE, Leaf, render_page
 from shellbench.report.page.view import page_scripts
+from shellbench.report.sections.results import class_words
 from shellbench.report.sections.tables import displacement_tables
 
 SITE = "shellbench board"
@@ -99,7 +100,7 @@ def submissions_table(entries: Sequence[Entry]) -> Table:
                 "cases": f"{len(cases)} of {len(asked)}",
                 "runs": len(entry.records),
                 "held": f"{verdict.held} of {verdict.gated}",
-                "class": "not checked" if grade.unchecked else _class(grade.held),
+                "class": "not checked" if grade.unchecked else class_words(grade.held),
                 "remeasured": f"{marks.count('yes')} of {len(marks)}"
                 + (f", {marks.count('differs')} differ" if "differs" in marks else ""),
                 "checksum": entry.pack.manifest.checksum[:12],
@@ -122,10 +123,6 @@ def submissions_table(entries: Sequence[Entry]) -> Table:
             column("checksum", "Checksum", code),
         ),
     )
-
-
-def _class(held: float | None) -> str:
-    return f"{held:.0e}".replace("e-0", "e-") if held else "none"
 
 
 def case_tables(entries: Sequence[Entry]) -> list[Table]:

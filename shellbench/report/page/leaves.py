@@ -13,10 +13,11 @@ from shellbench.report.data.exhibit import Exhibit, data_uri
 from shellbench.report.data.notation import HTML, Notation, anchor
 from shellbench.report.data.runs import rows_at_home, suite_title
 from shellbench.report.data.section import Section, all_tables
-from shellbench.report.data.solutions import matrix, shortfalls
+from shellbench.report.data.solutions import shortfalls
 from shellbench.report.data.table import Table
 from shellbench.report.figures.pictures import COMPOSITE
 from shellbench.report.sections.convergence import CONVERGENCE
+from shellbench.report.sections.results import RESULTS, results
 
 START, WHOLE = "index", "report"  # files of a report that are no suite's
 
@@ -134,7 +135,9 @@ def _home_of(leaves: Mapping[str, Leaf]) -> Callable[[Exhibit], str]:
 
     def home(exhibit: Exhibit) -> str:
         for suite in leaves:
-            if exhibit.name == f"{COMPOSITE}{suite}" or exhibit.name.startswith(f"{CONVERGENCE}{suite}_"):
+            if exhibit.name in (f"{COMPOSITE}{suite}", f"{RESULTS}{suite}") or exhibit.name.startswith(
+                f"{CONVERGENCE}{suite}_"
+            ):
                 return suite
         found = Counter(suite for run_id in exhibit.run_ids for suite in pages.get(run_id, ()))
         return max(leaves, key=lambda suite: found[suite])
@@ -144,18 +147,20 @@ def _home_of(leaves: Mapping[str, Leaf]) -> Callable[[Exhibit], str]:
 
 def render_page(template: str, notation: Notation, leaf: Leaf, facts: dict[str, Any]) -> str:
     """Return a page of a template of the report; `facts` are what it names beside the leaf and its tables."""
+    unchecked = facts.get("unchecked", {})
     environment = document.templates(autoescape=notation is HTML)
     environment.filters |= {"escape_words": notation.escape, "code": notation.code, "anchor": anchor}
-    environment.globals |= {"written": lambda table: table.write(notation.name), "files": _table_files}
-    solvers, lines = matrix(leaf.rows, notation)
+    environment.globals |= {
+        "written": lambda table: table.write(notation.name),
+        "files": _table_files,
+        "results_of": lambda one: results(one.rows, notation, unchecked),
+        "shortfalls_of": lambda one: shortfalls(one.rows),
+    }
     cited = dict.fromkeys(source for table in all_tables(leaf.sections) for source in table.cited)
     return environment.get_template(template).render(
         **facts,
         leaf=leaf,
-        short=shortfalls(leaf.rows),
         sources=[(key, facts["bibliography"].get(key)) for key in cited],
-        matrix_solvers=solvers,
-        matrix=lines,
     )
 
 

@@ -19,7 +19,7 @@ from shellbench.report.data import document
 from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import Exhibit, save_all
 from shellbench.report.data.notation import HTML, MARKDOWN
-from shellbench.report.data.runs import Known
+from shellbench.report.data.runs import Known, is_graded
 from shellbench.report.data.section import Section, all_tables
 from shellbench.report.data.solutions import overall
 from shellbench.report.data.table import Table
@@ -27,6 +27,7 @@ from shellbench.report.figures.pictures import PICTURE
 from shellbench.report.page.leaves import WHOLE, Leaf, leaves_of, render_page
 from shellbench.report.page.sections import gather
 from shellbench.report.page.view import LIBRARY, View, library, page_scripts, views
+from shellbench.report.sections.results import unchecked
 from shellbench.report.sections.tables import DISPLACEMENTS, QUANTITIES, render, tables_as_csv
 
 REPORT_COMMAND = "shellbench report"
@@ -86,13 +87,13 @@ def write_report(
             "for_print": for_print,
             "beyond": "" if whole else missing_runs(found.rows),
             "leaves": leaves,
-            "verdicts": {leaf.name: overall(leaf.rows) for leaf in leaves},
+            "unchecked": unchecked(store, found),
         }
         facts["made_by"] = _made_by(facts["makings"], drawn, turned)
         for leaf in leaves:
             on_page = {one.name.removeprefix(PICTURE) for one in leaf.exhibits if one.name.startswith(PICTURE)}
             viewed = page_scripts({case: one for case, one in turned.items() if case in on_page})
-            of_leaf = {"verdict": facts["verdicts"][leaf.name], "solvers": _labels(leaf.rows)} | viewed
+            of_leaf = {"solvers": _labels(leaf.rows)} | viewed
             document.write(out / leaf.file, render_page("leaf.html.j2", HTML, leaf, facts | of_leaf))
         report = Leaf(WHOLE, "", shown, sections)
         document.write(out / "index.html", render_page("index.html.j2", HTML, report, facts | page_scripts({})))
@@ -135,7 +136,7 @@ def _facts(records: Mapping[str, Record], found: Evidence, sections: Sequence[Se
         "version": __version__,
         "site": SITE,
         "whole": WHOLE,
-        "verdict": overall(found.compared),
+        "verdict": overall([row for row in found.compared if not is_graded(row)]),
         "report_command": REPORT_COMMAND,
         "solvers": _labels(found.rows),
         "makings": made,

@@ -22,7 +22,7 @@ from shellbench.report.data.columns import present
 from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import PRINT_DPI, Exhibit, style
 from shellbench.report.data.notation import LATEX_NOTATION
-from shellbench.report.data.runs import Known
+from shellbench.report.data.runs import Known, is_graded
 from shellbench.report.data.section import Section, all_tables
 from shellbench.report.data.solutions import overall, theory_words
 from shellbench.report.data.table import PACKAGES, Table, with_letters_of_latex
@@ -120,7 +120,7 @@ def _document(chapters: Sequence[Section], records: Mapping[str, Record], found:
         "version": __version__,
         "packages": PACKAGES,
         "line_inches": LINE_INCHES,
-        "verdict": overall(found.compared).words,
+        "verdict": overall([row for row in found.compared if not is_graded(row)]).words,
         "chapters": chapters,
         "environments": environments,
         "commands": dict.fromkeys(making.command for making in made),

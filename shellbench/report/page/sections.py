@@ -25,6 +25,7 @@ from shellbench.report.sections import (
     kept,
     memory,
     replication,
+    results,
     seeds,
     tables,
     whole_fields,
@@ -55,7 +56,7 @@ def drawn(name: str, title: str, *prefixes: str) -> Maker:
 
 MAKERS: tuple[Maker, ...] = (
     tables.displacements,
-    drawn("shells", "Shells", COMPOSITE, PICTURE),
+    drawn("shells", "Shells", COMPOSITE, results.RESULTS, PICTURE),
     trace_tables.paths,
     strains.section,
     newton.section,
@@ -109,6 +110,7 @@ def exhibits(evidence: Evidence) -> list[Exhibit]:
     with style():
         return [
             *pictures(evidence),
+            *results.cost_exhibits(evidence),
             *path_exhibits(evidence),
             *motion_exhibits(evidence),
             *newton_exhibits(evidence),

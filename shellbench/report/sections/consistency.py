@@ -13,7 +13,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from shellbench.report.data.columns import Column, Line, code, column, error, frame, words
+from shellbench.report.data.columns import Column, Line, column, error, frame, words
 from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import DASHES, Exhibit, Ink
 from shellbench.report.data.ladder import (
@@ -46,7 +46,6 @@ from shellbench.report.figures.panel import (
 )
 from shellbench.report.sections.resolution import (
     frame_rate_table,
-    mesh_table,
     of_largest,
     resolution_table,
     yardstick_words,
@@ -60,12 +59,11 @@ COMMON: dict[str, Any] = {"marker": "*", "markersize": 8}
 OTHER: dict[str, Any] = {"marker": "x", "markersize": 5, "markeredgewidth": 1.0}
 AROUND: dict[str, Any] = {"marker": "o", "markersize": 6, "markerfacecolor": "none", "markeredgewidth": 1.0}
 GRIDS = (
-    "One solution was asked through grids from coarse to fine. Every continuous field, of finite elements as of a"
-    " network, repeats its answer exactly at the same material point, whatever the grid: that is a property of"
-    " continuity, no merit of a solver. A mesh of the same resolution made from it does not: what it would add is"
-    " shown beside it."
+    "Each solution was evaluated on grids from coarse to fine. A continuous field, of finite elements or of a network,"
+    " gives the same value at the same material point on every grid. That is a property of continuity, not of a solver."
+    " A mesh of the same resolution adds an interpolation error, which is listed beside it."
 )
-RATES = "Motions were asked at many frame rates too, with the same outcome: only frames that are joined add anything."
+RATES = "Motions were evaluated at many frame rates too: only interpolation between frames adds an error."
 SOLVED_AGAIN = "Cases were solved at several resolutions."
 ALIKE_RUNS = f"Alike are runs whose unknowns are within {100 * (ALIKE - 1):.0f} %: other meshes, diagonals or seeds."
 COMPARED = (
@@ -74,11 +72,11 @@ COMPARED = (
     " and instants, relative to the largest displacement of the common run."
 )
 NO_ERROR = (
-    "A small difference between two resolutions of one solver is no small error: a solver can be consistently wrong."
-    " The difference from another solver's run stands beside it for that reason, and the known values stand in the"
-    " tables of displacements."
+    "A small difference between two resolutions of one solver does not mean a small error: a solver can be consistently"
+    " wrong. The table therefore also gives the difference from another solver's run. The known values are in the"
+    " tables of headline values."
 )
-CLOTH = "Folding cloth amplifies small differences; late ones say how far the problem itself can be foretold."
+CLOTH = "Folding cloth amplifies small differences, so late differences show how predictable the problem is."
 OVER_TIME = (
     "the same difference over time, the largest over the points, a line for each run, the finer the darker; dotted:"
     " each solver's finest run from the common one."
@@ -99,17 +97,17 @@ def section(evidence: Evidence) -> Section | None:
     """Return the section; None if no run was seen through grids and no two runs can be compared."""
     cases = evidence.once(case_runs)
     compared = consistency_table(cases)
-    queries = [make(evidence) for make in (resolution_table, frame_rate_table, mesh_table)]
+    queries = [make(evidence) for make in (resolution_table, frame_rate_table)]
     tables = given(compared, *queries)
     if not tables:
         return None
     return Section(
         name="consistency",
         title="Resolution consistency",
-        words=(*_words(cases, compared, *queries[:2]), *remarks_on(evidence.rows, "resolution")),
+        words=(*_words(cases, compared, *queries), *remarks_on(evidence.rows, "resolution")),
         tables=tables,
         exhibits=tuple(exhibit for case in cases if (exhibit := _exhibit(case, evidence.inks)) is not None),
-        details=given(pair_table(cases), drift_table(cases)),
+        details=given(pair_table(cases)),
     )
 
 
@@ -239,7 +237,11 @@ def pair_table(cases: Sequence[CaseRuns]) -> Table:
     """Return a line for each pair of runs that is compared."""
     lines = [
         {
-            **_common(case, ladder, run, pair=kind),
+            **case.line(ladder),
+            "pair": kind,
+            "run": run.name,
+            "unknowns": run.unknowns,
+            "time_steps": run.time_steps,
             "other_solver": other.row.solver,
             "other": other.name,
             "other_unknowns": other.unknowns,
@@ -270,11 +272,6 @@ def pair_table(cases: Sequence[CaseRuns]) -> Table:
     )
 
 
-def _common(case: CaseRuns, ladder: Ladder, run: Run, **kind: str) -> dict[str, Any]:
-    said = {"run": run.name, "unknowns": run.unknowns, "time_steps": run.time_steps}
-    return case.line(ladder) | kind | said
-
-
 def _pairs(case: CaseRuns, ladder: Ladder) -> Iterator[tuple[str, Run, Run]]:
     for finer in FINER:
         yield from ((f"next in {finer}", coarse, fine) for coarse, fine in ladder.steps(finer))
@@ -283,33 +280,6 @@ def _pairs(case: CaseRuns, ladder: Ladder) -> Iterator[tuple[str, Run, Run]]:
         yield from (("marginally different", other, one) for i, one in enumerate(level) for other in level[:i])
     common = case.yardstick
     yield from (("common run", run, common) for run in ladder.runs if common is not None and run is not common)
-
-
-def drift_table(cases: Sequence[CaseRuns]) -> Table:
-    """Return a line for each run and quantity: its value, and the finest run's of the same solver."""
-    lines = [
-        {
-            **_common(case, ladder, run),
-            "quantity": name,
-            "value": value.value,
-            "finest_value": ladder.finest.record.values[name].value,
-            "drift": drift(run, ladder.finest, name),
-            "run_ids": f"{run.record.run_id} {ladder.finest.record.run_id}",
-        }
-        for case in cases
-        for ladder in case.ladders
-        for run in ladder.runs
-        if run is not ladder.finest
-        for name, value in run.record.values.items()
-        if name in ladder.finest.record.values
-    ]
-    return Table(
-        name="consistency_drift",
-        title="Drift of all quantities",
-        caption="Each quantity less that of the same solver's finest run, relative to the latter.",
-        data=frame(lines),
-        columns=("solver", "run", column("quantity", "Quantity", code), column("drift", "Drift", error)),
-    )
 
 
 def consistency_figure(case: CaseRuns, ladders: Sequence[Ladder], inks: Mapping[str, Ink]) -> Figure:

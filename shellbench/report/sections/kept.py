@@ -9,13 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from statistics import fmean
-from typing import Any
 
 from matplotlib.figure import Figure
 
 from shellbench.bench.judge.row import Row
 from shellbench.report.data.accuracy import SMALLEST, CaseAccuracy, Family, Measure, Point, family, sizes
-from shellbench.report.data.columns import Line, column, frame, share, size, words
+from shellbench.report.data.columns import Line, column, frame, share, words
 from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import Exhibit, Ink, inks
 from shellbench.report.data.kept_data import (
@@ -38,7 +37,6 @@ from shellbench.report.figures import panel
 from shellbench.report.sections.cost import cost_figure
 from shellbench.report.sections.resolution import of_largest
 
-LEVELS = (1e-2, 1e-3, 1e-4)
 MEASURES: tuple[Measure, ...] = ("storage", "memory", "seconds")
 COMPARED = 3  # finest sizes of a sweep whose displacements stand beside each other
 WIDTH, HEIGHT, MARGIN = 3.5, 2.3, 0.45  # inches: a panel, its height, and the legend
@@ -61,9 +59,7 @@ def section(evidence: Evidence) -> Section | None:
     found = [one for case in cases if (one := _accuracy(evidence, case, lines[case], failed.get(case, ()))) is not None]
     about = {case: summary.cases[case] for case in cases}
     solvers = {run.solver for run in summary.runs}
-    tables = given(
-        size_table(found, finest_only=True), level_table(found), point_table(about, lines), grid_table(about, lines)
-    )
+    tables = given(size_table(found, finest_only=True), point_table(about, lines))
     if not tables:
         return None
     return Section(
@@ -183,35 +179,6 @@ def _longest(one: CaseAccuracy, solver: str) -> Family:
     return next(each for each in one.of(solver) if each.swept)
 
 
-def level_table(found: Sequence[CaseAccuracy]) -> Table:
-    """Return the fewest bytes of each solver's kept runs at stated errors."""
-    lines: list[dict[str, Any]] = []
-    for one in found:
-        floor = one.yardstick.floor
-        for solver in one.solvers:
-            sweeps = [each for each in one.of(solver) if each.swept]
-            line: dict[str, Any] = {"block": one.title, "case": one.case, "solver": solver}
-            for measure in MEASURES:
-                for level in LEVELS:
-                    ways = [way[0] for each in sweeps if (way := each.cheapest(level, floor, measure))]
-                    line[f"{measure}_{level:g}"] = min(ways, default=None)
-            lines += [line] if sweeps else []
-    return Table(
-        name="kept_memory",
-        title="Memory at equal error",
-        caption="Least bytes that keep a solution in double precision, and least peak memory of the solve above what"
-        " its process held before, with which the headline quantity is within 1 %, 0.1 % or 0.01 % of its known value,"
-        " in all seeds and all finer runs of the same sweep, the uncertainty of the known value counted against it."
-        " Kept runs alone; a dash: no run is.",
-        data=frame(lines),
-        columns=(
-            "solver",
-            *(column(f"storage_{level:g}", f"Kept in, {100 * level:g} %", size) for level in LEVELS),
-            *(column(f"memory_{level:g}", f"Peak, {100 * level:g} %", size) for level in LEVELS),
-        ),
-    )
-
-
 def point_table(about: Mapping[str, KeptCase], lines: Mapping[str, Sweeps]) -> Table:
     """Return the distances of the finest discretisations of each solver from each other and from the common run."""
     found = []
@@ -269,43 +236,6 @@ def _common_words(case: KeptCase, sweeps: Sweeps) -> str:
 
 def _is_common(line: Line, notation: Notation) -> str:
     return notation.escape("itself") if line["is_common"] else notation.missing
-
-
-def grid_table(about: Mapping[str, KeptCase], lines: Mapping[str, Sweeps]) -> Table:
-    """Return one solution of each solver as three grids see it."""
-    found = [
-        {
-            "block": about[case].title,
-            "case": case,
-            "solver": solver,
-            "run": runs[-1].label,
-            "storage_bytes": runs[-1].storage,
-            "same": max(grid.difference for grid in runs[-1].grids),
-            **{f"mesh_{grid.points}": grid.mesh_difference for grid in runs[-1].grids},
-            "largest_displacement": about[case].scale,
-            "run_ids": runs[-1].run_id,
-        }
-        for case, sweeps in lines.items()
-        for solver, runs in main_sweeps(sweeps)
-        if runs[-1].grids
-    ]
-    sides = sorted({grid.points for sweeps in lines.values() for runs in sweeps.values() for grid in runs[-1].grids})
-    return Table(
-        name="kept_grids",
-        title="One solution asked through three grids",
-        caption=f"The finest solution of each solver, asked through grids of {', '.join(map(str, sides))} points a"
-        " side. Same point: the largest difference at the same material points (zero, or rounding, of every continuous"
-        " field). Mesh: what the bilinear mesh of n×n points made from it would be off, at the points of the finest"
-        " grid. Relative to the largest displacement.",
-        data=frame(found),
-        columns=(
-            "solver",
-            "run",
-            "storage_bytes",
-            column("same", "Same point, any grid", of_largest),
-            *(column(f"mesh_{side}", f"Mesh {side}×{side}", of_largest) for side in sides[:-1]),
-        ),
-    )
 
 
 def _exhibits(

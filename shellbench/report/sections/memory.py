@@ -73,7 +73,7 @@ def section(evidence: Evidence) -> Section | None:
     """Return the section; None if no run says how many bytes it takes."""
     found = evidence.once(case_runs)
     cases = [one for one in found if any(run.record.storage_bytes for ladder in one.ladders for run in ladder.runs)]
-    tables = given(level_table(cases), rounding_table(cases), solve_table(cases))
+    tables = given(level_table(cases), rounding_table(cases))
     if not tables:
         return None
     studied = [case for case in cases if any(len(ladder.levels) > 1 for ladder in case.ladders)]
@@ -83,7 +83,6 @@ def section(evidence: Evidence) -> Section | None:
         words=(*WORDS, *remarks_on(evidence.rows, "resolution")),
         tables=tables,
         exhibits=tuple(one for case in studied or cases if (one := _exhibit(case, evidence.inks)) is not None),
-        details=given(solve_table(cases, finest_only=False)),
     )
 
 
@@ -249,35 +248,6 @@ def rounding_table(cases: Sequence[CaseRuns]) -> Table:
 
 def _not_finite(line: Line, notation: Notation) -> str:
     return notation.escape("not finite")
-
-
-def solve_table(cases: Sequence[CaseRuns], *, finest_only: bool = True) -> Table:
-    """Return the memory of the solve, of each solver's finest run or of all."""
-    lines = [
-        {
-            **case.line(ladder, run),
-            "unknowns": run.unknowns,
-            "time_steps": run.time_steps,
-            "storage_bytes": run.record.storage_bytes,
-            "peak_memory_bytes": peak,
-            "solve_memory_bytes": peak - idle if (idle := run.record.idle_memory_bytes) is not None else None,
-        }
-        for case in cases
-        for ladder in case.ladders
-        for run in ((ladder.finest,) if finest_only else ladder.runs)
-        if (peak := run.record.peak_memory_bytes) is not None
-    ]
-    return Table(
-        name="memory_solve" if finest_only else "memory_runs",
-        title="Memory of the solve" if finest_only else "Memory of all runs",
-        caption="Largest resident memory of the solving process; and the same less what the process held before the"
-        " solve, its libraries above all." + (" Each solver's finest run." if finest_only else ""),
-        data=frame(lines),
-        columns=(
-            *("solver", "run", "unknowns", "storage_bytes", "solve_memory_bytes"),
-            column("peak_memory_bytes", "Peak"),
-        ),
-    )
 
 
 def memory_figure(

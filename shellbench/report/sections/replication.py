@@ -13,13 +13,14 @@ from shellbench.bench.catalogue.reference import KnownValue
 from shellbench.bench.judge.row import Row
 from shellbench.bench.store.record import Record
 from shellbench.protocol.history import HistoryStep
-from shellbench.report.data.columns import column, count, frame, significant
+from shellbench.report.data.columns import column, count, frame, share
 from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.runs import grouped, solution_name
 from shellbench.report.data.section import Section, given
 from shellbench.report.data.table import Table
 
 CERTIFIED = "certified_energy"  # in steps of a history, J
+TRAINED = 10  # iterations from which a solve is a training: those of a direct or Newton solve in the course are 3
 SHARES = (0.25, 0.5, 1.0)  # of a training, at which it is looked at
 
 
@@ -55,11 +56,14 @@ def is_linear(row: Row) -> bool:
 def course(record: Record, end_counts: bool) -> list[tuple[HistoryStep, float]]:
     """Return the steps of a training whose energies were certified, with these, J; none of other solves.
 
-    A training that certified the energy of its end alone has one, where that counts.
+    A training that certified the energy of its end alone has one, where that counts; a solve of fewer than `TRAINED`
+    iterations is none.
     """
     found = [(step, step.quantities[CERTIFIED]) for step in record.history if CERTIFIED in step.quantities]
     last, end = record.history[-1:], record.diagnostics.get(CERTIFIED)
-    return found or [(step, float(end)) for step in last if end_counts and isinstance(end, float)]
+    return found or [
+        (step, float(end)) for step in last if end_counts and isinstance(end, float) and step.iteration >= TRAINED
+    ]
 
 
 def published(row: Row, value: KnownValue) -> dict[str, Any]:
@@ -112,8 +116,8 @@ def table(lines: list[dict[str, Any]]) -> Table:
             "solution",
             column("seed", "Seed", count),
             column("iteration", "Iteration", count),
-            column("above", "Energy above the least", significant(2)),
-            column("gap", "Gap", significant(2)),
+            column("above", "Energy above the least", share),
+            column("gap", "Gap", share),
             "error",
             "seconds",
         ),

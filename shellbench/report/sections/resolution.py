@@ -13,14 +13,13 @@ from typing import Any
 import pandas as pd
 
 from shellbench.protocol.history import FrameRateStep, ResolutionStep
-from shellbench.report.data.columns import Line, code, column, frame, present, share, words
+from shellbench.report.data.columns import Line, code, column, frame, present, share
 from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.ladder import CaseRuns
 from shellbench.report.data.notation import BYTES_A_POINT, TEXT, Notation, byte_size, percent, rounded
 from shellbench.report.data.runs import groups_alike, in_order_of_cases
 from shellbench.report.data.table import Note, Table
 
-MESH_DIFFERENCES = "mesh_differences"
 SAME_RATE = 1.2  # ratio up to which frame rates stand in one column
 ADDED = ("interpolation_difference", "interpolation_rms")  # what a mesh, or a sequence of frames, would add
 SOLUTION = column("solution", way=code)
@@ -119,32 +118,6 @@ def nominal_rates(rates: Sequence[float]) -> dict[float, int]:
     """Return for each frame rate one that stands for those near it: whole frames seldom fit a motion's length."""
     groups = groups_alike(sorted(set(rates)), lambda rate: rate, SAME_RATE)
     return {rate: round(math.sqrt(group[0] * group[-1])) for group in groups for rate in group}
-
-
-def mesh_table(evidence: Evidence) -> Table:
-    """Return the table of differences between successive meshes of one solver."""
-    lines: list[dict[str, Any]] = []
-    for common, record in _common(evidence):
-        reported = record.diagnostics.get(MESH_DIFFERENCES)
-        largest = max((step.largest_displacement for step in record.resolution), default=None)
-        for step in reported if isinstance(reported, list) else ():
-            if isinstance(step, dict) and isinstance(step.get("largest_difference"), int | float):
-                mesh = "×".join(str(n) for n in step.get("cells", ()))
-                difference = float(step["largest_difference"])
-                lines.append(common | {"mesh": mesh, "difference": difference, "largest_displacement": largest})
-    return Table(
-        name="meshes",
-        title="Differences between meshes",
-        caption="Largest difference of the displacement between each mesh of one solve and the mesh before it, at"
-        " fixed material points; relative to the largest displacement.",
-        data=frame(lines),
-        columns=(
-            SOLUTION,
-            column("mesh", "Mesh (cells)", words, right=True),
-            column("difference", "Difference to the mesh before (m)", metres),
-            column("difference", "Relative", of_largest),
-        ),
-    )
 
 
 def metres(value: float, line: Line, notation: Notation) -> str:

@@ -7,21 +7,16 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 
 from shellbench.report.data.columns import Column, Line, column, count, share
 from shellbench.report.data.evidence import Evidence
-from shellbench.report.data.exhibit import Exhibit
-from shellbench.report.data.notation import TEXT, Notation, percent, plain, rounded
+from shellbench.report.data.notation import Notation, rounded
 from shellbench.report.data.rates import known_yardstick
-from shellbench.report.data.runs import rows_at_home, run_ids, suite_title
-from shellbench.report.data.section import Section
+from shellbench.report.data.section import Section, given
 from shellbench.report.data.table import Note, Table
-from shellbench.report.figures.panel import SHADE, SMALLEST, add_legend, draw, entry, finish, open_figure, shade_entry
 
 WIDTH, LINE, GAP, MARGIN = 6.2, 0.155, 0.1, 1.0  # inches of the figure, a line, between cases, and of axis and legend
-DRAWN = ("title", "solver", "studied", "with_defaults", "unit", "floor", "errors")  # and not in the table
+WORKING = ("title", "solver", "studied", "unit", "floor", "errors")  # and not in the table
 
 
 def section(evidence: Evidence) -> Section | None:
@@ -29,41 +24,20 @@ def section(evidence: Evidence) -> Section | None:
     found = seed_spreads(evidence)
     if found.empty:
         return None
-    homes = rows_at_home([row for row in evidence.rows if row.primary])
-    home = {row.run_id: suite for suite, rows in homes.items() for row in rows}
-    shown = found[found["with_defaults"]]
-    suites = shown["run_ids"].map(lambda ids: home.get(ids.partition(" ")[0], ""))
+    compared = found[~found["studied"]]
     return Section(
         name="seeds",
         title="Spread over seeds",
         words=(
-            "A field starts from random numbers. These are the answers of runs that differ in nothing else: if they"
-            " lie apart, no single one is the solver's answer, and the worst seed is what a user may get.",
+            "A neural field starts from random numbers. These runs differ in nothing else. Their spread shows how much"
+            " an answer depends on the seed; a user may get the worst one.",
         ),
-        tables=_tables(found, studied=False),
-        exhibits=tuple(_exhibit(suite, of_suite, evidence) for suite, of_suite in shown.groupby(suites, sort=False)),
-        details=_tables(found, studied=True),
-    )
-
-
-def _exhibit(suite: str, spreads: pd.DataFrame, evidence: Evidence) -> Exhibit:
-    return Exhibit(
-        name=f"seeds_{suite}" if suite else "seeds",
-        title=f"{suite_title(suite)}: seeds" if suite else "Seeds",
-        caption="Relative error of the headline quantity for each seed, default settings; a mark is a run."
-        " Shaded: the uncertainty of the known value, below which errors can't be told apart. Where no value is"
-        " known (marked with a dagger) the distance from the mean of the seeds.",
-        description="; ".join(
-            f"{spread.title}, {spread.solution}: largest {TEXT.number(percent(max(spread.errors, key=abs)))} %"
-            for spread in spreads.itertuples()
-        ),
-        figure=seed_figure(spreads, evidence),
-        run_ids=run_ids(spreads),
+        tables=given(seed_table(compared)),
     )
 
 
 def seed_spreads(evidence: Evidence) -> pd.DataFrame:
-    """Return a line for each case and solver of which two seeds or more ended well: those of the table, and `DRAWN`.
+    """Return a line for each case and solver of which two seeds or more ended well: those of the table, and `WORKING`.
 
     Errors are relative to the known value, or from the mean where there is none.
     """
@@ -94,7 +68,6 @@ def _spread(alike: pd.DataFrame, evidence: Evidence) -> dict[str, Any] | None:
         "block": f"{first['title']} ({first['unit']})" if first["unit"] else first["title"],
         **{name: first[name] for name in ("case", "title", "solver", "solution", "unit")},
         "studied": not first["default_settings"] and bool(first["studies"]),
-        "with_defaults": first["default_settings"] and not first["own_case"],
         "seeds": " ".join(map(str, seeds)),
         "answered": len(good),
         "asked": len(runs),
@@ -118,22 +91,16 @@ def naturally(words: str) -> list[tuple[int, str]]:
     return [(int(part), "") if part.isdigit() else (0, part) for part in parts]
 
 
-def _tables(found: pd.DataFrame, studied: bool) -> tuple[Table, ...]:
-    kind = found[found["studied"] == studied]
-    return (seed_table(kind, studied),) if len(kind) else ()
-
-
-def seed_table(found: pd.DataFrame, studied: bool = False) -> Table:
-    """Return the table of spreads of runs that compare solvers, or of those that are `studied` at many sizes."""
+def seed_table(found: pd.DataFrame) -> Table:
+    """Return the table of spreads."""
     return Table(
-        name="seeds_studied" if studied else "seeds",
-        title="Spread over seeds in studies" if studied else "Spread over seeds",
+        name="seeds",
+        title="Spread over seeds",
         caption="Mean and sample standard deviation of the headline quantity over seeds; the standard deviation and"
         " the largest distance from the mean relative to the known value, or to the mean where none is known; mean and"
         " largest error against the known value, and the seed that has the largest. Those of a position are relative to"
-        " the extent of the shell. Runs that failed are not in these"
-        " figures.",
-        data=found.drop(columns=list(DRAWN)),
+        " the extent of the shell. Runs that failed are left out.",
+        data=found.drop(columns=list(WORKING)),
         columns=(
             "solution",
             Column("Seeds", _seeds),
@@ -158,34 +125,3 @@ def _seeds(line: Line, notation: Notation) -> str:
 
 def _mean(mean: float, line: Line, notation: Notation) -> str:
     return notation.number(rounded(mean, line["standard_deviation"] or None))
-
-
-def seed_figure(spreads: pd.DataFrame, evidence: Evidence) -> Figure:
-    """Draw the magnitude of each seed's error; cases in their order from the top, solvers below each other."""
-    cases = spreads.groupby("title", sort=False)
-    figure, ((axes,),) = open_figure((WIDTH, LINE * len(spreads) + GAP * len(cases) + MARGIN))
-    sizes = spreads["errors"].map(lambda errors: sorted(100 * max(SMALLEST, abs(error)) for error in errors))
-    left = min(map(min, sizes)) / 3
-    y, ticks = 0.0, {}
-    for title, of_case in cases:
-        top = y
-        for place, spread in of_case.iterrows():
-            y += LINE
-            draw(axes, sizes[place], [y - LINE / 2] * len(sizes[place]), evidence.inks[spread["solver"]], linewidth=0.8)
-        floor = 100 * of_case["floor"].max()
-        if floor > left:
-            axes.add_patch(
-                Rectangle((left, top), floor - left, y - top, color=SHADE, alpha=0.35, linewidth=0, zorder=0)
-            )
-        ticks[(top + y) / 2] = plain(title) + (" †" if of_case["reference"].isna().iloc[0] else "")
-        y += GAP
-    finish([axes], "magnitude of the relative error (%)", log="x")
-    axes.set_xlim(left, max(map(max, sizes)) * 3)
-    axes.set_ylim(y, -GAP)
-    axes.set_yticks(list(ticks), list(ticks.values()))
-    axes.tick_params(axis="y", length=0)
-    axes.grid(visible=False, axis="y")
-    axes.spines["left"].set_visible(False)
-    entries = {solver: entry(evidence.inks[solver]) for solver in spreads["solver"].unique()}
-    add_legend(figure, entries | shade_entry(100 * spreads["floor"].max() > left), 4)
-    return figure

@@ -36,7 +36,7 @@ from shellbench.report.data.table import Format, Note, Table
 from shellbench.report.sections.engines_table import STUDY, checked_cases, cross_check_table, is_cross_check
 
 DISPLACEMENTS, QUANTITIES = "displacements_", "quantities_"  # how names of tables begin
-HEADLINES = "Headline figures"  # where there are none
+HEADLINES = "Headline values"  # where there are none
 
 
 def render(
@@ -145,11 +145,11 @@ def caption(theories: Sequence[str], stated: bool = False) -> str:
     """Say what judges, and how the errors are to be read."""
     sentences = {
         f"Errors are relative to the converged value of {' and '.join(theories)} theory.": bool(theories),
-        "Figures of other theories or origins stand beside it and do not judge; below is said where their theory"
-        " differs. A solver's value and error are means over its seeds, beside the error of its worst seed. Digits in"
-        " brackets are the uncertainty of the last digits.": True,
-        "The own uncertainty is what a solver states of its answer itself, the largest over its seeds.": stated,
-        "Unknowns are free parameters or degrees of freedom; time is wall time of the solve and memory the largest"
+        "Values of other theories or origins are listed for comparison; notes name their theory. A solver's value and"
+        " error are means over its seeds, beside the error of its worst seed. Digits in brackets are the uncertainty"
+        " of the last digits.": True,
+        "Uncertainty is the error estimate of the solver itself, the largest over its seeds.": stated,
+        "Unknowns are free parameters or degrees of freedom. Time is wall time of the solve. Memory is the largest"
         " of the solving process.": True,
     }
     return " ".join(sentence for sentence, told in sentences.items() if told)
@@ -173,7 +173,7 @@ def notes(rows: Sequence[Row], lines: Sequence[Line], known: Known) -> list[Note
     if any(map(within_doubt, lines)):
         remarks.append(Note("*", "the error is smaller than the uncertainty of the known value"))
     if any(map(fell_short, lines)):
-        remarks.append(Note(NOT_CONVERGED, "the solver stopped before it was as sure as it asks of itself"))
+        remarks.append(Note(NOT_CONVERGED, "the solver stopped before it reached its own tolerance"))
     remarks += [
         Note(f"{name} ({'; '.join(dict.fromkeys(of))})", text, source) for (name, text, source), of in about.items()
     ]

@@ -64,7 +64,25 @@
     });
   }
 
+  /* A link to what is folded opens it; paper shows all. */
+  function unfold() {
+    const target = location.hash.length > 1 && document.getElementById(decodeURIComponent(location.hash.slice(1)));
+    for (let fold = target && (target.querySelector(":scope > details") || target.closest("details")); fold; ) {
+      fold.open = true;
+      fold = fold.parentElement.closest("details");
+    }
+    if (target) {
+      target.scrollIntoView();
+    }
+  }
+
+  window.addEventListener("hashchange", unfold);
+  window.addEventListener("beforeprint", () => {
+    document.querySelectorAll("section > details").forEach((fold) => (fold.open = true));
+  });
+
   document.addEventListener("DOMContentLoaded", () => {
+    unfold();
     [...document.querySelectorAll("table")].filter((table) => table.tHead).forEach(makeSortable);
   });
 })();

@@ -8,6 +8,9 @@
   const AXES = ["x", "y", "z"];
   const UP = { x: [1, 2, 0], y: [2, 0, 1], z: [0, 1, 2] }; // axes drawn as Plotly's x, y and z, of which z points up
   const BODY = "#ccbda8"; // of obstacles, as in the still pictures
+  const NIGHT = window.matchMedia("(prefers-color-scheme: dark)").matches;
+  const INK = NIGHT ? "#e6e9ee" : "#1b1f24";
+  const PAPER = NIGHT ? "#14181d" : "#fff";
   const COLOURS = { magnitude: "magnitude", x: "x component", y: "y component", z: "z component" };
   const WIRES = 13; // coordinate lines of the reference surface in each direction, as in the still pictures
   const [WIDE, FAR] = [2.0, 2.4]; // of the eye from the middle at first, in sizes of the box; where it is narrow
@@ -211,7 +214,7 @@
     const at = (axis, i) => Math.round((i * (shape[axis] - 1)) / (WIRES - 1));
     const lines = [0, 1].flatMap((axis) => Array.from({ length: WIRES }, (_, i) => [axis, at(axis, i)]));
     const edges = held.map(([axis, side]) => [axis, side === "min" ? 0 : shape[axis] - 1]);
-    const [light, thick] = [{ color: "#8c959f", width: 1.5 }, { color: "#1b1f24", width: 5 }];
+    const [light, thick] = [{ color: "#8c959f", width: 1.5 }, { color: INK, width: 5 }];
     return [surface(view), wire(view, lines, light), wire(view, edges, thick), ...obstacles(view)];
   }
 
@@ -229,14 +232,15 @@
         range: [middle - 0.51 * spans[k], middle + 0.51 * spans[k]],
         title: { text: flat ? "" : `${AXES[k]} (${kept.unit})`, font: { size: 11 } },
         showticklabels: !flat, nticks: 5, tickfont: { size: 10 }, showspikes: false, zeroline: false,
-        gridcolor: "#e5e8eb", backgroundcolor: "#fff",
+        gridcolor: NIGHT ? "#3b434d" : "#e5e8eb", backgroundcolor: PAPER,
       };
     });
     const { x: xaxis, y: yaxis, z: zaxis } = turnedUp(view.field, axes);
     return {
       margin: { l: 0, r: 0, t: 0, b: 0 },
       showlegend: false,
-      font: { family: "system-ui, sans-serif", size: 12, color: "#1b1f24" },
+      font: { family: "system-ui, sans-serif", size: 12, color: INK },
+      paper_bgcolor: PAPER,
       scene: {
         xaxis, yaxis, zaxis, domain: view.narrow ? { y: [BELOW, 1] } : { x: [0, 1 - BESIDE] }, dragmode: "turntable", camera: firstCamera(view), uirevision: "kept",
         aspectmode: "manual", aspectratio: turnedUp(view.field, spans.map((span) => span / largest)),
