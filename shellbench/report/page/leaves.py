@@ -50,11 +50,6 @@ class Leaf:
         return {row.case: row.case_title or row.case for row in self.rows}
 
     @property
-    def solvers(self) -> dict[str, str]:
-        """Solvers that it compares, with what they say of themselves."""
-        return {row.solver: row.solver_label for row in self.rows}
-
-    @property
     def exhibits(self) -> list[Exhibit]:
         """All its figures."""
         return [exhibit for section in self.sections for exhibit in section.all_exhibits]
@@ -147,13 +142,12 @@ def _home_of(leaves: Mapping[str, Leaf]) -> Callable[[Exhibit], str]:
 
 def render_page(template: str, notation: Notation, leaf: Leaf, facts: dict[str, Any]) -> str:
     """Return a page of a template of the report; `facts` are what it names beside the leaf and its tables."""
-    unchecked = facts.get("unchecked", {})
     environment = document.templates(autoescape=notation is HTML)
     environment.filters |= {"escape_words": notation.escape, "code": notation.code, "anchor": anchor}
     environment.globals |= {
         "written": lambda table: table.write(notation.name),
         "files": _table_files,
-        "results_of": lambda one: results(one.rows, notation, unchecked),
+        "results_of": lambda one: results(one.rows, notation, facts.get("unchecked", {})),
         "shortfalls_of": lambda one: shortfalls(one.rows),
     }
     cited = dict.fromkeys(source for table in all_tables(leaf.sections) for source in table.cited)

@@ -175,14 +175,15 @@ def _cell(rows: Sequence[Row], notation: Notation) -> Cell:
     if (failing := _failing(rows)) is not None:
         what = f"{allowed_words(failing)} allowed" if failing.primary else value_words(failing)
         words[0] = f"{word}, {what}" if failing.primary else f"{word}: {what}"
+    state, told = STATES.get(word, "open"), " · ".join(words)
     if worst is not None:
-        error = size_words(worst, worst.judged_error, notation)
-        return Cell(STATES.get(word, "open"), error, " · ".join(words), abs(worst.judged_error or 0.0))
-    value = next((row for row in headline if row.value is not None), None)
-    if value is None or value.value is None:
-        return Cell(STATES.get(word, "open"), notation.missing, " · ".join(words))
-    shown = f"{notation.number(rounded(value.value, value.uncertainty))} {notation.escape(value.unit)}".strip()
-    return Cell(STATES.get(word, "open"), shown, " · ".join(words))
+        return Cell(state, size_words(worst, worst.judged_error, notation), told, abs(worst.judged_error or 0.0))
+    shown = (
+        f"{notation.number(rounded(row.value, row.uncertainty))} {notation.escape(row.unit)}".strip()
+        for row in headline
+        if row.value is not None
+    )
+    return Cell(state, next(shown, notation.missing), told)
 
 
 def _failing(rows: Sequence[Row]) -> Row | None:
