@@ -248,7 +248,7 @@ ALLOWED = {
     "none_required": "left out",
     "json_type": "JSON",
 }
-"""Requirement on a field, by the type of pydantic's error: pydantic's own words name classes and parsers, not fields."""
+"""Requirement on a field, by the type of pydantic's error: its own words name classes and parsers, not fields."""
 
 
 CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")  # control characters, without tabs and ends of lines
