@@ -38,7 +38,7 @@ TOP, RADIUS, HILL = 0.45, 50.0, 0.0005  # of the cylinder: along the strip, its 
 RIDGE_TOP, RIDGE_RADIUS, RIDGE = 0.55, 50.0, 0.0004  # the same of the cylinder between clamps
 ROUNDING = 1e-13
 SMALL_SLOPES = 1e-6
-"""What a cylinder's horizontal push does: 1e-8 m at a slope of 0.01, beside a gap of 5e-4 m."""
+"""Effect of a cylinder's horizontal push: 1e-8 m at a slope of 0.01, beside a gap of 5e-4 m."""
 COLLOCATED = 1e-11
 GAUSS = 40
 

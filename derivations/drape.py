@@ -90,7 +90,7 @@ class Quarter:
 
 TRIANGLES, CELLS = 48, 32  # columns of the mesh; cells of a quarter
 BOUNDS = {"corner": 1e-4, "edge": 5e-4, "penetration": 1e-4, "energy": 1e-6}
-"""How uncertain figures are: what two meshes of triangles (52, 76), differences (24, 32 cells of a quarter, in the
+"""Uncertainty of the values: what two meshes of triangles (52, 76), differences (24, 32 cells of a quarter, in the
 same state) and a grid of 96 cells differ by, but for the last, whose structures have a side."""
 
 

@@ -39,7 +39,7 @@ TOLERANCE = 1e-2  # of every gated figure: the loosest class
 FAMILIES = ("plane", "cylinder", "paraboloid", "saddle", "wavy")
 RIMS = ("clamped", "hinged", "two free")
 ORDERS = {"clamped": (1, 2), "hinged": (2, 3), "free": (4, 4)}
-"""How often the tangential and the normal part of the displacement vanish at an edge."""
+"""Number of times that the tangential and the normal part of the displacement vanish at an edge."""
 
 
 def drawn(seed: int) -> dict[str, Any]:

@@ -34,7 +34,7 @@ STIFFNESS, WIDTH, BENDING = 5e3, 0.1, 1e4  # of the pins, N/m^3 and m; factor of
 TIMES = (0.1, 0.2, 0.3)
 TOLERANCE = 1e-6  # of the Runge-Kutta method
 ROUNDING = 1e-6
-"""What steps of time and rounding leave, m and J."""
+"""Error left by time steps and rounding, m and J."""
 LOWER, UPPER, LENGTH, SKIRT_WIND = 0.4, 0.2, 0.6, (-0.35, 0.3, 0.0)  # m, N/m^2
 
 

@@ -110,7 +110,7 @@ def hypar(thickness: float) -> dict[str, Estimate]:
 
 
 HYPARS = {f"hypar_clamped_1e_{power}": partial(hypar, 10.0**-power) for power in (2, 3, 4)}
-"""What computes the known values of each case."""
+"""Functions that compute the known values, by case."""
 
 
 # --- second form ---------------------------------------------------------------------------------

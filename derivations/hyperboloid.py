@@ -85,7 +85,7 @@ HYPERBOLOIDS = {
     for rims in ("clamped", "free")
     for name, thickness in (("1e_2", 1e-2), ("1e_3", 1e-3), ("1e_4", 1e-4))
 }
-"""What computes the known values of each case."""
+"""Functions that compute the known values, by case."""
 
 
 # --- second form ---------------------------------------------------------------------------------

@@ -325,7 +325,7 @@ def _energies(case: Case, count: int) -> dict[str, float]:
 NAMES = ("manufactured_hypar", "manufactured_oblique_cylinder", "manufactured_paraboloid")
 FINITE = "manufactured_finite_strain"
 MANUFACTURED = {name: partial(manufactured, name) for name in (*NAMES, FINITE)}
-"""What computes the known values of each case."""
+"""Functions that compute the known values, by case."""
 
 
 if __name__ == "__main__":

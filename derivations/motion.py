@@ -32,7 +32,7 @@ PLANE_TIMES, TILTED_TIMES = (0.2, 0.4, 0.5), (0.2, 0.4, 0.6)
 FRACTION = 0.9
 """Step of the leapfrog over its limit of stability."""
 ROUNDING, LEAPFROG_ROUNDING = 1e-7, 2e-6
-"""What steps of time leave on the meshes used here, m and J."""
+"""Error left by time steps on the meshes used here, m and J."""
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ SPANS, UNIFORM = (24, 36, 54), 1e3
 CAPACITY = 2 / 3
 """Order of the error in the span at a point support."""
 ROUNDING = 1e-6
-"""What steps of time leave here, m and J."""
+"""Error left by time steps, m and J."""
 
 
 def held_corner(resolution: Resolution) -> Cloth:

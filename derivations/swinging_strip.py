@@ -30,7 +30,7 @@ TIMES = (0.25, 0.5, 0.75, 1.0)
 TOLERANCE = 1e-8
 """Of the Runge-Kutta method."""
 ROUNDING = 1e-8
-"""What its steps leave, m, N and J."""
+"""Error left by its time steps, m, N and J."""
 
 
 @dataclass(frozen=True)

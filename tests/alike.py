@@ -11,7 +11,7 @@ SINGLE = 1e-5
 """Rounding of sums in single precision, of which an entry may be one."""
 
 REPEATED = 1e-6
-"""What rounding leaves of a solved or trained answer; another seed moves it by a hundred times that at least."""
+"""Rounding error of a solved or trained answer; another seed moves it by a hundred times that at least."""
 
 
 def alike(found, expected, share=1e-12):

@@ -47,7 +47,7 @@ class Model(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     limits: ClassVar[str] = ""
-    """What its files can say and what not, one clause: it follows a name or kind that is not known."""
+    """Clause on the abilities of the files of a kind; it follows a name or kind that is not known."""
 
 
 def one_sentence(error: ValidationError, data: Any = None) -> str:
@@ -248,7 +248,7 @@ ALLOWED = {
     "none_required": "left out",
     "json_type": "JSON",
 }
-"""What a field must be, by the type of pydantic's problem: its own words name classes and parsers, not fields."""
+"""Requirement on a field, by the type of pydantic's error: its own words name classes and parsers, not fields."""
 
 
 CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")  # control characters, without tabs and ends of lines

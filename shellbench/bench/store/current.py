@@ -253,10 +253,9 @@ def _changed_engine(settings: Mapping[str, Any]) -> str | None:
 
 def declared_by(run: Record | Task, case: Problem) -> dict[str, str]:
     """Return the suites that declare a run of a case, each with its name for the run."""
-    suites = () if run.own_case else catalog.suite_names()
-    known = [name for name in case.suites if name in suites]
-    lines = [(name, line) for name in known for line in catalog.find_suite(name).runs_for(case.name)]
-    return {name: line.label for name, line in lines if is_answer(run, line)}
+    known = () if run.own_case else catalog.suite_names()
+    asked = {name: catalog.find_suite(name).runs_for(case.name) for name in case.suites if name in known}
+    return {name: line.label for name, lines in asked.items() for line in lines if is_answer(run, line)}
 
 
 def case_of_planned(task: Task) -> tuple[Problem, dict[str, str]] | None:

@@ -26,7 +26,7 @@ Beyond = Literal[
     "resultants",
     "narrow formulas",
 ]
-"""What a case may have that not every solver of shells takes."""
+"""Features of cases that not every solver of shells takes."""
 
 
 def why_not_plain(case: Case, takes: frozenset[Beyond] = frozenset()) -> str | None:

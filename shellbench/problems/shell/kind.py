@@ -51,7 +51,7 @@ HEADLINES = {
     "J": "Energies",
     "rad": "Angles",
 }
-"""What headline figures that are no displacements are, by unit."""
+"""Names of headline values that are no displacements, by unit."""
 ENERGY_DENSITY = "strain_energy_density"
 ENERGY_PARTS = ("membrane_energy_density", "bending_energy_density")
 

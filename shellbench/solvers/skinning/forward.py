@@ -15,7 +15,7 @@ from shellbench.solvers.skinning.solution import Arrays, Skin
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 Given = Callable[[SkinningCase, Clips, Numbers], Array]
-"""What a network is given of numbered frames, (n, m)."""
+"""Input of a network for numbered frames, (n, m)."""
 
 
 def pose(case: SkinningCase, clips: Clips, frames: Numbers) -> Array:

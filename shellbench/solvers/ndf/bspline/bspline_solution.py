@@ -22,7 +22,7 @@ from shellbench.solvers.ndf.field.supports import point_supports
 from shellbench.solvers.ndf.linear.solution import NdfSolution
 
 SPEC = FieldSpec(slopes="rows")
-"""How supports are built in: as in linear answers of `ndf-ritz`."""
+"""Construction of the supports: as in linear answers of `ndf-ritz`."""
 
 
 def solved_part(case: Case, symmetry: bool) -> Part:

@@ -54,7 +54,7 @@ CANDIDATES = (9, 7)  # thicknesses and Poisson's ratios of the grid from which m
 LAST_FIELDS = 2  # last fields, which must not change the displacement of any candidate
 CHALLENGED = 8  # first fields, at the ends of the ranges, which are also solved for without challengers
 ASKED_TIMES = 50  # answers by which their time is measured
-"""How the field is built.
+"""Construction of the field.
 
 Young's modulus multiplies all four parts alike, so u is inversely proportional to it, exactly: fields are solved for at
 the middle one. Thickness and Poisson's ratio are chosen from a grid that is denser at the ends, each as

@@ -10,15 +10,15 @@ from pydantic import Field as PydanticField
 from shellbench.protocol.schema import Model, Positive
 
 PeriodicInput = Literal["both", "cosine", "none"]
-"""How a periodic coordinate enters: as (cos, sin), as cos alone, or as it is (Kairanda et al., figure II)."""
+"""Input of a periodic coordinate: as (cos, sin), as cos alone, or as it is (Kairanda et al., figure II)."""
 Components = Literal["cartesian", "covariant"]
 Supports = Literal["hard", "soft"]
-"""Whether boundary factors hold the supports exactly, or springs about."""
+"""Treatment of supports: exactly by boundary factors, or approximately by springs."""
 Slopes = Literal["even", "rows"]
-"""How a slope is held where components are free that tilt the normal: by inputs that are even at the edge, so that
-nothing has a slope there, or by rows of the output layer: u,n . a3 = 0, and nothing else."""
+"""Treatment of a slope that is held where components are free that tilt the normal: by inputs that are even at the
+edge, so that nothing has a slope there, or by rows of the output layer: u,n . a3 = 0, and nothing else."""
 Pins = Literal["points", "cells", "none"]
-"""How a shell that nothing holds is kept from drifting by the published boundary functions: by pins at points, as
+"""Treatment of a shell that nothing holds, against drifting by the published boundary functions: by pins at points, as
 printed; by pins as wide as a cell of the published grid, which samples see; or not, as its energy does not ask for
 it."""
 StrainName = Literal["exact", "published", "linear"]
