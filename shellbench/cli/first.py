@@ -78,17 +78,11 @@ def new_case(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the case: letters, digits, _ and -.")],
     like: Annotated[
         str | None,
-        typer.Option(
-            "--like", metavar="CASE", help="Begin with this case of the suite; see `shellbench list`.", **CASES
-        ),
+        typer.Option("--like", metavar="CASE", help="Begin with this case; see `shellbench list`.", **CASES),
     ] = None,
     mesh: Annotated[
         Path | None,
-        typer.Option(
-            "--mesh",
-            metavar="FILE",
-            help="Its surface is this mesh (.obj, ASCII .ply, .vtu) with texture coordinates.",
-        ),
+        typer.Option("--mesh", metavar="FILE", help="Surface: a mesh (.obj, .ply, .vtu) with texture coordinates."),
     ] = None,
 ) -> None:
     """Write a case of your own, NAME.toml, into this folder: a shell for both kinds of solver.

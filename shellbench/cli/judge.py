@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import Annotated, Any, cast
 
 import typer
 
@@ -30,9 +30,6 @@ from shellbench.cli.options import (
 from shellbench.errors import InputError
 
 FRAMES = 49  # default number of states of a series
-
-if TYPE_CHECKING:
-    pass
 
 
 def table(
@@ -155,10 +152,7 @@ def report(
     paper: Annotated[
         Path | None,
         typer.Option(
-            "--paper",
-            metavar="DIR",
-            help="Instead of the page write this folder for LaTeX: a booktabs file for each table, figures as PDF, "
-            "bibliography, and a document that shows them all.",
+            "--paper", metavar="DIR", help="Write a folder for LaTeX instead: tables, PDF figures, a document."
         ),
     ] = None,
 ) -> None:
@@ -196,10 +190,7 @@ def export(
     out: Annotated[
         Path,
         typer.Option(
-            "--out",
-            metavar="FILE",
-            help="File to write: .npz (arrays), .obj (deformed shape) or .vtu; of a motion .pvd."
-            " .vtu and .pvd need the extra 'vtk'.",
+            "--out", metavar="FILE", help="File: .npz, .obj, .vtu; of a motion .pvd. .vtu, .pvd need the extra 'vtk'."
         ),
     ],
     resolution: Annotated[
@@ -211,14 +202,7 @@ def export(
     ] = None,
     frames: Annotated[
         int | None,
-        typer.Option(
-            "--frames",
-            metavar="N",
-            min=2,
-            max=1000,
-            help="Write so many states of a motion (49 unless told), or all that a path keeps, whatever N:"
-            " numbered files; .pvd lists them.",
-        ),
+        typer.Option("--frames", metavar="N", min=2, max=1000, help="States of a motion to write; a path writes all."),
     ] = None,
     seed: Annotated[
         int | None, typer.Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Which seed's solution.")

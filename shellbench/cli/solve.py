@@ -91,29 +91,18 @@ def run(
     start: Annotated[
         str | None,
         typer.Option(
-            "--start",
-            metavar="RUN_ID",
-            help="Go on from the solution of an earlier run of the same solver, for this case or an edited one.",
+            "--start", metavar="RUN_ID", help="Continue from this earlier run of the solver; its case may be edited."
         ),
     ] = None,
     quick: Annotated[
         bool,
         typer.Option(
-            "--quick",
-            help="Run fem and ndf-ritz, or those of --solver, with one seed each: on what cases and suites name, else "
-            "on the suite `quick`.",
+            "--quick", help="Run fem and ndf-ritz, or --solver, with one seed; without cases, the suite `quick`."
         ),
     ] = False,
     jobs: Annotated[
         int | None,
-        typer.Option(
-            "--jobs",
-            "-j",
-            metavar="N",
-            min=1,
-            max=1024,
-            help="Runs at a time. Default: as many as fit on the cores; with --scheduler, on those of all workers.",
-        ),
+        typer.Option("--jobs", "-j", metavar="N", min=1, max=1024, help="Runs at a time. Default: as the cores allow."),
     ] = None,
     threads: Annotated[
         int | None,
@@ -122,9 +111,7 @@ def run(
     scheduler: Annotated[
         str | None,
         typer.Option(
-            "--scheduler",
-            metavar="ADDRESS",
-            help="Run on this Dask cluster: address (tcp://host:8786) or scheduler file. Default: on this machine.",
+            "--scheduler", metavar="ADDRESS", help="Dask cluster to run on: tcp://host:8786 or a scheduler file."
         ),
     ] = None,
     device: Annotated[Device, typer.Option("--device", help="Where to run solvers that offer it.")] = Device.cpu,
@@ -132,15 +119,11 @@ def run(
     force: Annotated[bool, typer.Option("--force", help="Run again what has a record already.")] = False,
     timeout: Annotated[
         float | None,
-        typer.Option(
-            "--timeout", metavar="S", help="Stop a run, that run only, after so many seconds of its processor."
-        ),
+        typer.Option("--timeout", metavar="S", help="Stop a run after so many seconds of its processor."),
     ] = None,
     verbose: Annotated[
         bool,
-        typer.Option(
-            "--verbose", "-v", help="Print each step where there is no terminal, and what failed runs have written."
-        ),
+        typer.Option("--verbose", "-v", help="Print each step in a pipe, too, and the output of failed runs."),
     ] = False,
 ) -> None:
     """Solve cases and keep the answers as records.
@@ -283,20 +266,16 @@ def check_solver_command(
     refine: Annotated[
         str | None,
         typer.Option(
-            "--refine", metavar="KEY=V;V;V", help="Values of a setting from coarse to fine, to measure a rate by."
+            "--refine", metavar="KEY=V;V;V", help="Values of a setting from coarse to fine, to measure a rate."
         ),
     ] = None,
     quick: Annotated[
         bool,
-        typer.Option(
-            "--quick", help="A first verdict: grade by the suite `quick`, which takes a minute; ropes by `rope`."
-        ),
+        typer.Option("--quick", help="Grade by the suite `quick`, which takes a minute; ropes by `rope`."),
     ] = False,
     suite: Annotated[
         list[str] | None,
-        typer.Option(
-            "--suite", metavar="NAME", help="Suite to grade by; may be repeated. Default: all that takes minutes."
-        ),
+        typer.Option("--suite", metavar="NAME", help="Suite to grade by; may be repeated. Default: all short ones."),
     ] = None,
     checks_only: Annotated[
         bool, typer.Option("--checks-only", help="Make the checks, and no grade: the gate asks no more.")
@@ -308,9 +287,7 @@ def check_solver_command(
     json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
     timeout: Annotated[
         float,
-        typer.Option(
-            "--timeout", metavar="S", min=1, help="Seconds of its processor that the solver has for one answer."
-        ),
+        typer.Option("--timeout", metavar="S", min=1, help="Seconds of its processor for one answer."),
     ] = 600.0,
 ) -> None:
     """Check that a solver keeps the protocol, one line a check, and grade it.

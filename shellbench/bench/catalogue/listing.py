@@ -4,13 +4,8 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from io import StringIO
 from textwrap import wrap
 from typing import Any
-
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.plugins.kinds import kinds_of_theories
@@ -19,7 +14,7 @@ from shellbench.bench.plugins.registry import OWN, SolverEntry, solver_entries
 from shellbench.errors import InputError, ShellbenchError
 from shellbench.problem import Problem, Quantity
 
-WIDTH = 110  # characters
+WIDTH, TITLE = 110, 64  # characters, of a line and of a title
 NOT_GATED = "not gated"  # how titles of such suites end
 UNUSABLE = ""  # in place of a kind: solvers that can't be imported
 
@@ -108,8 +103,7 @@ def overview(width: int | None = None) -> str:
         lines += wrap(f"{kind}{of}", width, subsequent_indent="    ", break_on_hyphens=False)
         titles = {name: catalog.find_suite(name).title + _from(catalog.package_of_suite(name)) for name in suites[kind]}
         shown = [name for name in titles if not titles[name].endswith(NOT_GATED)]
-        rows = (f"  {name:<16} {len(cases[name]) or '':>3}  {titles[name]}" for name in shown)
-        lines += [row if len(row) <= width else f"{row[: width - 1]}…" for row in rows]
+        lines += [_cut(f"  {name:<16} {len(cases[name]) or '':>3}  {titles[name]}", width) for name in shown]
         if rest := ", ".join(f"{name} ({len(cases[name])})" for name in titles if name not in shown):
             lines += wrap(f"  not gated: {rest}", width, subsequent_indent="    ")
     count = "1 case" if len(kinds) == 1 else f"{len(kinds)} cases"
@@ -130,30 +124,21 @@ def _solvers_by_kind() -> defaultdict[str, list[str]]:
 
 def all_cases(width: int | None = None) -> str:
     """Return a line for each case as text; only names and titles if the given width has no room for more."""
-    narrow = width is not None and width < WIDTH
-    console = Console(file=StringIO(), width=width if narrow else WIDTH)
-    table = _table(*("case", "title", "theory", "suites")[: 2 if narrow else None])
-    for case in map(_case, catalog.case_names()):
+    narrow, names = width is not None and width < WIDTH, catalog.case_names()
+    start, lines = max(map(len, names), default=0), []
+    for case in map(_case, names):
         title = f"{case['title']}{_from(case['package'])}" if case["available"] else case["reason"]
-        shown = [title, case["theory"], ", ".join(case["suites"])] if case["available"] else [title]
-        table.add_row(case["name"], *map(escape, shown[: len(table.columns) - 1]))
-    console.print(table)
-    more = ["", "`shellbench list NAME` says all about one; --wide shows more columns."] if narrow else []
-    return "\n".join([_printed(console), *more])
+        line = f"{case['name']:<{start}}  {title}"
+        if case["available"] and not narrow:
+            line = f"{line:<{start + TITLE}}  {case['theory']:<24}  {', '.join(case['suites'])}"
+        lines.append(_cut(line, width))
+    return "\n".join(
+        [*lines, *(["", "`shellbench list NAME` shows all about one; --wide adds columns."] if narrow else [])]
+    )
 
 
-def _printed(console: Console) -> str:
-    """Return the text that a console has printed, without trailing blanks."""
-    file = console.file
-    assert isinstance(file, StringIO)
-    return "\n".join(line.rstrip() for line in file.getvalue().rstrip().splitlines())
-
-
-def _table(*columns: str) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for i, column in enumerate(columns):
-        table.add_column(column, no_wrap=i == 0, overflow="fold")
-    return table
+def _cut(line: str, width: int | None) -> str:
+    return line if width is None or len(line) <= width else f"{line[: width - 1]}…"
 
 
 def _from(package: str) -> str:
