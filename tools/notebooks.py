@@ -50,7 +50,7 @@ def run(path: Path) -> dict[str, Any]:
 
 
 def _shown(value: Any) -> dict[str, Any]:
-    """Return what a notebook shows of a value, by MIME type."""
+    """Return the representations of a value that a notebook shows, by MIME type."""
     text = repr(value)
     data: dict[str, Any] = {"text/plain": _lines(text if len(text) < LONGEST else type(value).__name__)}
     if hasattr(value, "_repr_html_"):

@@ -15,7 +15,7 @@ from shellbench.protocol.sample import Sample
 from shellbench.protocol.schema import Model
 
 Account = Callable[[Any, Any, Mapping[str, float]], Sequence[Model]]
-"""Function that makes one field of a record (see `shellbench.account`) of a solution, its problem and its named values."""
+"""Makes one field of a record (see `shellbench.account`) of a solution, its problem and its named values."""
 
 
 @dataclass(frozen=True)

@@ -79,7 +79,7 @@ class Family:
         Name of the setting; empty for the default run. Two sweeps of one solver over different settings are two
         families.
     variant
-        Where lines of one solver are told apart, its other settings that depart from the defaults, in words.
+        Settings that depart from the defaults, in words, where one solver has several lines.
     """
 
     solver: str

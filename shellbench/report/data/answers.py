@@ -29,7 +29,7 @@ class KeptForm:
     format
         In words: "as solved", a number format, or the size of a mesh.
     difference
-        Bound of the difference from the run that all are held against at the same material points, relative to the
+        Bound of the difference from the run that all are compared with at the same material points, relative to the
         largest displacement: the run's own, and what rounding or interpolation add; None if it is not known.
     error
         Bound of the error of the headline quantity against its known value, relative (see `headline_size`): the run's
@@ -80,7 +80,7 @@ def _lasts(answer: KeptForm, level: float, measure: Measure, among: Sequence[Kep
 
 
 def field_is_known(case: CaseRuns, level: float) -> bool:
-    """Tell whether the run that all are held against is itself known to a level."""
+    """Return True if the run that all are compared with is itself known to a level."""
     return case.doubt is not None and bool(case.scale) and case.doubt <= level * (case.scale or 0.0)
 
 
@@ -146,7 +146,7 @@ def _headline_error(case: CaseRuns, run: Run, change: float | None) -> float | N
 
 
 def _meshes(case: CaseRuns, best: KeptForm) -> Iterator[KeptForm]:
-    """Yield the meshes that were made of a run, but for the finest, at whose points the others were held against it."""
+    """Yield the meshes made of a run except the finest, at whose points the others were compared with it."""
     run = best.run
     grids = sorted(run.record.resolution, key=lambda step: step.points)[:-1]
     if not case.moves:

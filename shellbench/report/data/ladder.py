@@ -1,4 +1,4 @@
-"""Runs of one case ordered by resolution, solver by solver, and the run that all are held against.
+"""Runs of one case ordered by resolution, solver by solver, and the run that all are compared with.
 
 All runs of a case were asked at the same material points, their probes. A level holds the runs of one solver that are
 marginally different discretisations of each other: meshes with a row of cells more, other diagonals, or other seeds.
@@ -204,7 +204,7 @@ class CaseRuns:
 
     @cached_property
     def yardstick(self) -> Run | None:
-        """The run that solvers are held against: of their finest, the one with the smallest doubt.
+        """The run that solvers are compared with: of their finest, the one with the smallest uncertainty.
 
         Doubt is the larger of the headline's error, at least what is known of it, and of the whole field's change from
         the resolution before, both relative: a headline can be right by luck. A run that has no resolution before comes

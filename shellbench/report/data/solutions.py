@@ -281,7 +281,7 @@ def _is_expected(row: Row) -> bool:
 
 
 def _why(row: Row) -> tuple[str, str]:
-    """Return what became of a value, and why; nothing if its error says so."""
+    """Return the fate of a value and its reason; nothing if its error says so."""
     if row.status != "ok":
         return STATUS_WORDS.get(row.status, SHORT), row.reason or ""
     if _is_expected(row):

@@ -272,7 +272,7 @@ def _turnings(case: Portrait, known: KnownValues) -> list[dict[str, float]]:
 
 @dataclass(frozen=True)
 class Apart:
-    """The difference of a run's motion from the one that it is held against.
+    """The difference of a run's motion from the one that it is compared with.
 
     Attributes
     ----------
@@ -293,13 +293,13 @@ class Apart:
 
 
 def yardstick(rows: Sequence[Row]) -> Row | None:
-    """Return the row of the run that others are held against: the only good one without a seed, if there is one."""
+    """Return the row of the run that others are compared with: the only good one without a seed, if there is one."""
     certain = {row.run_id: row for row in rows if row.seed is None and row.status == "ok"}
     return next(iter(certain.values())) if len(certain) == 1 else None
 
 
 def apart(runs: pd.DataFrame, folder: Path) -> dict[str, Apart]:
-    """Return, by run id, how far the runs of one case are from the one that they are held against."""
+    """Return, by run id, the distances of the runs of one case from the one that they are compared with."""
     standard = yardstick(list(runs["row"]))
     fields = {record.run_id: read_fields(record, folder) for record in runs["record"]} if standard is not None else {}
     theirs = fields.pop(standard.run_id or "") if standard is not None else None

@@ -158,7 +158,7 @@ def shell_figure(shell: Shell) -> Figure:
 def course_figure(shells: Sequence[Shell]) -> Figure:
     """Draw reference surfaces with supports and loads above deformed ones (after Kairanda et al., figure 6)."""
     columns, bands = min(len(shells), MOST_IN_A_ROW), -(-len(shells) // MOST_IN_A_ROW)
-    figure = Figure(figsize=(1.85 * max(2, columns), 4.0 * bands), layout="constrained")
+    figure = Figure(figsize=(min(1.85 * max(2, columns), 9.6), 4.0 * bands), layout="constrained")
     panels = figure.subplots(2 * bands, columns, squeeze=False)
     for unused in panels[-2:, len(shells) - columns * (bands - 1) :].flat:
         unused.set_axis_off()

@@ -1,6 +1,6 @@
 """The sections of a report, in the order in which page, Markdown and paper show them, and the page of each.
 
-A new section of ours is a module that makes it and a line here; packages add others (`shellbench.report.page.brought`).
+A new section here is a module that makes it and a line below; packages add others (`shellbench.report.page.brought`).
 """
 
 from __future__ import annotations

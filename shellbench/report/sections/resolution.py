@@ -132,7 +132,7 @@ def of_largest(value: float, line: Line, notation: Notation) -> str:
 
 
 def yardstick_words(case: CaseRuns) -> str:
-    """Say which run all solvers are held against, why, and how well it is known."""
+    """Name the run that all solvers are compared with, the reason, and its uncertainty."""
     run = case.yardstick
     if run is None:
         return "No run kept its answer at the probes."

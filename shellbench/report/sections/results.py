@@ -128,7 +128,7 @@ def results(rows: Sequence[Row], notation: Notation, unchecked: Mapping[str, str
 
 
 def unchecked(store: Store, found: Evidence) -> dict[str, str]:
-    """Return why each solver that is judged by class is not checked, as a clause; empty if it is."""
+    """Return the clause that says why a solver judged by class is not checked; empty if it is checked."""
     noted, graded = read_conformance(store).found, {row.solver for row in found.compared if is_graded(row)}
     runs = grouped(found.records.values(), lambda record: record.identity.solver)
     return {name: why_unchecked(name, runs.get(name, ()), noted) for name in graded}

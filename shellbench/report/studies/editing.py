@@ -1,7 +1,7 @@
 """Editing: an edited problem from the earlier solution and from scratch, by what both took on the same machine.
 
-Of problems whose portrait tells of an edit. Both are told with all that is stated of their errors, and until their
-certified energies were equally low.
+The section covers problems whose portrait names an edit. It compares both with their stated errors, and at the time
+at which their certified energies are equally low.
 """
 
 from __future__ import annotations

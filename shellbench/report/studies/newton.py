@@ -101,9 +101,9 @@ class Finding:
     forms
         Newton's law and the published functional in closed form, where there is one.
     newton
-        What stands for Newton's law: its closed form, or the trace of the solver that is held against.
+        Newton's law: its closed form, or the trace of a solver that obeys it.
     newton_by
-        What that is.
+        Name of this closed form or solver.
     runs
         The others' traces; `status` says by solver why there is none.
     variants

@@ -1,10 +1,10 @@
 """The passport of a solver: which stiffness it simulates, as a multiple of the material's that it was given.
 
-Each figure of the suite `passport` answers to one stiffness. Of the swatch a displacement is inversely proportional
-to it. Of the heavy cantilever the drop H and the reach W of its tip are, as H / W, a function of Gamma = q L^3 / B
-alone (Romero et al. 2021): the Gamma at which the elastica has the solver's H / W tells its B. What a thin shell has
-there in place of the elastica's H / W cancels, as the known values go through the same function. Solvers that know
-motions only are told by half a period of a strip, whose lowest mode swings as slowly as its bending is soft.
+Each value of the suite `passport` depends on one stiffness. The displacement of a swatch is inversely proportional to
+it. The drop H and the reach W of the tip of the heavy cantilever give H / W, a function of Gamma = q L^3 / B alone
+(Romero et al. 2021). The Gamma at which the elastica has the solver's H / W gives B. The difference between a thin
+shell and the elastica cancels, because the known values go through the same function. Solvers that compute motions
+only are judged by half a period of a strip: the softer its bending, the slower its lowest mode.
 """
 
 from __future__ import annotations
