@@ -172,7 +172,7 @@ def test_a_killed_command_leaves_its_plan(shellbench, own_case: Path, plugin: Pa
     process.communicate(timeout=GUARD)
     code, out, _ = shellbench("gate", "--store", store.folder)
     assert code == 1
-    assert "RED  own_strip toy centre: planned, and did not end" in out
+    assert "RED  own_strip toy centre: planned, but did not end" in out
     code, out, _ = shellbench("table", own_case, "--store", store.folder)
     assert (code, "missing" in out) == (0, True)
 
@@ -402,4 +402,4 @@ def test_a_quick_run_takes_one_seed_of_a_named_solver(shellbench) -> None:
     assert (code, out.splitlines()[-1]) == (0, "1 solved")
     code, out, err = shellbench("run", "--suite", "toys", "--quick")
     assert (code, out) == (2, "")
-    assert "--quick takes fem and ndf-ritz, which nothing that was asked for declares" in err
+    assert "--quick takes fem and ndf-ritz, which no requested suite declares" in err

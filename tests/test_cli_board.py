@@ -132,7 +132,7 @@ def rename_the_solver(files: dict[str, bytes]) -> None:
 @pytest.mark.parametrize(
     ("how", "said"),
     [
-        (edit_figure, "its content is not that of which its checksum was taken"),
+        (edit_figure, "its content does not match its checksum"),
         (take_the_seal, "no store has sealed it"),
         (edit_record_alone, "does not match its checksum"),
         (edit_install, "pack.json does not match its checksum"),

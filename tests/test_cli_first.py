@@ -80,7 +80,7 @@ def test_fem_converges_on_a_new_case_within_seconds(tmp_path: Path) -> None:
         ("scordelis_lo", None, "is a case of the suite"),
         ("taken", None, "is there already"),
         ("mine", "scordelis", "did you mean scordelis_lo"),
-        ("mine", "scordelis_lo@oblique", "no case of the suite"),
+        ("mine", "scordelis_lo@oblique", "there is no such case"),
     ],
 )
 def test_a_case_that_can_not_be_written_is_refused(tmp_path: Path, name: str, like: str | None, said: str) -> None:

@@ -35,8 +35,8 @@ USAGE_ERROR: Any = typer.BadParameter.__base__  # that of all wrong options; typ
 app = typer.Typer(
     name="shellbench",
     cls=CommandsOfOthers,
-    help="How right is this thin-shell solver, and what does it cost?\n\n"
-    "Cases are declared once, solved by every solver that is asked for, and the answers held against known values.",
+    help="Measure the accuracy and the cost of thin-shell solvers.\n\n"
+    "Each case is declared once and solved by several solvers. Their answers are compared with known values.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},

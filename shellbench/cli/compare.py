@@ -63,9 +63,7 @@ def compare_command(
         typer.Option("--memory", metavar="RATIO", min=1.0, help="A loss is also so many times the memory of A."),
     ] = None,
     gone: Annotated[bool, typer.Option("--gone", help="A loss is also a run that only A has.")] = False,
-    every: Annotated[
-        bool, typer.Option("--all", help="Print all figures, not only headlines and what is not the same.")
-    ] = False,
+    every: Annotated[bool, typer.Option("--all", help="Print all values, not only headlines and differences.")] = False,
     wide: WideOption = False,
 ) -> None:
     """Compare two sides: values, errors, seconds, memory, and runs that only one of them has.

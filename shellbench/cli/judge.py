@@ -59,7 +59,7 @@ def table(
     from shellbench.report.sections import tables
 
     if not rows:
-        say(f"store {store} has no records that count of what was asked for: make some by `shellbench run`")
+        say(f"store {store} has no valid records of the requested cases; `shellbench run` makes them")
     shown = tables.render(rows, cast(Any, format.value), store=Store(store), whole=bool(suite), width=text_width(wide))
     typer.echo(shown, nl=False)
     if rows and format in {Format.text, Format.markdown} and not suite and (more := compare.missing_runs(rows)):
@@ -170,7 +170,7 @@ def report(
     warn(notes)
     rows += missing_rows(Store(store), rows, tuple(suite or ()), tuple(cases or ()))
     if not rows:
-        raise InputError(f"store {store}: holds no records that count of what was asked for")
+        raise InputError(f"store {store}: has no valid records of the requested cases")
     if paper is not None:
         if out != DEFAULT_REPORT:
             raise typer.BadParameter("name one folder: --out for the page, or --paper", param_hint="'--paper'")
@@ -231,7 +231,7 @@ def export(
 
     many = frames is not None or out.suffix in series.SERIES
     if many and at is not None:
-        raise InputError(f"--at {at:g}: {out} is to hold a series of states, which has no one time")
+        raise InputError(f"--at {at:g}: {out} holds a series of states, so that one time does not apply")
     if out.suffix not in series.SERIES:
         exports.writer_of(out, series.SERIES)
     where = Store(store)

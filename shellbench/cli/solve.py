@@ -315,7 +315,7 @@ def check_solver_command(
     if quick and suite:
         raise typer.BadParameter("name suites or take the quick one", param_hint="'--quick'")
     if checks_only and (quick or suite):
-        raise typer.BadParameter("makes no grade, and suites are what is graded by", param_hint="'--checks-only'")
+        raise typer.BadParameter("makes no grade, so it takes no suites", param_hint="'--checks-only'")
     own = () if cases and not quick else None
     exam = ExamOptions(tuple(dict.fromkeys(suite)) if suite else own, store, jobs, quick, not checks_only)
     try:

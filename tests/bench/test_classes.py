@@ -67,7 +67,7 @@ def test_its_worst_figure_decides(third_party: Store, error: float, held: float 
 
 def test_who_declines_everything_is_not_judged(toys: Path, store: Store) -> None:
     run(store, "strip", solvers=("toy",))
-    with pytest.raises(InputError, match="of solver 'falling': it declines every case"):
+    with pytest.raises(InputError, match="of solver 'falling': it declines every requested case"):
         gate(store, None, Scope(("toys",), ("falling",)))
 
 

@@ -213,11 +213,11 @@ def malformed_suite(site: Path) -> None:
     [
         (clash_of_cases, "two installed packages call a case 'square_plate': shellbench and toy-springs"),
         (clash_of_suites, "two installed packages call a suite 'obstacle_course': shellbench and toy-springs"),
-        (known_value_of_ours, "package toy-springs has no case 'square_plate', and judges no other"),
+        (known_value_of_ours, "package toy-springs has no case 'square_plate', and may judge no other"),
         (tolerance_of_ours, "has neither the case 'square_plate' nor the solver 'fem'"),
         (no_folder, "data 'springs' of package toy-springs can't be used: there is no folder 'toy_springs.nothing'"),
         (no_package, "data 'springs' of package toy-springs can't be used: there is no folder"),
-        (no_suite_to_extend, "package toy-springs extends a suite 'verfication', which is none"),
+        (no_suite_to_extend, "package toy-springs extends the unknown suite 'verfication'"),
         (malformed_suite, "toy_springs.toml"),
     ],
 )

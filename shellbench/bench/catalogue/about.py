@@ -183,9 +183,7 @@ def _case_lines(case: Data) -> Iterator[str]:
     yield from _wrapped(case["description"])
     yield ""
     yield from _entry("theory", f"{case['theory']}; units {case['units']}; kind {case['kind']}")
-    yield from _entry(
-        "suites", _listed(case["suites"]) or ("none: it is a case of yours" if case["own_case"] else "none")
-    )
+    yield from _entry("suites", _listed(case["suites"]) or ("none (your own case)" if case["own_case"] else "none"))
     if case["package"] not in (None, OWN):
         yield from _entry("package", case["package"])
     yield from _entry("variants", _listed(f"{v['name']} ({v['words']})" for v in case["variants"]))

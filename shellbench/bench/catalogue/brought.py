@@ -74,7 +74,7 @@ def _read(entry: SolverEntry) -> Brought:
     cases = _files(folder / "cases")
     for name, path in _files(folder / "references").items():
         if name not in cases:
-            raise InputError(f"{path}: package {entry.distribution} has no case '{name}', and judges no other")
+            raise InputError(f"{path}: package {entry.distribution} has no case '{name}', and may judge no other")
     suites = {name: read_suite(path) for name, path in _files(folder / "cases" / "suites").items()}
     held = {}
     for solver, path in _files(folder / "references" / FOLDER).items():

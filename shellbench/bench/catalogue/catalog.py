@@ -79,7 +79,7 @@ def suite_names() -> list[str]:
     names = distinct("suite", own_suite_names(), others)
     for package, name, _ in suites_brought():
         if name not in names:
-            raise InputError(f"package {package} extends a suite '{name}', which is none")
+            raise InputError(f"package {package} extends the unknown suite '{name}'")
     return names
 
 

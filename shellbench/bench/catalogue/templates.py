@@ -44,7 +44,7 @@ def write_case(name: str, like: str | None, folder: Path, mesh: Path | None = No
             f"'{name}' can't be the name of a case: it takes letters, digits, _ and -, and begins with a letter"
         )
     if name in catalog.case_names():
-        raise InputError(f"'{name}' is a case of the suite: name yours otherwise")
+        raise InputError(f"'{name}' is a case of the suite: choose another name")
     path = folder / f"{name}.toml"
     if mesh is not None:
         _write(path, _text_from(mesh, path))
@@ -55,9 +55,7 @@ def write_case(name: str, like: str | None, folder: Path, mesh: Path | None = No
         words = "A hyperbolic paraboloid to begin with"
     else:
         if like not in catalog.case_names():
-            raise InputError(
-                f"--like {like}: no case of the suite is called so{did_you_mean(like, catalog.case_names())}"
-            )
+            raise InputError(f"--like {like}: there is no such case{did_you_mean(like, catalog.case_names())}")
         source = catalog.case_file(like)
         words = f"Begun as the suite's case {like}"
     text = OPENING.sub("", SUITES.sub("", source.read_text(encoding="utf-8")))
@@ -104,9 +102,9 @@ def write_solver(name: str, folder: Path) -> Path:
             f"'{name}' can't be the name of a solver: it takes small letters, digits, - and _, as my-solver"
         )
     if name in solver_entries():
-        raise InputError(f"a solver '{name}' is installed already: name yours otherwise")
+        raise InputError(f"a solver '{name}' is installed already: choose another name")
     if find_spec(package) is not None:
-        raise InputError(f"a Python package '{package}' is installed already: name your solver otherwise")
+        raise InputError(f"a Python package '{package}' is installed already: choose another name")
     target = folder / name
     if target.exists():
         raise InputError(f"{target} is there already: nothing is overwritten")

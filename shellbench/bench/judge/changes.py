@@ -189,7 +189,7 @@ def compare_sides(before: Side, after: Side, limits: Limits) -> Comparison:
         if new[0].primary and (cost := _cost(old, new, before, after, limits)):
             costs.append(cost)
     if not changes:
-        raise InputError(f"nothing to compare: {before.name} and {after.name} have no figure in common")
+        raise InputError(f"nothing to compare: {before.name} and {after.name} have no value in common")
     notes = [*before.notes, *after.notes]
     notes += [f"{case}: not compared, for the two sides have asked different questions" for case in other_cases]
     if not all(cost.alike for cost in costs):

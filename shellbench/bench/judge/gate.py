@@ -267,7 +267,7 @@ def _check_answered(rows: Sequence[Row], graded: Collection[str]) -> None:
     for solver in graded:
         of_solver = [row for row in rows if row.solver == solver]
         if of_solver and all(row.status == "declined" for row in of_solver):
-            raise InputError(f"nothing was judged of solver '{solver}': it declines every case that was asked for")
+            raise InputError(f"nothing was judged of solver '{solver}': it declines every requested case")
 
 
 def _check_judged(

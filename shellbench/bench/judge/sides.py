@@ -111,7 +111,7 @@ def _kind(name: str, store: Store) -> What:
     known = [f"{words} {', '.join(names)}" for words, names in (("solvers", solvers), ("commits", commits)) if names]
     has = f"has {' and '.join(known)}" if known else "has no runs"
     hint = did_you_mean(name, [*solvers, *commits])
-    raise InputError(f"'{name}' is no folder, and nothing that store {store.folder} has runs of{hint}: it {has}")
+    raise InputError(f"'{name}' is no folder, and store {store.folder} has no runs of it{hint}: the store {has}")
 
 
 def _commit(name: str, contents: Contents) -> str | None:

@@ -120,7 +120,7 @@ class Outsider:
             found = answer.model_validate(told)
         except ValidationError as error:
             self.answers.pop(key, None)
-            raise self.failed(f"{operation} answers what is no answer: {one_sentence(error)}") from None
+            raise self.failed(f"{operation} returned no valid answer: {one_sentence(error)}") from None
         if key not in self.answers:
             self.answers[key] = told
             self._keep()
@@ -263,7 +263,7 @@ class AskedSolver:
             names = {name: tuple(parts) for name, parts in told.pop("components").items()}
             return Sample(**told | {"periodic": tuple(told["periodic"]), "components": names})
         except (AttributeError, KeyError, TypeError) as error:
-            raise plugin.failed(f"sample answers what is no sample: {error}") from None
+            raise plugin.failed(f"sample returned no valid sample: {error}") from None
 
 
 def resolve_solver(entry: SolverEntry) -> Solver | AskedSolver:

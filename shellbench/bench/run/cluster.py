@@ -257,7 +257,7 @@ class _Sweep:
             return
         run = self.sent.pop(key)
         if isinstance(answer, ImportError | RuntimeError) and not run.executing:
-            reason = f"shellbench can't be used there ({_in_words(answer)}); install there what is installed here"
+            reason = f"shellbench can't be used there ({_in_words(answer)}); install the same packages there"
             answer = {"unfit": reason}
         match answer:
             case {"unfit": reason}:

@@ -128,9 +128,7 @@ def _first_seeds(request: Request, found: Iterator[tuple[Problem, SuiteRun]]) ->
             yield case, run.model_copy(update={"seeds": run.seeds[:1]})
     if not seen:
         quick = " and ".join(request.quick)
-        raise InputError(
-            f"nothing to run: --quick takes {quick}, which nothing that was asked for declares; add --solver"
-        )
+        raise InputError(f"nothing to run: --quick takes {quick}, which no requested suite declares; add --solver")
 
 
 def _of_suite(name: str, cases: Sequence[Problem]) -> Iterator[Problem]:

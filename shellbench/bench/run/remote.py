@@ -108,7 +108,7 @@ def reason_unfit(task: Task) -> str | None:
         with PARSING:
             source = current_source(find_solver(name), kind_name(task.case))
     except (InputError, OSError, SyntaxError) as error:
-        return f"{error}; install there what is installed here"
+        return f"{error}; install the same packages there"
     if source != task.identity.source:
         return f"the source of solver '{name}' differs from the one here; install the same version there"
     engine = engine_distribution(task.identity.settings)

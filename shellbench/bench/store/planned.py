@@ -23,7 +23,7 @@ from shellbench.files import read_file
 
 FOLDER = ".planned"
 LARGEST_FILE = 2_000_000  # bytes
-DID_NOT_END = "planned, and did not end: run it again, or narrow what is asked for"
+DID_NOT_END = "planned, but did not end: run it again, or name fewer cases"
 
 
 @dataclass(frozen=True)

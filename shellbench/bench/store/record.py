@@ -271,7 +271,7 @@ def read_document(text: bytes) -> Record:
     except ValueError as error:
         raise InputError(f"it is no whole record ({' '.join(str(error).split())})") from None
     if not intact:
-        raise InputError("it is damaged: its content is not that of which its checksum was taken")
+        raise InputError("it is damaged: its content does not match its checksum")
     return record
 
 

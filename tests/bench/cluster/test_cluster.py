@@ -81,7 +81,7 @@ def test_a_worker_without_the_solver_says_so(cluster: Cluster, store: Store, plu
     tasks = toy_tasks(store, "exact", solver="toy-renamed")
     (outcome,) = on_cluster(cluster, tasks, store)
     assert "unknown solver 'toy-renamed'" in (outcome.refused or "")
-    assert "install there what is installed here" in (outcome.refused or "")
+    assert "install the same packages there" in (outcome.refused or "")
 
 
 def test_the_environment_is_that_of_the_worker(cluster: Cluster, store: Store) -> None:

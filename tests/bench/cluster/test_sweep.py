@@ -159,7 +159,7 @@ def test_a_worker_that_cannot_import_shellbench_is_left_out(store: Store, monkey
 
     said: list[str] = []
     (event,) = played(monkeypatch, Bare(1))(store, toy_tasks(store, "exact"), said=said)
-    reason = "shellbench can't be used there (No module named 'shellbench'); install there what is installed here"
+    reason = "shellbench can't be used there (No module named 'shellbench'); install the same packages there"
     assert said == [f"worker tcp://0.0 is left out: {reason}"]
     assert isinstance(event, Ended)
     assert event.refused == f"no worker can make it: tcp://0.0: {reason}"
