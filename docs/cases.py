@@ -102,12 +102,27 @@ def page(case: Problem, rows: Sequence[Row], figure: str, sources: dict[str, Sou
         "",
     ]
     lines += ["## Results", ""]
-    lines += list(table(RESULTS, results(rows))) or [NO_RESULTS, ""]
-    lines += ["## Remarks", "", *(f"- {remark}" for remark in remarks(data)), ""]
+    shown = list(table(RESULTS, results(rows, gated_by(data))))
+    lines += [RESULTS_WORDS, "", *shown] if shown else [NO_RESULTS.format(case.name), ""]
+    lines += ["## Remarks", "", *(f"- {remark}" for remark in [*remarks(data), *units_read(case)]), ""]
     return "\n".join(lines)
 
 
-NO_RESULTS = "None: neither the store nor the committed rows have runs of this case."
+NO_RESULTS = "No results are kept for this case. Make them: `shellbench run {}`."
+RESULTS_WORDS = (
+    "Default settings. Of several seeds, a row shows the one with the largest error. Error and uncertainty are relative,"
+    " unless marked absolute. A solver without a tolerance above is not gated."
+)
+UNITS = {
+    "scordelis_lo": "feet", "scordelis_lo_naghdi": "feet", "scordelis_lo_nonlinear": "feet",
+    "pinched_cylinder_diaphragm": "inches", "pinched_cylinder_free": "inches",
+}  # fmt: skip  # lengths of the cases whose published numbers are kept; their forces are in pounds
+
+
+def units_read(case: Problem) -> list[str]:
+    """Return the remark on units of a case that keeps published numbers; nothing for other cases."""
+    found = UNITS.get(case.name)
+    return [f"The original numbers are kept; {found} and pounds are read as metres and newtons."] if found else []
 
 
 def names_elsewhere() -> dict[str, list[str]]:
@@ -168,11 +183,22 @@ def allowed(data: Data) -> Iterator[tuple[str, str]]:
             yield code(quantity["name"]), words(tolerance_words(quantity))
 
 
-RESULTS = ("quantity", "solver", "seeds", "value", "error", "stated uncertainty", "verdict")
+def gated_by(data: Data) -> set[tuple[str, str]]:
+    """Return quantity and solver of each tolerance that the page shows."""
+    return {(quantity["name"], solver) for quantity in data["quantities"] for solver in quantity["tolerances"]}
 
 
-def results(rows: Sequence[Row]) -> Iterator[tuple[str, ...]]:
-    """Yield the results: for each quantity and solver the run that is farthest from the known value."""
+RESULTS = ("quantity", "solver", "seeds", "value (worst seed)", "error", "stated uncertainty", "verdict")
+
+
+def results(rows: Sequence[Row], gated: set[tuple[str, str]]) -> Iterator[tuple[str, ...]]:
+    """Yield the results: for each quantity and solver the run that is farthest from the known value.
+
+    Parameters
+    ----------
+    gated
+        Quantity and solver of each tolerance; other results are not gated.
+    """
     lines: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         lines.setdefault((row.quantity, row.solver), []).append(row)
@@ -188,7 +214,7 @@ def results(rows: Sequence[Row]) -> Iterator[tuple[str, ...]]:
             value,
             error_of(worst),
             stated_by(worst),
-            words(verdict_on(worst)),
+            words(verdict_on(worst, (quantity, solver) in gated)),
         )
 
 
@@ -196,7 +222,7 @@ def error_of(row: Row) -> str:
     """Return the error of a row, relative unless its tolerance or its value forbids."""
     if row.relative_error is not None and not row.tolerance_is_absolute:
         return f"{row.relative_error:+.1e}"
-    return "–" if row.absolute_error is None else f"{row.absolute_error:+.1e} {row.unit}".rstrip()
+    return "–" if row.absolute_error is None else f"{row.absolute_error:+.1e} {row.unit}".rstrip() + " absolute"
 
 
 def stated_by(row: Row) -> str:
@@ -205,14 +231,14 @@ def stated_by(row: Row) -> str:
         return "–"
     if row.relative_error is not None and not row.tolerance_is_absolute:
         return f"± {row.uncertainty / abs(row.reference or 1.0):.1e}"
-    return f"± {row.uncertainty:.1e} {row.unit}".rstrip()
+    return f"± {row.uncertainty:.1e} {row.unit}".rstrip() + " absolute"
 
 
-def verdict_on(row: Row) -> str:
-    """Return the verdict of the gate on a row."""
+def verdict_on(row: Row, gated: bool) -> str:
+    """Return the verdict of the gate on a row; of a run that did not end well its status."""
     if row.status != "ok":
         return f"{row.status}: {row.reason or ''}".rstrip(": ")
-    if not row.gated:
+    if not (row.gated and gated):
         return "not gated"
     if row.passed is None:
         return f"open finding: {row.open_finding}"

@@ -19,9 +19,10 @@ PREFACE = """# Known values
 
 <!-- Written by docs/known_values.py from references/ and docs/names.toml. Change those, and run it. -->
 
-A known value is a reference value with a stated uncertainty, the half width that surely covers the truth. This page lists the headline of
-each case. `references/<case>.toml` has all other quantities and the values usually quoted. `references/references.json` has all of it in
-one table, for programs. Sources are keys of `references/bibliography.bib`.
+A known value is a reference value with a stated uncertainty: the half width that should cover the true value. This
+page lists the headline of each case, by group. `references/<case>.toml` has all other quantities and the values usually
+quoted. `references/references.json` has all of it in one table, for programs. Sources are keys of
+`references/bibliography.bib`.
 
 - A **judge** decides under the theory of its case. An **origin** is an independent second derivation.
 - If the source is `shellbench`, the locator names the file that computes the value; `python -m derivations CASE` runs it.
@@ -29,11 +30,18 @@ one table, for programs. Sources are keys of `references/bibliography.bib`.
 - A case without a judge is not gated. Its solvers are compared with each other.
 - Values of Kratos come from whole shells, or from parts stated by hand (`plugins/kratos/tests/test_known_values.py`). They share no search
   for symmetry with the judged solvers.
-- For the sleeves beyond buckling and the paper's napkins the second origin is the extrapolation of `fem`. Only the judge is independent of
-  `fem` there.
+- For the sleeves that buckle, the garments, the paper's napkins and the drape on a ball, the second origin of most values is `fem` on finer
+  meshes. Only the judge is independent of `fem` there.
 
 To cite a value, name the version of the exam; it is in the table and in every record.
 """
+CLOTH = {"cloth", "cloth_published", "garments", "garments_scatter", "obstacle_course"}  # suites, at finite strain
+SMALL = "Plates and shells, small displacements"
+GROUPS = (
+    SMALL, "Large displacements", "Cloth and motion", "Contact", "Modes and buckling", "Ranges of materials",
+    "Edits", "Fields", "Ropes", "Skinning",
+)  # fmt: skip
+KINDS = {"conditioned": "Ranges of materials", "editing": "Edits", "rope": "Ropes", "skinning": "Skinning"}
 NAMES_PREFACE = """## Names elsewhere: NAFEMS, MacNeal-Harder, Abaqus
 
 Other benchmark sets know these cases. "With Abaqus S4R" means that the source used this element of Abaqus.
@@ -57,26 +65,53 @@ def cell(text: str) -> str:
     return " ".join(text.replace("|", "\\|").split())
 
 
-def row(case_file: Path) -> str:
+def group(case: Problem) -> str:
+    """Return the group of a case: its kind, and for shells the suite and the theory."""
+    suites = set(case.suites)
+    if case.kind != "shell":
+        return KINDS.get(case.kind, "Fields")
+    if suites & {"modes", "buckling"}:
+        return "Modes and buckling"
+    if "contact" in suites:
+        return "Contact"
+    if case.theory == "kirchhoff-love-nonlinear":
+        return "Cloth and motion" if suites & CLOTH or getattr(case, "dynamics", None) else "Large displacements"
+    return SMALL
+
+
+def where(value: dict[str, Any]) -> str:
+    """Return the source of a value and the place in it; the file alone if it was computed here."""
+    source = "" if value["source"] == "shellbench" and value.get("locator") else value["source"]
+    return ", ".join(filter(None, (source, value.get("locator", ""))))
+
+
+def row(case: Problem) -> str:
     """Return the row of a case."""
-    case = catalog.named_case(case_file.stem)
     quantity = case.primary
-    file = ROOT / "references" / case_file.name
+    file = ROOT / "references" / f"{case.name}.toml"
     values = read_toml(file)["values"] if file.is_file() else []
     found = [v for v in values if v["quantity"] == quantity.name and v["theory"] == case.theory]
     judges = [v for v in found if v["role"] == "judge"]
     value = " ".join(f"{v['value']:.13g} ± {v['uncertainty']:.2g} {quantity.unit}" for v in judges) or "no known value"
-    how = "; ".join(f"{v['origin']} ({v['locator'] or v['source']})" for v in judges)
+    how = "; ".join(f"{v['origin']} ({where(v)})" for v in judges)
     others = "; ".join(f"{v['origin']} [{v['source']}]" for v in found if v["role"] == "origin")
-    return f"|`{case.name}`|{cell(quantity.description)}|{value}|{cell(how)}|{cell(others)}|"
+    headline = quantity.description or quantity.kind.replace("_", " ")
+    return f"|[`{case.name}`](cases/{case.name}.md)|{cell(headline)}|{value}|{cell(how)}|{cell(others)}|"
+
+
+def headlines() -> list[str]:
+    """Return the lines of the tables of headlines, a group each."""
+    head = "|case|headline|known value|judge|origins|\n|---|---|---|---|---|"
+    cases = [catalog.named_case(path.stem) for path in sorted((ROOT / "cases").glob("*.toml"))]
+    lines = []
+    for title in GROUPS:
+        lines += ["", f"### {title}", "", head, *(row(case) for case in cases if group(case) == title)]
+    return lines
 
 
 def page() -> str:
     """Return the whole page."""
-    head = "|case|headline|known value|judge|origins|\n|---|---|---|---|---|"
-    rows = [row(path) for path in sorted((ROOT / "cases").glob("*.toml"))]
-    values = "\n".join(["## Headlines", "", head, *rows])
-    return "\n".join([PREFACE, NAMES_PREFACE, names_table(), "", values, ""])
+    return "\n".join([PREFACE, NAMES_PREFACE, names_table(), "", "## Headlines", *headlines(), ""])
 
 
 def figure(value: KnownValue) -> dict[str, Any]:

@@ -83,7 +83,7 @@ def test_results_are_those_of_the_store(full: Store, tmp_path: Path) -> None:  #
     (noisy,) = [line for line in lines if "`centre`" in line and "toy-noisy" in line]
     assert "0, 1, 2" in noisy
     assert noisy.endswith("| pass |")
-    assert cases.NO_RESULTS in (tmp_path / "without" / "strip.md").read_text(encoding="utf-8")
+    assert cases.NO_RESULTS.format("strip") in (tmp_path / "without" / "strip.md").read_text(encoding="utf-8")
 
 
 def test_the_cases_are_the_third_entry_of_the_contents(tmp_path: Path) -> None:
@@ -129,3 +129,21 @@ def test_without_a_store_the_results_are_the_committed_rows(tmp_path: Path) -> N
     ]
     assert f"| {row.value:.8g} m |" in line
     assert line.endswith("| pass |")
+
+
+def test_a_result_without_a_tolerance_on_its_page_is_not_gated() -> None:
+    (row,) = [
+        row
+        for row in cases.kept_rows()
+        if (row.case, row.solver, row.quantity) == ("square_plate", "fem", "centre_deflection")
+    ]
+    (gated,), (free,) = cases.results([row], {("centre_deflection", "fem")}), cases.results([row], set())
+    assert (gated[-1], free[-1]) == ("pass", "not gated")
+
+
+def test_cases_with_published_numbers_tell_their_units() -> None:
+    names = set(catalog.case_names())
+    assert set(cases.UNITS) <= names
+    (remark,) = cases.units_read(catalog.named_case("scordelis_lo"))
+    assert "feet and pounds" in remark
+    assert cases.units_read(catalog.named_case("square_plate")) == []
