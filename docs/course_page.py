@@ -112,14 +112,23 @@ def at_equal_error() -> list[str]:
         for level in LEVELS
     )
     made = (
-        "Fewest bytes of a solution within the error, and the seconds of that solve. All finer runs of its sweep are within"
-        f" the error, too. Kept runs of commit {summary.made.commit[:12]}."
+        "Fewest bytes of a solution whose headline is within the error, and the seconds of that solve. All finer runs of its"
+        " sweep are within the error, too. Each run has one fixed size and no refinement."
+        f" Kept runs of commit {summary.made.commit[:12]}; compare seconds within one table only."
     )
     return [made, "", *table(["shell, error", *(f"`{solver}`" for solver in solvers)], rows)]
 
 
 def cheapest(summary: Summary, case: str, solver: str, level: float) -> str:
-    """Return bytes and seconds of the coarsest size from which on all runs of its sweep are within a level."""
+    """Return bytes and seconds of the run that takes the fewest bytes, or that there is none."""
+    best = cheapest_run(summary, case, solver, level)
+    if best is None:
+        return "not reached" if any((run.case, run.solver) == (case, solver) for run in summary.runs) else "not run"
+    return f"{byte_size(best.storage or 0)}, {duration(best.seconds or 0.0)} s"
+
+
+def cheapest_run(summary: Summary, case: str, solver: str, level: float) -> KeptRun | None:
+    """Return the run of fewest bytes among sizes from which on all runs of a sweep are within a level; None if none is."""
     found = []
     runs = [run for run in summary.runs if (run.case, run.solver) == (case, solver)]
     for sweep in sweeps_of(runs).values():
@@ -129,10 +138,7 @@ def cheapest(summary: Summary, case: str, solver: str, level: float) -> str:
                 break
             lasting = alike
         found += [run for run in lasting if run.storage is not None]
-    if not found:
-        return "not reached" if runs else "not run"
-    best = min(found, key=lambda run: run.storage or 0)
-    return f"{byte_size(best.storage or 0)}, {duration(best.seconds or 0.0)} s"
+    return min(found, key=lambda run: run.storage or 0, default=None)
 
 
 TABLES = {

@@ -48,7 +48,7 @@ NEEDED: dict[str, Any] = {
 QUOTED_CSV: dict[str, tuple[str, ...]] = {
     "course": (),
     "example": (
-        "consistency", "cost_seconds", "memory", "memory_rounding", "newton", "sampling", "strains",
+        "consistency", "memory_rounding", "newton", "sampling", "strains",
         "thinness_pinched_cylinder_rigid_diaphragms",
     ),
     "example_engines": ("cross_check",),

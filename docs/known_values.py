@@ -30,8 +30,8 @@ quoted. `references/references.json` has all of it in one table, for programs. S
 - A case without a judge is not gated. Its solvers are compared with each other.
 - Values of Kratos come from whole shells, or from parts stated by hand (`plugins/kratos/tests/test_known_values.py`). They share no search
   for symmetry with the judged solvers.
-- For the sleeves that buckle, the garments, the paper's napkins and the drape on a ball, the second origin of most values is `fem` on finer
-  meshes. Only the judge is independent of `fem` there.
+- Sleeves that buckle, garments, the paper's napkins and the drape on a ball have `fem` as second origin of most values.
+  There `fem` ran on finer meshes, and only the judge is independent of it.
 
 To cite a value, name the version of the exam; it is in the table and in every record.
 """
