@@ -56,7 +56,7 @@ material = { youngs_modulus = 1e7, poissons_ratio = 0.3, thickness = 0.01, areal
 points = { tip = [1, 0.5] }
 supports = [{ name = "wall", on = ["xi1_min"], clamped = true }]
 loads = []
-quantities = [{ name = "headline", kind = "largest_displacement", primary = true }]
+quantities = [{ name = "tip_deflection", kind = "largest_displacement", primary = true }]
 """,
 }
 WHOLE["path"] = WHOLE["linear"].replace("love-linear", "love-nonlinear").replace(
@@ -116,14 +116,14 @@ EXAMPLES = {  # by section
     ),
     "Dynamics": Example("[dynamics]\nuntil = 2.0\nstates = [0.5, 1.5]", "motion"),
     "Quantities": Example(
-        '[[quantities]]\nname = "tip_deflection"\ndescription = "downward displacement of the tip"\nkind = "displacement"\n'
+        '[[quantities]]\nname = "tip_sag"\ndescription = "downward displacement of the tip"\nkind = "displacement"\n'
         'points = ["tip"]\ndirection = [0, 0, -1]\n\n'
         '[[quantities]]\nname = "wall_force"\nkind = "reaction"\nsupport = "wall"\ndirection = [0, 0, 1]\n\n'
         '[[quantities]]\nname = "wall_moment"\nkind = "moment"\ncomponent = "principal_1"\non = ["middle"]  # the mean along it',
         "forces",
     ),
     "Known values": Example(
-        '[[known]]\nquantity = "headline"\nvalue = 0.0125\nuncertainty = 1e-5\nsource = "Timoshenko & Woinowsky-Krieger, article 45"\n'
+        '[[known]]\nquantity = "tip_deflection"\nvalue = 0.0125\nuncertainty = 1e-5\nsource = "Timoshenko & Woinowsky-Krieger, article 45"\n'
         "tolerance = 0.01  # 1 %"
     ),
     "Picture": Example('[picture]\nscale = 50\ndirection = [0, 0, -1]\nview = [25, -60]\nup = "z"'),

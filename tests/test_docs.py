@@ -99,7 +99,7 @@ def test_every_page_is_in_the_contents():
     ("word", "page"),
     [
         ("install", "install.md"),
-        ("license", "install.md"),
+        ("licence", "install.md"),
         ("docker", "install.md"),
         ("wsl", "install.md"),
         ("csv", "using.md"),

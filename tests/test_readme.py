@@ -66,6 +66,7 @@ DEFINED = (  # no figures of a run: what things are called, what was asked for, 
     r"5 x 512|20 x 20 random samples|in motion 20 x 20 x 20",
     r"an error below 1 % for the worst",
     r"about 0\.35 s",
+    r"38 s on two quiet cores, 59 s of processor time",  # of `shellbench quick`, measured by hand
     r"More than 1e-3 of a linear value, or 2e-2 of one on a path",
 )  # fmt: skip
 

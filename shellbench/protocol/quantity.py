@@ -26,9 +26,11 @@ class Quantity(Model):
         Unit of the value, for tables.
     primary
         True for the headline of the case: exactly one quantity is the headline.
-    tolerance, open_finding
-        By solver, in a user's own case only, and used by no gate: tolerances and open findings of built-in cases are
-        frozen in references/tolerances/.
+    tolerance
+        By solver, in a user's own case only. The tolerance of a headline widens the limit beyond which that solver has
+        not settled. No gate judges by it: `[[known]].tolerance` is the tolerance of the gate.
+    open_finding
+        By solver, in a user's own case only; no gate uses it. Those of built-in cases are in references/tolerances/.
     absolute
         True if the known value is too near zero for relative errors, so that errors are given in the unit.
     at

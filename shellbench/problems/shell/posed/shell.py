@@ -65,8 +65,10 @@ class Shell(Problem):
         Supports that hold or move the shell.
     springs
         Elastic supports and foundations; in linear theory and in motion.
-    obstacles, contact
-        Bodies that the shell can't enter, and the options of contact; in linear theory without friction, and in motion.
+    obstacles
+        Bodies that the shell can't enter; in linear theory without friction, and in motion.
+    contact
+        Options of contact with obstacles: with `thickness` a face of the shell touches them, not the midsurface.
     focus
         Names of points near which the answer varies quickly although no point force acts there: meshes and inputs may
         be graded toward them.
