@@ -155,7 +155,8 @@ SECTIONS = (  # heading, words, common base, classes
      ("DisplacementQuantity", "PositionQuantity", "CentreOfMass", "LargestDisplacement", "FieldError", "EnergyQuantity", "MotionEnergy", "PotentialEnergy",
        "ReactionQuantity", "TorqueQuantity", "ContactForce", "LargestPenetration", "ContactPoint", "LoadQuantity", "LimitPoint", "CriticalPoint",
        "Frequency", "BucklingLoad", "MembraneForce", "Moment", "ShearForce")),
-    ("Known values", "`[[known]]`: any number, in your own case only. `shellbench gate FILE` judges by them.", None, ("Known",)),
+    ("Known values", "`[[known]]`: any number, in your own case only. `shellbench gate FILE` judges by them. A tolerance here is for all "
+        "solvers. The `tolerance` of a quantity judges nothing; it only says for one solver when a headline has settled.", None, ("Known",)),
     ("Picture", "`[picture]`: how the report draws the shell.", None, ("Picture",)),
 )  # fmt: skip
 TABLES = {  # models that are tables of a section beside its own
