@@ -100,7 +100,7 @@ def test_the_plate_passes_the_gate_and_what_it_declines_is_skipped(site: Path, p
     assert {verdict for _, verdict in rows} == {"pass"}
     for case in FOREIGN:
         assert f"{case} plate-series: not applicable: it solves flat plates only" in done.stdout
-    assert "5 passed, 35 skipped" in done.stdout
+    assert re.search(r"\b5 passed, \d+ skipped", done.stdout)
 
 
 @pytest.mark.long

@@ -125,6 +125,10 @@ def why_declined(solver: Solver, case: Problem) -> str | None:
 
 
 def answerable(solver: Solver, case: Problem) -> tuple[Problem, dict[str, str]]:
-    """Return a case without the quantities that a solver declines, and the reason for each, by name."""
+    """Return a case without the quantities that a solver declines, and the reason for each, by name.
+
+    A case whose headline is declined stays whole: a solver has to refuse it.
+    """
     declined = declined_quantities(solver, case)
-    return (case.without(declined) if declined else case), declined
+    partly = bool(declined) and case.primary.name not in declined
+    return (case.without(declined) if partly else case), declined

@@ -35,6 +35,7 @@ from shellbench.testing.examination import (
     deviation,
     grid,
     not_applicable,
+    own_uncertainty,
     scattered,
 )
 from shellbench.testing.made_cases import FALL, SHORT, amplified, relocated, rescaled, rotated, shifted, short_motion
@@ -96,10 +97,10 @@ def placement(exam: Examination, case: Case) -> Verdict:
             return not_applicable(f"it declines the turned case: {reason}")
         u = exam.solve(along).displacement(grid(along))
         return _same(exam, case, u, allowed_deviation(exam, case), "moved along its plane")
-    limit = allowed_deviation(exam, case)
-    return _same(
-        exam, case, exam.solve(other).displacement(grid(case)) @ np.array(rotation), limit, "turned and shifted"
-    )
+    turned = exam.solve(other)
+    # A field may lose planes of symmetry by the turn; the less certain answer limits the agreement.
+    limit = max(allowed_deviation(exam, case), min(MOST_EXCUSED, OWN * own_uncertainty(turned)))
+    return _same(exam, case, turned.displacement(grid(case)) @ np.array(rotation), limit, "turned and shifted")
 
 
 def _same(exam: Examination, case: Case, displacement: np.ndarray, limit: float, words: str) -> Verdict:
