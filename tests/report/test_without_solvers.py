@@ -3,7 +3,6 @@
 Commands run in processes in which the solvers and the libraries that they stand on can't be imported.
 """
 
-import json
 import os
 import re
 import subprocess
@@ -17,6 +16,7 @@ import pytest
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.plugins.registry import solver_entries
 from shellbench.bench.store.identity import current_source
+from shellbench.bench.store.record import document
 from tests.patience import GUARD
 from tests.report.conftest import record
 
@@ -39,7 +39,8 @@ if mode != "with":
     sys.meta_path.insert(0, Blocked())
 if mode == "unregistered":
     from shellbench.bench.plugins import registry
-    registry.entry_points = lambda group: ()
+    found = registry.entry_points
+    registry.entry_points = lambda group: () if group == "shellbench.solvers" else found(group=group)
 from shellbench.cli import main
 for command in commands:
     sys.argv = ["shellbench", *command.split("\\t")]
@@ -67,10 +68,13 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
             made = record(folder, case, solver, seed, 1e-7, settings={"width": 600})
             source = {"source": current_source(entries[solver])}
             changed = made.model_copy(
-                update={"identity": made.identity.model_copy(update=source), "defaults": made.identity.settings}
+                update={
+                    "identity": made.identity.model_copy(update=source),
+                    "defaults": made.identity.settings,
+                    "sequence": len(list(folder.glob("*.json"))) + 1,
+                }
             )
-            path = folder / f"{made.run_id}.json"
-            path.write_text(json.dumps(changed.model_dump(mode="json")), encoding="utf-8")
+            (folder / f"{made.run_id}.json").write_bytes(document(changed))
     return folder
 
 
