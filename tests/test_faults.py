@@ -176,11 +176,13 @@ def clamping_factor(patch: pytest.MonkeyPatch) -> None:
 
 
 def three_points_a_side(patch: pytest.MonkeyPatch) -> None:
-    original = static.usual_resolution
-    coarse = {"panels": (1, 1), "order": 3}
-    patch.setattr(
-        static, "usual_resolution", lambda case: replace(original(case), rule=replace(original(case).rule, **coarse))
-    )
+    original, coarse = static.for_part, {"panels": (1, 1), "order": 3}
+
+    def exploited(case, mirrors):
+        usual = original(case, mirrors)
+        return replace(usual, rule=replace(usual.rule, **coarse))
+
+    patch.setattr(static, "for_part", exploited)
 
 
 def without_mixed_derivative(patch: pytest.MonkeyPatch) -> None:
