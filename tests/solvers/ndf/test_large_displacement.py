@@ -219,7 +219,9 @@ def test_displacement_control_passes_the_limit_points_of_a_thick_roof():
 @pytest.mark.long
 def test_a_roof_under_load_control_fails_at_its_limit_load_and_says_where():
     base = named_case("hinged_roof_thick")
-    case = base.model_copy(update={"path": Path(until=4.0, states=(1.0,)), "quantities": ()})
+    ridge = next(q for q in base.quantities if q.name == "deflection")
+    asked = ridge.model_copy(update={"at": 4.0, "primary": True})  # beyond the limit load
+    case = base.model_copy(update={"path": Path(until=4.0, states=(1.0,)), "quantities": (asked,)})
     with pytest.raises(SolveFailure, match="last converged load factor is") as caught:
         solve(case, neurons=30, panels=(3, 3), largest_gap=1.0)
     text, partial = str(caught.value), caught.value.partial
