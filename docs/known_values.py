@@ -22,7 +22,7 @@ PREFACE = """# Known values
 A known value is a reference value with a stated uncertainty: the half width that should cover the true value. This
 page lists the headline of each case, by group. `references/<case>.toml` has all other quantities and the values usually
 quoted. `references/references.json` has all of it in one table, for programs. Sources are keys of
-`references/bibliography.bib`.
+`references/bibliography.bib`. `python -m nox -s docs` builds the pages of the cases that the names link to.
 
 - A **judge** decides under the theory of its case. An **origin** is an independent second derivation.
 - If the source is `shellbench`, the locator names the file that computes the value; `python -m derivations CASE` runs it.

@@ -62,7 +62,7 @@ def _has_figures(data: Any) -> Any:
 
 
 def _all_figures(data: Any) -> bool:
-    if isinstance(data, dict):
+    if isinstance(data, Mapping):
         return all(map(_all_figures, data.values()))
     if isinstance(data, list | tuple):
         return all(map(_all_figures, data))

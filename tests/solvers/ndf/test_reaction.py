@@ -212,3 +212,8 @@ def test_a_force_that_two_supports_share_at_a_corner_is_declined_and_costs_no_ot
     assert "meets at a corner" in declined["force"]
     with pytest.raises(InputError, match="force of test: the reaction of support 'left'"):
         solver.solve(case, RitzSettings(neurons=20))
+    headline, other = (q.model_copy(update={"primary": not q.primary}) for q in case.quantities)
+    whole = case.model_copy(update={"quantities": (headline, other)})
+    assert answerable(solver, whole)[0] is whole  # without its headline it would be no case
+    with pytest.raises(InputError, match="force of test: the reaction of support 'left'"):
+        solver.solve(whole, RitzSettings(neurons=20))
