@@ -73,9 +73,11 @@ def test_losses_of_tensors_are_those_of_the_kind():
 @pytest.mark.parametrize("pinned", [[], [[0.5, 0.5], [0.0, 0.25]]])
 def test_slopes_of_a_drape_are_limits_of_differences(activation, pinned):
     """Through layers, levels, pins and a body."""
+    torch.manual_seed(20)
     case = catalog.named_case("field_drape")
     own = choice(case, cells=(6, 3), activation=activation)
-    weights, angles = Weights(replace(own, form={**own.form, "pinned": pinned})), RANDOM.random(len(POINTS))
+    weights = Weights(replace(own, form={**own.form, "pinned": pinned}))
+    angles = np.random.default_rng(20).random(len(POINTS))
     weights.tensors["grid_0"] += 0.1 * torch.rand(weights.tensors["grid_0"].shape)
     asked = Losses(case, weights, POINTS, angles)
 
@@ -86,7 +88,8 @@ def test_slopes_of_a_drape_are_limits_of_differences(activation, pinned):
     (slope,) = torch.autograd.grad(1e3 * asked.weighted(moved).sum(), [moved])
     found = dict(zip(weights.tensors, weights.slopes(slope), strict=True))
     for name, tensor in weights.tensors.items():
-        way, step = torch.rand(tensor.shape, dtype=torch.float64) - 0.5, 1e-7
+        # rounding of the loss, a few hundred, is 1e-8 of this difference; a kink of relu is seldom so near
+        way, step = torch.rand(tensor.shape, dtype=torch.float64) - 0.5, 1e-6
         tensor += step * way
         up = loss()
         tensor -= 2 * step * way
