@@ -48,11 +48,18 @@ ENVIRONMENT = Environment(
 )
 
 
-@pytest.fixture(scope="session", autouse=True)
+@contextmanager
 def no_kept_runs() -> Iterator[None]:
     """Synthetic records stand beside no runs that were really made."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(kept_data, "shipped", lambda: Path(__file__).parent / "no_summary.json")
+        yield
+
+
+@pytest.fixture(scope="module", autouse=True)
+def alone() -> Iterator[None]:
+    """Leave out kept runs until the module's end: tests of other folders in the same process need them."""
+    with no_kept_runs():
         yield
 
 
@@ -354,7 +361,7 @@ def coarse_figures(dpi: int = 40) -> Iterator[None]:
 @pytest.fixture(scope="session")
 def course_report(store: Store, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report of the store; its start page."""
-    with coarse_figures():
+    with no_kept_runs(), coarse_figures():
         return write_report(Records(store.folder), store.rows, tmp_path_factory.mktemp("report"), store.known_values)
 
 
