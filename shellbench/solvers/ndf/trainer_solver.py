@@ -22,15 +22,14 @@ class NdfSolver(FieldSolver):
     name: ClassVar[str] = NDF
     capabilities: ClassVar[Capabilities] = Capabilities(
         theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"),
-        label="neural field: deep sine network, all weights trained in linear theory (variable projection,"
-        " Gauss-Newton); at finite strain its output layer follows the path, and in motion, modes, buckling and"
-        " under end moments its hidden layers stay as drawn",
+        label="neural field: deep sine network, all weights trained at rest and along paths under load (variable"
+        " projection, Gauss-Newton); in motion, modes and buckling its hidden layers stay as drawn",
         devices=("cpu", "cuda"),
     )
     settings_type: ClassVar[type[TrainerSettings]] = TrainerSettings
     uses_start: ClassVar[bool] = True
     takes: ClassVar[frozenset[Beyond]] = frozenset(
-        {"varying stiffness", "bending Poisson's ratio", "loaded parts", "local loads", "kinks", "modes"}
+        {"varying stiffness", "bending Poisson's ratio", "foundation", "loaded parts", "local loads", "kinks", "modes"}
     )
 
     def declines(self, case: Case) -> str | None:

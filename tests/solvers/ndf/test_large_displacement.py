@@ -327,13 +327,6 @@ def test_what_is_not_trained_is_not_counted_as_trained():
     assert drawn.parameters == 3 * drawn.diagnostics["features"]
 
 
-def test_hidden_layers_stay_as_drawn_where_moments_act(coiled):
-    case = coiled.case.model_copy(update={"path": Path(until=0.25), "quantities": ()})
-    deep = NdfSolver().solve(case, TrainerSettings(widths=(60,), iterations=1, largest_gap=1.0))
-    assert deep.diagnostics["hidden_layers"] == "as drawn"
-    assert sum(deep.energies(at=0.25)) == pytest.approx(sum(coiled.energies(at=0.25)), rel=1e-2)
-
-
 LONG_CONTROLS = [pytest.param(control, marks=pytest.mark.long) for control in ("displacement", "arc_length")]
 
 

@@ -20,7 +20,7 @@ from shellbench.solvers.ndf.linear import static
 from shellbench.solvers.ndf.linear.regularised import JITTER, REFINEMENTS, IndefiniteError, RegularisedInverse
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
-from shellbench.solvers.ndf.training import trainer
+from shellbench.solvers.ndf.training import at_rest
 from shellbench.solvers.ndf.training.gauss_newton import GRAM_JITTER
 
 ROUNDING = 1e-15  # relative: what another order of the same operations changes
@@ -139,7 +139,7 @@ def test_values_repeat_when_points_are_off_by_rounding(
 ) -> None:
     primary = next(q for q in catalog.find_case(case).quantities if q.primary)
     values = [measure(answer(case), primary)]
-    for module in (ansatz, mirrors, static, trainer):
+    for module in (ansatz, mirrors, static, at_rest):
         monkeypatch.setattr(module, "area_rule", perturbed(module.area_rule, 1))
     values.append(measure(answer(case), primary))
     assert len(set(values)) > 1, "the points were not perturbed"

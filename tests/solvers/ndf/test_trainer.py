@@ -17,7 +17,6 @@ from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.network import Network
 from shellbench.solvers.ndf.linear.challenge import last_gain
-from shellbench.solvers.ndf.linear.constraints import point_constraints
 from shellbench.solvers.ndf.linear.refinement import first_level, joined_features
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from shellbench.solvers.ndf.training import training, training_problem
@@ -38,7 +37,7 @@ SOLVER = NdfSolver()
 
 def small_problem(name="scordelis_lo", width=12, activation="sine"):
     spec = FieldSpec(activation=activation, layer=2.2, multipliers=2)
-    problem = TrainingProblem.from_case(catalog.named_case(name), spec, Placement(), point_constraints)
+    problem = TrainingProblem.from_case(catalog.named_case(name), spec, Placement())
     plan = Plan((6, 6), (width,), ((3.0, 2.0),), activation, 3, 1e-9, 1e-2, 0.1, 5, 0)
     return problem, plan
 

@@ -97,7 +97,10 @@ class Mirrors:
             places, signs = zip(*self.images(points, planes), strict=True)
             images = jets(np.concatenate(places), alike)
             turned = [[float(one[0] ** i * one[1] ** j) for one in signs] for i, j in PLANES[: len(images)]]
-            each = images.view(len(images), len(signs), len(points), -1) * images.new_tensor(turned)[..., None, None]
+            each = (
+                images.view(len(images), len(signs), len(points), images.shape[-1])
+                * images.new_tensor(turned)[..., None, None]
+            )
             columns |= zip(alike, each.mean(1).unbind(-1), strict=True)
         return torch.stack([columns[k] for k in range(len(about))], dim=-1)
 

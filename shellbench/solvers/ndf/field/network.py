@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import torch
 from torch import Tensor
@@ -91,6 +92,19 @@ def random_features(scales: Tensor, width: int, seed: int, name: str = "sine") -
     phases = torch.rand((width,), generator=generator, dtype=torch.float64)
     weight = draws.to(scales) * scales
     return Network((weight,), (((2 * phases - 1) * math.pi).to(scales),), name)
+
+
+def deep_random_network(inputs: int, widths: tuple[int, ...], seed: int, name: str) -> Network:
+    """Return a deep network as usually drawn: W ~ N(0, 1 / inputs of the layer), b ~ U(-pi, pi).
+
+    `inputs` is the number of the network's inputs, `widths` are those of its hidden layers.
+    """
+    generator = torch.Generator().manual_seed(seed)
+    weights, biases = [], []
+    for before, width in pairwise((inputs, *widths)):
+        weights.append(torch.randn((width, before), generator=generator, dtype=torch.float64) / math.sqrt(before))
+        biases.append(math.pi * (2 * torch.rand((width,), generator=generator, dtype=torch.float64) - 1))
+    return Network(tuple(weights), tuple(biases), name)
 
 
 # Of the first map, times sqrt(n / m), and half width of the inner layers' biases: sines of such arguments are nearly

@@ -149,4 +149,5 @@ def challenge(solution: NdfSolution, values: dict[str, float], seed: int) -> Cha
     )
     changed = changes(case, values, measure_all(other), (probed(solution), probed(other)))
     gained = abs(first.potential(shares[0]) - joined.potential(shares[1]))
-    return Challenged(Miss(changed, gained / (membrane + bending + rounding)), gap, len(level.kinds) * number)
+    stored = membrane + bending + joined.spring_energy(shares[1]) + rounding
+    return Challenged(Miss(changed, gained / stored), gap, len(level.kinds) * number)

@@ -32,6 +32,7 @@ from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.levels import PathLevel, disagreement, state_solution
 from shellbench.solvers.ndf.path.newton import Deformed, PathState, equilibrium
 from shellbench.solvers.ndf.path.path_challenge import challenged, prescribed
+from shellbench.solvers.ndf.path.trained import trained_level
 from shellbench.solvers.ndf.strains.energy import exploits
 from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError, same
 
@@ -47,12 +48,14 @@ def solve(
     seed: int | None,
     progress: ProgressCallback,
     start: PathSolution | None = None,
+    iterations: int = 0,
 ) -> PathSolution:
     """Follow the path of a case with ever finer features until its energy settles, or there are no finer ones.
 
     `seed` draws the challengers that estimate the path's uncertainty; with None no uncertainty is stated. `start` is an
     earlier path on the features of the first level: states begin at its own, and its energy counts as settled if it
-    was.
+    was. With `iterations`, the hidden layers of each level are trained at the states of its path, and the path is
+    followed again.
 
     Raises
     ------
@@ -76,6 +79,9 @@ def solve(
         run = _Run(case, spec, solver, build(), began, largest_gap, progress, None if number else start)
         try:
             solution = run.solve(coarse)
+            if iterations and (better := run.trained(iterations)) is not None:
+                run = _Run(case, spec, solver, better, began, largest_gap, progress)
+                solution = run.solve(coarse)
         except SolveFailure as failure:
             if number == len(levels) - 1:  # the coarser field's path is kept, but not taken as the answer
                 raise SolveFailure(str(failure), solution or failure.partial) from None
@@ -153,6 +159,18 @@ class _Run:
         if (reason := exploits(solution.diagnostics["energy_gap"], self.largest_gap)) is not None:
             raise SolveFailure(reason, solution)
         return solution
+
+    def trained(self, iterations: int) -> PathLevel | None:
+        """Return the level with hidden layers trained at the states of its path, or None if nothing is gained."""
+
+        def tell(iteration: int, gain: float) -> None:
+            width = self.level.features.network.width
+            self.progress(
+                Progress(iteration, iterations, f"training {width} features, {gain:.2g} of the energy gained")
+            )
+
+        asked = [state for state in self.states if any(same(state.t, mark) for mark in self.case.states)]
+        return trained_level(self.level, self.problem, asked, iterations, tell)
 
     def stated(self, solution: PathSolution, seed: int) -> PathSolution:
         """Return the path with the uncertainty of its quantities."""

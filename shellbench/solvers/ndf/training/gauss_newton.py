@@ -288,7 +288,7 @@ def energy_gradient(sample: Sample, tips: Tips, network: Network, output: Tensor
         jet = torch.cat([features, part.fixed], dim=-1) @ output.T
         rows = part.table.rows
         strain = apply_rows(rows, jet) + part.table.offset
-        pull = (strain[:, None] @ rows.reshape(len(part), 6, 18)).view(-1, 3, 6)
+        pull = (strain[:, None] @ rows.flatten(2)).view(-1, 3, 6)
         pull[..., VALUE] -= part.table.force
         total += gradient(network, tape, pull.mT @ used)
     if len(tips):

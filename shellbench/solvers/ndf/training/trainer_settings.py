@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field as PydanticField
 
 from shellbench.problem import SeededSettings
@@ -28,9 +30,14 @@ class TrainerSettings(SeededSettings):
 
     inner: tuple[int, ...] = PydanticField(INNER, description="widths of the hidden layers before the last")
     widths: tuple[int, ...] | None = PydanticField(None, description="widths of the last hidden layer, tried in turn")
+    most_neurons: int = PydanticField(900, ge=1, le=4000, description="width up to which it widens; linear statics")
     activation: str = "sine"
     directions: int | None = PydanticField(
         None, ge=1, description="of hidden weights that a Gauss-Newton step moves in; None for all of them"
+    )
+    start: Literal["fitted", "random"] = PydanticField(
+        "fitted",
+        description="hidden layers to start from: fitted to random features of one layer, or drawn as usual",
     )
     iterations: int | None = PydanticField(
         None, ge=0, le=100_000, description="at most; None for 3, or 2 on curved shells under forces at points"

@@ -20,7 +20,7 @@ from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import Case
 from shellbench.solvers.ndf.field.build import is_flat
 from shellbench.solvers.ndf.field.jets import VALUE
-from shellbench.solvers.ndf.field.network import Network, deep_random_features
+from shellbench.solvers.ndf.field.network import Network, deep_random_features, deep_random_network
 from shellbench.solvers.ndf.training.gauss_newton import Quadratic, energy_gradient, flatten, quadratic_model, unflatten
 from shellbench.solvers.ndf.training.sketch import Sketch
 from shellbench.solvers.ndf.training.training_problem import COARSE_ORDER, Quadratures, Trained, TrainingProblem
@@ -60,6 +60,8 @@ class Plan:
         Whether the features of one start have all scales in turn, rather than each start one of them.
     gap
         Disagreement of training and check points beyond which more points are taken.
+    fitted
+        Whether the starting features are fitted, rather than drawn.
     directions
         Largest number of directions of hidden weights in a Gauss-Newton step. None stands for all of them, or for the
         `STEEPEST` if there are more than `MANY_WEIGHTS`.
@@ -76,6 +78,7 @@ class Plan:
     seed: int
     directions: int | None = None
     mixed: bool = False
+    fitted: bool = True
 
 
 Report = Callable[[int, Trained], None]
@@ -130,7 +133,11 @@ def _best_start(
         each = np.array([np.where(stretched, of_stretched, plain) for plain, of_stretched in start])
         by_input = problem.features.placement.tensor(each[np.arange(width) % len(each)])
         values = points.train.inputs[VALUE]
-        network = deep_random_features(values, by_input, (*plan.inner, width), plan.seed, plan.activation)
+        layers = (*plan.inner, width)
+        if plan.fitted:
+            network = deep_random_features(values, by_input, layers, plan.seed, plan.activation)
+        else:
+            network = deep_random_network(values.shape[1], layers, plan.seed, plan.activation).to(values)
         state = points.evaluate(problem, network)
         trusted = state.gap < 10 * plan.gap
         if trusted and (found is None or state.check.gain > found[0].check.gain):

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
 from shellbench.solvers.ndf.field.ansatz import Ansatz
-from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs, focal_points
+from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs, focal_points, graded_points
 from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Features
 from shellbench.solvers.ndf.field.jets import Array, Placement
 from shellbench.solvers.ndf.field.network import Network, random_features
 from shellbench.solvers.ndf.field.quadrature import RuleSpec
-from shellbench.solvers.ndf.linear.solve import solve_output
+from shellbench.solvers.ndf.linear.solve import solve_part
 from shellbench.solvers.ndf.strains.energy import concentrated
 from shellbench.solvers.ndf.training.gauss_newton import Energy, Sample, Tips, energy_on, normal_equations_on
 
@@ -61,33 +61,38 @@ class Trained:
 
 @dataclass(frozen=True)
 class TrainingProblem:
-    """A case as training uses it; `tally` counts a cost that is the same on any machine: "output layers" solved for."""
+    """A case as training uses it.
+
+    Attributes
+    ----------
+    like
+        A rule whose grading all rules have; None for the usual one.
+    tally
+        Counts a cost that is the same on any machine: "output layers" solved for.
+    """
 
     ansatz: Ansatz
     features: Features
     spec: FieldSpec
     focal: Array
-    constraints: Callable[[Features], tuple[Tensor, Tensor]]
+    like: RuleSpec | None = None
     tally: Counter[str] = field(default_factory=Counter)
 
     @classmethod
     def from_case(
-        cls,
-        case: Case,
-        spec: FieldSpec,
-        placement: Placement,
-        constraints: Callable[[Ansatz, Features], tuple[Tensor, Tensor]],
+        cls, case: Case, spec: FieldSpec, placement: Placement, like: RuleSpec | None = None
     ) -> TrainingProblem:
-        """Prepare a case; `constraints` gives rows and targets that hold point supports."""
+        """Prepare a case."""
         ansatz, inputs = build_ansatz(case, spec), build_inputs(case, spec)
         ones = placement.tensor(np.ones(inputs.count))
         features = build_features(case, spec, random_features(ones, 1, 0, spec.activation), placement, inputs)
-        return cls(ansatz, features, spec, focal_points(case), lambda f: constraints(ansatz, f))
+        focal = focal_points(case) if like is None else graded_points(case, spec)
+        return cls(ansatz, features, spec, focal, like)
 
     @property
     def singular(self) -> bool:
         """True if forces act at points."""
-        return len(self.focal) > 0
+        return len(focal_points(self.ansatz.case)) > 0
 
     def with_network(self, network: Network) -> Features:
         """Return the features of a network."""
@@ -96,11 +101,21 @@ class TrainingProblem:
 
     def rule_spec(self, count: float, order: int, more: int = 0) -> RuleSpec:
         """Return a rule with about `count` points where energies are integrated, and `more` panels along each side."""
+        if self.like is not None:
+            growth = math.sqrt(count / self._points) * self.like.order / order
+            first, second = (max(2, round(growth * panels)) + more for panels in self.like.panels)
+            return replace(self.like, panels=(first, second), order=order)
         count *= self.ansatz.mirrors.parts if self.ansatz.mirrors else 1  # rules are those of the whole shell
         turns = [2.0 if p else 1.0 for p in self.ansatz.case.surface.domain.periodic]
         side = math.sqrt(count / (turns[0] * turns[1])) / order
         first, second = (max(2, round(side * turn)) + more for turn in turns)
         return RuleSpec((first, second), order, GRADING if self.singular else 1.0, joints=self.ansatz.case.kinks)
+
+    @cached_property
+    def _points(self) -> int:
+        """Number of points of the rule `like`."""
+        assert self.like is not None
+        return len(self.ansatz.rule(self.focal, self.like).points)
 
     def sample(self, spec: RuleSpec) -> Sample:
         """Tabulate a rule."""
@@ -132,6 +147,11 @@ class Quadratures:
         spec, check = problem.rule_spec(count, TRAINING_ORDER), problem.rule_spec(CHECK * count, TRAINING_ORDER, more=1)
         return cls(spec, problem.sample(spec), problem.sample(check), problem.tips(check), refinement)
 
+    @classmethod
+    def from_rules(cls, problem: TrainingProblem, train: RuleSpec, check: RuleSpec) -> Quadratures:
+        """Take the points of two rules."""
+        return cls(train, problem.sample(train), problem.sample(check), problem.tips(check), 1.0)
+
     def evaluate(self, problem: TrainingProblem, network: Network) -> Trained:
         """Solve for the output layer on the training points and measure both energies."""
         return self.checked(self.solved(problem, network))
@@ -141,9 +161,8 @@ class Quadratures:
         problem.tally["output layers"] += 1
         kept: list[Tensor] = []
         equations = normal_equations_on(self.train, self.tips, network, kept)
-        rows, targets = problem.constraints(problem.with_network(network))
-        stiffness = problem.ansatz.case.material.membrane_stiffness
-        layer = solve_output(equations, rows, targets, stiffness)
+        features = problem.with_network(network)
+        layer = solve_part(problem.ansatz, features, equations, np.arange(features.count))
         output = layer.weights.view(3, -1)
         energy = energy_on(self.train, self.tips, network, output, kept)
         return Trained(network, output, layer.reactions, energy, energy, len(self.train))

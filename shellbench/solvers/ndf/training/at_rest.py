@@ -1,0 +1,270 @@
+"""Training of a linear shell at rest: networks of ever larger width, their certificates, and their record.
+
+The first network has plain inputs, and the widths of `training.default_plan_widths`. If challengers then still change
+its answer, wider ones follow, as for `ndf-ritz`: their inputs are stretched toward edges and points, powers about
+corners are among their features, and their rules are graded accordingly.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+from shellbench.errors import InputError, SolveFailure
+from shellbench.problem import Progress, ProgressCallback, Solution, Step
+from shellbench.problems.shell.case import Case
+from shellbench.solvers.ndf.field.build import built_in, focal_points, is_flat
+from shellbench.solvers.ndf.field.choices import MULTIPLIERS, FieldSpec, StrainName
+from shellbench.solvers.ndf.field.field import Field
+from shellbench.solvers.ndf.field.jets import VALUE, Placement, smooth_activation
+from shellbench.solvers.ndf.field.network import deep_random_features
+from shellbench.solvers.ndf.field.quadrature import area_rule
+from shellbench.solvers.ndf.field.supports import check_balance, point_supports
+from shellbench.solvers.ndf.linear.answer import displacement_values
+from shellbench.solvers.ndf.linear.challenge import stated
+from shellbench.solvers.ndf.linear.refinement import Level, first_level, next_level
+from shellbench.solvers.ndf.linear.ritz_field import for_part, takes_planes
+from shellbench.solvers.ndf.linear.solution import NdfSolution
+from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, exploits
+from shellbench.solvers.ndf.training.trainer_settings import NDF, TrainerSettings
+from shellbench.solvers.ndf.training.training import (
+    CERTIFICATE,
+    MIRRORED_SCALES,
+    MIXED_SCALES,
+    SINGULAR_SCALES,
+    Plan,
+    default_plan_widths,
+    first_state,
+    train,
+    trusted,
+)
+from shellbench.solvers.ndf.training.training_problem import FINAL_ORDER, Quadratures, Trained, TrainingProblem
+
+SERVES = 10.0  # largest certified gain by challengers, in tolerances of training, with which a start's layers serve
+ITERATIONS, MIXED_ITERATIONS = 3, 2  # by certified energy at equal time: a mixed start leaves less to training
+WIDEST_TRAINED = 300  # a Gauss-Newton step costs the third power of the width
+
+
+def field_spec(settings: TrainerSettings, strain: StrainName) -> FieldSpec:
+    """Return the choices of the field."""
+    return FieldSpec(
+        activation=settings.activation,
+        periodic_input=settings.periodic_input,
+        components=settings.components,
+        stretched=settings.stretched,
+        layer=settings.layer,
+        multipliers=settings.singular,
+        strain=strain,
+    )
+
+
+def mirrored(case: Case, settings: TrainerSettings, start: Solution | None) -> bool:
+    """Return True if planes of symmetry are built in: as in a start, or by settings, or if it is of advantage."""
+    # Given widths serve for comparisons of fields with each other, and with those of other recipes.
+    if isinstance(start, NdfSolution):
+        return start.spec.mirrors
+    if settings.mirrors is not None:
+        return settings.mirrors
+    return len(focal_points(case)) > 0 and not is_flat(case) and settings.widths is None
+
+
+def training_plan(settings: TrainerSettings, widths: tuple[int, ...], scales: tuple[tuple[float, float], ...]) -> Plan:
+    """Return the limits of a training, with these widths and scales to start from."""
+    return Plan(
+        inner=settings.inner,
+        widths=widths,
+        scales=scales,
+        activation=settings.activation,
+        iterations=ITERATIONS if settings.iterations is None else settings.iterations,
+        tolerance=settings.tolerance,
+        gap=settings.gap,
+        damping=settings.damping,
+        seed=settings.seed,
+        directions=settings.directions,
+        fitted=settings.start == "fitted",
+    )
+
+
+class Training:
+    """One training: its states become the solution's history."""
+
+    def __init__(
+        self, case: Case, settings: TrainerSettings, start: Solution | None, progress: ProgressCallback
+    ) -> None:
+        smooth_activation(settings.activation)
+        self.begin = time.perf_counter()
+        self.case, self.settings, self.progress = case, settings, progress
+        self.placement = Placement.on(settings.device)
+        self.spec = field_spec(settings, "linear").model_copy(update={"mirrors": mirrored(case, settings, start)})
+        self.problem = TrainingProblem.from_case(case, self.spec, self.placement)
+        mirrors = self.problem.ansatz.mirrors
+        widths, scales = default_plan_widths(case, self.problem.singular, mirrors.parts if mirrors else 1)
+        mixed = scales == MIRRORED_SCALES or (scales == MIXED_SCALES and not settings.widths)
+        # Given widths serve for comparisons of starts: the mixture is for the usual width only.
+        if settings.widths and self.problem.singular and not mirrors:
+            scales = SINGULAR_SCALES
+        self.plan = training_plan(settings, settings.widths or widths, scales)
+        if mixed:
+            iterations = MIXED_ITERATIONS if settings.iterations is None else settings.iterations
+            self.plan = replace(self.plan, mixed=True, iterations=iterations)
+        self.history: list[Step] = []
+        self.last: NdfSolution | None = None
+
+    def solve(self, start: Solution | None) -> NdfSolution:
+        """Train networks until one has settled, or no wider one is allowed; with given widths, these only."""
+        try:
+            state, points = self._first(start)
+            found = self._trained(state, points, start is not None)
+        except SolveFailure as failure:
+            raise SolveFailure(f"training broke down: {failure}", failure.partial or self.last) from None
+        if found.unsettled is None or self.settings.widths or start is not None:
+            return found
+        return self._widened(found)
+
+    def _trained(self, state: Trained, points: Quadratures, kept: bool = False, train_it: bool = True) -> NdfSolution:
+        spec, domain = points.spec, self.case.surface.domain
+        check_balance(self.case, area_rule(domain, self.problem.focal, spec), spec, self.problem.focal)
+        state, points = trusted(self.problem, self.plan, state, points)
+        self._report(0, state)
+        if kept:
+            # One linear solve on the existing hidden layers. Challengers show if these suit the edit.
+            found = self._certified(state, points, "the hidden layers of the start serve here, too")
+            served = found.diagnostics["challenge_gain"] <= SERVES * self.settings.tolerance
+            if served and found.unsettled is None:
+                return found
+        ending = "the network is too wide for training"
+        if train_it:
+            state, ending = train(self.problem, self.plan, state, points, self._report)
+        self._tell(self.plan.iterations, "certifying the energy on the finest quadrature")
+        return self._certified(state, points, ending)
+
+    def _widened(self, best: NdfSolution) -> NdfSolution:
+        """Return the answer of least certified energy of further networks, each wider than the one before."""
+        # 1. Take the resolution of a level of `ndf-ritz`, and the scales of its features and of its challengers.
+        # 2. Fit a deep network to such features, train it, and let challengers state its uncertainty.
+        # 3. Until it settles, take the next level.
+        mirrors = built_in(self.case, self.spec.model_copy(update={"mirrors": self._planes()}))
+        first = first_level(self.case, for_part(self.case, mirrors))
+        level: Level | None = first
+        while level is not None and best.unsettled is not None:
+            found = self._level(level, mirrors is not None)
+            if found is not None and (
+                found.diagnostics["certified_energy"] < best.diagnostics["certified_energy"] or found.unsettled is None
+            ):
+                best = found
+            level = next_level(first, level, "anew", self.settings.most_neurons)
+        return replace(best, history=tuple(self.history))
+
+    def _planes(self) -> bool:
+        return takes_planes(self.case) if self.settings.mirrors is None else self.settings.mirrors
+
+    def _level(self, level: Level, mirrors: bool) -> NdfSolution | None:
+        choices = {
+            "stretched": True,
+            "edge_stretched": True,
+            "multipliers": self.spec.multipliers or MULTIPLIERS,
+            "detail": level.detail,
+            "slopes": "rows",
+            "mirrors": mirrors,
+        }
+        self.spec = self.spec.model_copy(update=choices)
+        resolution = level.resolution
+        self.problem = problem = TrainingProblem.from_case(self.case, self.spec, self.placement, resolution.rule)
+        points = Quadratures.from_rules(problem, resolution.rule, resolution.fine)
+        inputs = problem.features.inputs
+        scales, width = level.each_scale(inputs, self.placement), level.width
+        inner = tuple(max(size, inputs.count) for size in self.plan.inner)
+        network = deep_random_features(
+            points.train.inputs[VALUE], scales, (*inner, width), self.plan.seed, self.plan.activation
+        )
+        self._tell(0, f"training {width} neurons in the last hidden layer")
+        try:
+            return self._trained(points.evaluate(problem, network), points, train_it=width <= WIDEST_TRAINED)
+        except SolveFailure:  # the next level has more points
+            return None
+
+    def _first(self, start: Solution | None) -> tuple[Trained, Quadratures]:
+        if start is None:
+            return first_state(self.problem, self.plan)
+        inputs = self.problem.features.inputs.count
+        if not isinstance(start, NdfSolution) or start.field.features.network.weights[0].shape[1] != inputs:
+            raise InputError(f"the start is no solution of '{NDF}' with the {inputs} inputs of this case")
+        network = start.field.features.network
+        points = Quadratures.for_width(self.problem, network.width)
+        return points.evaluate(self.problem, network), points
+
+    def _tell(self, step: int, message: str) -> None:
+        self.progress(Progress(step, self.plan.iterations + 1, message))
+
+    def _report(self, iteration: int, state: Trained) -> None:
+        solution = self._solution(state, 1.0)
+        solved = self.problem.tally["output layers"]
+        step = Step(
+            iteration=iteration,
+            seconds=time.perf_counter() - self.begin,
+            energy=state.train.potential,
+            unknowns=solution.parameters,
+            at=self.spec.t,
+            gap=state.gap,
+            quantities=displacement_values(solution),
+            iterations=solved - sum(step.iterations or 0 for step in self.history),
+        )
+        self.history.append(step)
+        self.last = replace(solution, history=tuple(self.history))
+        self._tell(iteration, f"{solution.parameters} weights, energy {state.check.potential:.9g} J")
+
+    def _solution(self, state: Trained, share: float) -> NdfSolution:
+        field = Field(
+            self.problem.ansatz,
+            self.problem.with_network(state.network),
+            share * state.output,
+            state.output.new_zeros(6),
+        )
+        rule = self.problem.rule_spec(CERTIFICATE, FINAL_ORDER)
+        return NdfSolution(
+            case=self.case,
+            solver=NDF,
+            spec=self.spec,
+            field=field,
+            rule=rule,
+            membrane=float("nan"),
+            bending=float("nan"),
+            parameters=state.network.parameters + state.output.numel(),
+            history=tuple(self.history),
+            point_forces=tuple((share * state.reactions).tolist()),
+        )
+
+    def _certified(self, state: Trained, points: Quadratures, ending: str) -> NdfSolution:
+        problem = self.problem
+        spec = problem.rule_spec(CERTIFICATE * len(points.train), FINAL_ORDER)
+        rule = problem.ansatz.rule(problem.focal, spec)
+        features = problem.with_network(state.network)
+        forces = concentrated(problem.ansatz, spec, problem.focal, features.placement)
+        (energies,) = certify(problem.ansatz, features, [state.output], rule, forces)
+        moved = problem.ansatz.lift.moves or any(s.value for s in point_supports(self.case, self.spec.t))
+        gap = energy_gap(state.train.potential, energies, moved)
+        share = 1.0 if moved else energies.best
+        membrane, bending, _ = energies.parts(share)
+        solution = self._solution(state, share)
+        train_rule = problem.ansatz.rule(problem.focal, points.spec)
+        solution = replace(
+            solution,
+            field=solution.field.without_rigid_part(train_rule),
+            rule=spec,
+            membrane=membrane,
+            bending=bending,
+            diagnostics={
+                "energy_gap": gap,
+                "certified_energy": energies.potential(share),
+                "ending": ending,
+                "hidden_layers": [len(bias) for bias in state.network.biases],
+                "quadrature_points": len(points.train),
+                "check_points": len(points.check),
+                "network_evaluations": state.evaluations,
+                "fine_quadrature_points": len(rule.points),
+            },
+        )
+        if (reason := exploits(gap, self.settings.largest_gap, "finest")) is not None:
+            raise SolveFailure(f"{reason}; use smaller widths", solution)
+        self._tell(self.plan.iterations, "letting challengers join")
+        return stated(solution, self.plan.seed, self.history)
