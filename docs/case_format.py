@@ -131,7 +131,7 @@ EXAMPLES = {  # by section
 
 SECTIONS = (  # heading, words, common base, classes
     ("Surface", "`[surface]` is one of four kinds. All kinds have the first two keys; a mesh needs neither, and has them in units of (u, v).", surface.AnalyticSurface, ("Plane", "Cylinder", "ExpressionSurface", "MeshSurface")),
-    ("Material", "`[material]` is linear and isotropic. The factors vary the stiffnesses D and B only; the areal density stays as given.", None, ("Material",)),
+    ("Material", "`[material]` is linear and isotropic. Its membrane stiffness is D = E h / (1 - nu^2), its bending stiffness B = E h^3 / (12 (1 - nu^2)). The factors vary D and B only, not the areal density. `bending_poissons_ratio` changes the [energy](theory.md#energy) of bending, not B.", None, ("Material",)),
     ("Parts of edges", "`[edge_parts]` is a table of names. Supports, and loads of the kinds `edge` and `moment`, can use these names.", None, ("EdgePart",)),
     ("Supports", "`[[supports]]`: any number. A support holds its `components` at zero or moves them as `motion` says; the other components are free."
      ' Components are Cartesian, or local to the shell at rest: "along" an edge, "across" it within the surface, "normal" to the surface.'
@@ -188,7 +188,7 @@ OTHERS = (  # heading, words, model of the case, tables, quantities, example, na
     ("Edited shells", 'kind = "editing"', "A shell, and one change of it. The table `[shell]` has the keys of a shell without title, theory and quantities.",
      editing.EditingCase, {"[edit]": editing.Edit, "[[edit.changes]]": editing.Change}, (EditedDisplacement,), "edit_cantilever_pose", ("deflection",)),
     ("Fields", 'kind = "field"', "A vector field over the unit square of u and v; points from a density; or distances from a body."
-     " Quantities have no `at`.",
+     " Numbers of equations are those of Shu et al. ([fields on grids](fields.md)). Quantities have no `at`.",
      field.FieldCase, {"[match]": field.Match, "[cloth]": field.Cloth, "[training]": field.Training, "[[pins]]": field.Pin,
                        "[density]": field.Density, "[body]": ball.Ball},
      tuple(dict.fromkeys((*of_fields.FIT, *of_fields.CLOTH, *of_fields.DENSITY, *of_fields.BODY))), "field_hang", ("elongation",)),
@@ -288,6 +288,7 @@ def description(cls: type[Model], name: str) -> tuple[str, str]:
     unit = UNITS[found[0]] if len(found) == 1 else ""
     if unit:
         words = UNIT.sub("", words, count=1).lstrip(" ;:,")
+    words = f"{name} {words}" if words.startswith("of ") else words  # "seed: of the draw" is the seed of the draw
     words = words.strip(".") or name.replace("_", " ")
     first = words if words.partition(" ")[0].strip(",;:") in SYMBOLS else words[0].upper() + words[1:]
     return unit, f"{first}."

@@ -27,13 +27,14 @@ quoted. `references/references.json` has all of it in one table, for programs. S
 - A **judge** decides under the theory of its case. An **origin** is an independent second derivation.
 - If the source is `shellbench`, the locator names the file that computes the value; `python -m derivations CASE` runs it.
 - Tests recompute judges and origins (`tests/bench/test_known_values.py`).
-- A case without a judge is not gated. Its solvers are compared with each other.
-- Values of Kratos come from whole shells, or from parts stated by hand (`plugins/kratos/tests/test_known_values.py`). They share no search
-  for symmetry with the judged solvers.
+- A case without a judge is not gated (no tolerance applies). Its solvers are compared with each other.
+- Values of Kratos, a finite element program, come from whole shells, or from parts stated by hand
+  (`plugins/kratos/tests/test_known_values.py`). They share no search for symmetry with the judged solvers.
 - Sleeves that buckle, garments, the paper's napkins and the drape on a ball have `fem` as second origin of most values.
   There `fem` ran on finer meshes, and only the judge is independent of it.
 
-To cite a value, name the version of the exam; it is in the table and in every record.
+To cite a value, name the version of the exam (cases, known values and tolerances). It is in `references/references.json`
+and in every record.
 """
 CLOTH = {"cloth", "cloth_published", "garments", "garments_scatter", "obstacle_course"}  # suites, at finite strain
 SMALL = "Plates and shells, small displacements"

@@ -168,4 +168,4 @@ def test_a_description_with_several_units_keeps_them():
     cls = case_format.model_class("DisplacementQuantity")
     unit, meaning = case_format.description(cls, "at")
     assert unit == ""
-    assert "Time, s, or load factor" in meaning
+    assert "a time, s, in a motion" in meaning

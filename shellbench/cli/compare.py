@@ -50,19 +50,19 @@ def compare_command(
             "--threshold",
             metavar="X",
             min=0.0,
-            help="A loss is an error that grew by more than this, relative to the known value (0.01 is one per cent "
+            help="An error that grew by more than X is a loss: relative to the known value (0.01 is one per cent "
             "of it). The default is the tightest class of accuracy.",
         ),
     ] = 1e-4,
     seconds: Annotated[
         float | None,
-        typer.Option("--seconds", metavar="RATIO", min=1.0, help="A loss is also a run that takes so many times A's."),
+        typer.Option("--seconds", metavar="RATIO", min=1.0, help="A run over RATIO times A's seconds is a loss, too."),
     ] = None,
     memory: Annotated[
         float | None,
-        typer.Option("--memory", metavar="RATIO", min=1.0, help="A loss is also so many times the memory of A."),
+        typer.Option("--memory", metavar="RATIO", min=1.0, help="A run over RATIO times A's memory is a loss, too."),
     ] = None,
-    gone: Annotated[bool, typer.Option("--gone", help="A loss is also a run that only A has.")] = False,
+    gone: Annotated[bool, typer.Option("--gone", help="A run that only A has is a loss, too.")] = False,
     every: Annotated[bool, typer.Option("--all", help="Print all values, not only headlines and differences.")] = False,
     wide: WideOption = False,
 ) -> None:

@@ -85,7 +85,7 @@ def new_case(
         typer.Option("--mesh", metavar="FILE", help="Surface: a mesh (.obj, .ply, .vtu) with texture coordinates."),
     ] = None,
 ) -> None:
-    """Write a case of your own, NAME.toml, into this folder: a shell for both kinds of solver.
+    """Write a complete case into NAME.toml in this folder, for you to edit.
 
     Examples
     --------

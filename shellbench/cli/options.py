@@ -88,11 +88,9 @@ CasesArgument = Annotated[
     typer.Argument(metavar="CASE|PATH.toml", help="Only these cases, of all that were run.", **CASES),
 ]
 BaselineOption = Annotated[
-    Path, typer.Option("--baseline", metavar="FILE", help="What the regression and cost gates remember.")
+    Path, typer.Option("--baseline", metavar="FILE", help="Baseline of --regression and --cost.")
 ]
-WideOption = Annotated[
-    bool, typer.Option("--wide", help="All columns, however wide; a terminal is shown those that it has room for.")
-]
+WideOption = Annotated[bool, typer.Option("--wide", help="Show all columns, even if they do not fit the terminal.")]
 
 
 def text_width(wide: bool) -> int | None:

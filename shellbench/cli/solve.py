@@ -44,7 +44,7 @@ def list_command(
         ),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
-    every: Annotated[bool, typer.Option("--all", help="A line for each case instead.")] = False,
+    every: Annotated[bool, typer.Option("--all", help="Print a line for each case instead.")] = False,
     wide: WideOption = False,
 ) -> None:
     """List suites and solvers by kind of problem; with a name, describe this one.
@@ -119,7 +119,7 @@ def run(
     force: Annotated[bool, typer.Option("--force", help="Run again what has a record already.")] = False,
     timeout: Annotated[
         float | None,
-        typer.Option("--timeout", metavar="S", help="Stop a run after so many seconds of its processor."),
+        typer.Option("--timeout", metavar="S", help="Stop a run after S seconds of processor time."),
     ] = None,
     verbose: Annotated[
         bool,
@@ -129,8 +129,8 @@ def run(
     """Solve cases and keep the answers as records.
 
     Name cases, suites or both. A suite runs its declared solvers, settings and seeds; --solver restricts it to these
-    solvers, --seed and --set replace its seeds and settings. A case without a suite runs as its first suite declares,
-    a case of your own with every solver of the obstacle course.
+    solvers, --seed and --set replace its seeds and settings. A case named without --suite runs as its first suite
+    declares; a case of your own runs with every solver of the obstacle course.
 
     Runs with a valid record are kept, so an interrupted command continues where it stopped. Failed runs are tried
     again. `run` does not judge the answers: `gate` does.
@@ -287,7 +287,7 @@ def check_solver_command(
     json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
     timeout: Annotated[
         float,
-        typer.Option("--timeout", metavar="S", min=1, help="Seconds of its processor for one answer."),
+        typer.Option("--timeout", metavar="S", min=1, help="Stop an answer after S seconds of processor time."),
     ] = 600.0,
 ) -> None:
     """Check that a solver keeps the protocol, one line a check, and grade it.

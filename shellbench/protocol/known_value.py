@@ -22,9 +22,10 @@ class Known(Model):
     value
         In the quantity's unit.
     uncertainty
-        Half width of an interval that surely contains the true value, in the same unit.
+        Half width of an interval that surely contains the true value, in the same unit. 0 states an exact value: the
+        calibration of the gate then counts the whole error against the solver.
     source
-        Source of the value: a book and its page, a formula, a measurement.
+        Source of the value: a book and its page, a formula, a measurement, another program.
     tolerance
         The largest error that passes, relative to the value and below 1. It gates every solver that answers with
         default settings. Without it the value is shown and judges nothing.

@@ -117,7 +117,10 @@ def test_a_planted_overconfident_solver_is_named_and_red(toys: object, full: Sto
     assert (found.colour, found.row.solver, found.row.quantity) == ("red", "toy", "centre")
     assert not verdict.good()
     text = as_text(verdict, "none")
-    assert "RED  strip toy centre: its error is 1e+03 times the uncertainty that it states, and 5 is allowed" in text
+    assert (
+        "RED  strip toy centre: its error is 1e+03 times the uncertainties of answer and known value, and 5 is allowed"
+        in text
+    )
     assert "calibration: toy: 0 % of 1 errors are within 2 times the stated uncertainty (95 % asked)" in text
     assert "a gate fell short" in text
 

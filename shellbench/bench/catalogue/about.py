@@ -239,7 +239,7 @@ def _quantity_lines(quantity: Data) -> Iterator[str]:
     if not any(known["judges"] for known in quantity["known"]):
         yield from _entry("judge", "none: no value of its theory is known", indent=2)
     if quantity["tolerances"]:
-        yield from _entry("allowed", tolerance_words(quantity), indent=2)
+        yield from _entry("tolerances", tolerance_words(quantity), indent=2)
 
 
 def known_words(known: Data, unit: str) -> str:
@@ -269,8 +269,8 @@ def _suite_lines(suite: Data) -> Iterator[str]:
         yield from _entry("package", suite["package"])
     if suite["study"]:
         yield from _entry("study", suite["study"])
-    gated = _listed(f"{count} figures of {solver}" for solver, count in suite["gated"].items())
-    yield from _entry("gated", gated or "nothing of our own solvers")
+    gated = _listed(f"{count} values of {solver}" for solver, count in suite["gated"].items())
+    yield from _entry("gated", gated or "nothing")
     yield from _headed("Cases")
     for name, title in suite["titles"].items():
         yield from _entry(name, title)

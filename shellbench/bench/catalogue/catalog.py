@@ -193,7 +193,7 @@ def find_case(text: str) -> Problem:
     if path.suffix == ".toml":
         return read_problem(path)
     hint = did_you_mean(text.partition(VARIANT)[0], case_names())
-    raise InputError(f"unknown case '{text}'{hint}: `shellbench list` shows all, and a path ends in .toml")
+    raise InputError(f"unknown case '{text}'{hint}: see `shellbench list`; suites need --suite, paths end in .toml")
 
 
 def is_own(case: Problem) -> bool:

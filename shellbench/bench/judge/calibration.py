@@ -139,7 +139,7 @@ def calibration_findings(found: Sequence[Calibration], ours: Collection[str]) ->
         Finding(
             one.row,
             "red" if one.row.open_finding is None else "expected failure",
-            f"its error is {one.ratio:.3g} times the uncertainty that it states, and {MOST:g} is allowed",
+            f"its error is {one.ratio:.3g} times the uncertainties of answer and known value, and {MOST:g} is allowed",
         )
         for calibration in found
         if calibration.solver in ours

@@ -117,7 +117,7 @@ def missing_runs(found: Sequence[Row]) -> str:
         left = declared - sum(row.declared and name in row.suites for row in runs.values())
         more |= {name: left} if left > 0 else {}
     of = f"suite '{next(iter(more))}'" if len(more) == 1 else f"{len(more)} suites"
-    return f"Left out: {sum(more.values())} other runs of {of}; --suite NAME takes them in." if more else ""
+    return f"Left out: {sum(more.values())} other runs of {of}; --suite NAME includes them." if more else ""
 
 
 def rows_of(current: CurrentRuns, planned: Sequence[Task] = ()) -> list[Row]:

@@ -307,7 +307,7 @@ def _check_judged(
 def _why_unjudged(shown: Sequence[Row], notes: Sequence[str]) -> str:
     """Return the reason that a gate judges none of these rows, as a clause."""
     if not shown:
-        return "; ".join(("no run counts", *notes))
+        return "; ".join(("no run counts", *(notes or ["`shellbench run` makes one"])))
     if all(row.reference is None for row in shown):
         file = "; `[[known]]` in the case's file states one" if any(row.own_case for row in shown) else ""
         return f"no value is known{file}"

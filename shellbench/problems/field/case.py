@@ -74,7 +74,13 @@ class Pin(Model):
 
 
 class Density(Model):
-    """A probability by cells of the unit square: rows along u, columns along v."""
+    """A probability by cells of the unit square: rows along u, columns along v.
+
+    Attributes
+    ----------
+    cells
+        Weights of the cells, a list for each row; any positive sum.
+    """
 
     cells: Annotated[tuple[Annotated[tuple[NotNegative, ...], Field(min_length=1, max_length=LARGEST_DENSITY)], ...],
                      Field(min_length=1, max_length=LARGEST_DENSITY)] = Field(

@@ -91,7 +91,7 @@ class ConditionedCase(SeriesCase):
         Its table of the file, as in a case of kind `shell`, without title, quantities, and the three parameters of the
         material that have a range. It stands still in the linear theory, and moves in the non-linear one.
     ranges
-        Of the materials.
+        Ranges of thickness, Young's modulus and Poisson's ratio.
     held_out
         Materials at which answers are judged.
     asked

@@ -29,7 +29,23 @@ SETTLED = 0.9  # share of the velocity that a step of settling keeps
 
 
 class Cape(Model):
-    """The cape and its clips, in SI units. A sector of a cone, open in front."""
+    """The cape and its clips, in SI units. A sector of a cone, open in front.
+
+    Attributes
+    ----------
+    radii
+        Radii of the upper and the lower edge, m.
+    around
+        Angle of the sector, degrees.
+    mass
+        Mass of the whole cape, kg.
+    shearing
+        Stiffness of springs along diagonals, N/m.
+    bending
+        Stiffness of springs from a vertex to the one after the next, N/m.
+    air
+        Air drag: deceleration over velocity, 1/s.
+    """
 
     rows: int = Field(ge=4, le=200, strict=True, description="vertices from the neck down; the first is held")
     columns: int = Field(ge=4, le=200, strict=True, description="vertices around")

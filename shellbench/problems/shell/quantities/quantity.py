@@ -13,7 +13,8 @@ class ShellQuantity(Quantity):
     Attributes
     ----------
     at
-        Time, s, or load factor; on a path that no load factor marks, the value of the path's displacement, m
+        State at which it is measured: a time, s, in a motion, else a load factor. On a path with another control than
+        "load" it is the value of the path's displacement quantity, m
         (see `shellbench.problems.shell.question.path.Path`).
     series
         Kind of case in which it is recorded all along: "motion", "path" (both), or none.

@@ -35,7 +35,7 @@ LIMITS = (
 
 
 class Value(Model):
-    """Prescribed displacement, metres: numbers or formulas in xi1, xi2 and t, taken on the edge itself.
+    """Prescribed displacement, metres: numbers or formulas in xi1, xi2 and t, evaluated on the edge.
 
     Attributes
     ----------
@@ -179,7 +179,7 @@ class Spring(Model):
     Attributes
     ----------
     name
-        Name in error messages.
+        Name that error messages give.
     stiffness
         k, N/m^3: a number or formula in xi1 and xi2. The energy per reference area is k |u|^2 / 2, of the components
         that it holds.
@@ -208,9 +208,11 @@ class Material(Model):
 
     Attributes
     ----------
-    modulus_factor, thickness_factor
-        Factor: a number or formula in xi1 and xi2; positive on the shell. It may have kinks along coordinate lines, but
-        can't jump.
+    modulus_factor
+        Factor of Young's modulus: a number or formula in xi1 and xi2; positive on the shell. It may have kinks along
+        coordinate lines, but can't jump.
+    thickness_factor
+        Factor of the thickness, of the same form.
     """
 
     limits: ClassVar[str] = LIMITS
