@@ -129,5 +129,6 @@ def test_a_trained_path_is_nearer_than_one_as_drawn():
     ],
 )
 def test_paths_without_a_least_energy_are_not_trained(changed, reason):
-    assert reason in trained.why_as_drawn(strip().model_copy(update=changed))
-    assert trained.why_as_drawn(strip()) is None
+    assert reason in trained.why_not_trained(strip().model_copy(update=changed), 60)
+    assert trained.why_not_trained(strip(), 60) is None
+    assert "neurons" in trained.why_not_trained(strip(), 600)

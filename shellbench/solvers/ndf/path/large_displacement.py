@@ -32,7 +32,7 @@ from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.levels import PathLevel, disagreement, state_solution
 from shellbench.solvers.ndf.path.newton import Deformed, PathState, equilibrium
 from shellbench.solvers.ndf.path.path_challenge import challenged, prescribed
-from shellbench.solvers.ndf.path.trained import trained_level
+from shellbench.solvers.ndf.path.trained import trained_level, why_not_trained
 from shellbench.solvers.ndf.strains.energy import exploits
 from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError, same
 
@@ -79,7 +79,7 @@ def solve(
         run = _Run(case, spec, solver, build(), began, largest_gap, progress, None if number else start)
         try:
             solution = run.solve(coarse)
-            if iterations and (better := run.trained(iterations)) is not None:
+            if (better := run.trained(iterations)) is not None:
                 run = _Run(case, spec, solver, better, began, largest_gap, progress)
                 solution = run.solve(coarse)
         except SolveFailure as failure:
@@ -162,6 +162,8 @@ class _Run:
 
     def trained(self, iterations: int) -> PathLevel | None:
         """Return the level with hidden layers trained at the states of its path, or None if nothing is gained."""
+        if not iterations or why_not_trained(self.case, self.level.features.network.width) is not None:
+            return None
 
         def tell(iteration: int, gain: float) -> None:
             width = self.level.features.network.width

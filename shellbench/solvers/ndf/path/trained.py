@@ -45,14 +45,17 @@ from shellbench.solvers.ndf.training.training import AGREEMENT, ATTEMPTS, EASE, 
 from shellbench.solvers.stepping.control import NotConvergedError
 
 PATH_ITERATIONS = 12  # at most, a level; on plates, roofs and cantilevers the last ones gain little
+WIDEST = 150  # network that is trained: each step takes the third power of the width, for each of the states
 DAMPING = 0.1  # Marquardt's, at the start
 MOST_STATES = 3  # of a path that a network is trained on: the last one, and others evenly before it
 LEAST_GAIN = 1e-5  # of the mean relative energy of the states, below which training ends
 COARSE = 0.75  # of the panels a side, for the Gauss-Newton matrix; its order is less by one or two in turn
 
 
-def why_as_drawn(case: Case) -> str | None:
-    """Return the reason that hidden layers can't be trained on a path, as one clause; None if they can."""
+def why_not_trained(case: Case, width: int) -> str | None:
+    """Return the reason that a network isn't trained on a case's path, as one clause; None if it is."""
+    if width > WIDEST:
+        return f"the network has more than {WIDEST} neurons in its last hidden layer"
     if case.prescribed:
         return "all of the displacement is prescribed"
     if case.path.control != "load":

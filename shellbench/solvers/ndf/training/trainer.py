@@ -44,7 +44,7 @@ from shellbench.solvers.ndf.motion.motion_solution import MotionSolution, load_s
 from shellbench.solvers.ndf.path import large_displacement, modes
 from shellbench.solvers.ndf.path.edited import start_of_path
 from shellbench.solvers.ndf.path.levels import PathLevel
-from shellbench.solvers.ndf.path.trained import PATH_ITERATIONS, why_as_drawn
+from shellbench.solvers.ndf.path.trained import PATH_ITERATIONS, why_not_trained
 from shellbench.solvers.ndf.strains.smooth import scales
 from shellbench.solvers.ndf.training.at_rest import WIDEST_TRAINED, Training, field_spec, training_plan
 from shellbench.solvers.ndf.training.trainer_settings import NDF, TrainerSettings
@@ -82,7 +82,6 @@ def follow(
     # 2. Follow the path level by level (`large_displacement.solve`). Where possible, train the hidden layers at the
     #    states of the path, and follow it again.
     # 3. With `begin`, take the hidden layers of the earlier path, and start from its states.
-    trains = why_as_drawn(case) is None
     full = case.path.until if case.path.control == "load" else 1.0
     linear = case.model_copy(update={"theory": "kirchhoff-love-linear"})
     problem = TrainingProblem.from_case(linear, spec.model_copy(update={"strain": "linear", "t": full}), placement)
@@ -97,7 +96,7 @@ def follow(
         scales = placement.tensor(chosen.scales(problem.features.inputs))
         values = points.train.inputs[VALUE]
         drawn = deep_random_features(values, scales, (*plan.inner, width), plan.seed, plan.activation)
-        linearly = not trains and may_be_trained(case, width)
+        linearly = why_not_trained(case, width) is not None and may_be_trained(case, width)
         network = _trained(problem, plan, drawn, points) if linearly else drawn
         trained = 0 if network is drawn else network.parameters
         return PathLevel(
@@ -118,10 +117,11 @@ def follow(
     # At finite strain, challengers of trained layers would give uncertainties close to some tolerances, so that chance
     # would decide.
     seed = plan.seed if case.linear else None
-    steps = iterations if trains and begin is None else 0
+    steps = iterations if begin is None else 0
     solution = large_displacement.solve(case, spec, solver, builds, largest_gap, seed, progress, path, steps)
     trained = solution.parameters > solution.states[-1].field.output.numel()
-    hidden = "as drawn" if not trained else "trained on the path" if trains else "trained in linear theory"
+    on_path = why_not_trained(case, solution.states[-1].field.features.network.width) is None
+    hidden = "as drawn" if not trained else "trained on the path" if on_path else "trained in linear theory"
     return replace(solution, diagnostics={**solution.diagnostics, "hidden_layers": hidden})
 
 
