@@ -12,6 +12,7 @@ from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Step
 from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.quantities.measure import measure_all
+from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from shellbench.solvers.ndf.field.build import usual_resolution
 from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import Placement
@@ -257,3 +258,81 @@ def test_an_edge_load_and_a_point_support():
 def test_a_motion_refuses_a_start():
     with pytest.raises(InputError, match="ndf can't go on from an earlier solution in free_fall: a motion begins"):
         SOLVER.solve(catalog.named_case("free_fall"), TrainerSettings(), start=object())
+
+
+def test_rules_like_another_keep_its_grading_and_have_about_as_many_points_as_asked_for():
+    case = catalog.named_case("scordelis_lo")
+    like = first_level(case, usual_resolution(case)).resolution.rule
+    problem = TrainingProblem.from_case(case, FieldSpec(edge_stretched=True, detail=1), Placement(), like)
+    for count, order in ((1500.0, 4), (6000.0, 7)):
+        spec = problem.rule_spec(count, order)
+        assert replace(spec, panels=like.panels, order=like.order) == like
+        assert 0.6 * count < len(problem.ansatz.rule(problem.focal, spec).points) < 1.6 * count
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_start_drawn_as_usual_gets_there_too(seed):
+    """The Navier series has 0.4874823 m; before training, a narrow field drawn like this is farther off."""
+    solution = SOLVER.solve(
+        catalog.named_case("square_plate"),
+        TrainerSettings(start="random", widths=(10,), iterations=20, tolerance=1e-9, seed=seed, largest_gap=1.0),
+    )
+    errors = [abs(step.quantities["centre_deflection"] / 0.4874823 - 1) for step in solution.history]
+    assert errors[-1] < 1e-3 < errors[0]
+
+
+def test_a_plate_on_a_bed_sinks_as_its_springs_say():
+    """Far from all edges the bed alone carries the load: the plate sinks by q / k, and stores (q / k) q / 2 an area."""
+    plate = build_case(
+        {
+            "title": "bed", "theory": "kirchhoff-love-linear",
+            "surface": {"kind": "plane", "xi1": [0, 2], "xi2": [0, 1]},
+            "material": {"youngs_modulus": 1e9, "poissons_ratio": 0.3, "thickness": 0.01},
+            "supports": [{"name": "wall", "on": ["xi1_min"], "components": ["x", "y"]}],
+            "springs": [{"name": "bed", "stiffness": 2e4, "components": ["z"]}],
+            "loads": [{"kind": "area", "vector": [0, 0, -50]}],
+            "quantities": [{"name": "down", "kind": "largest_displacement", "primary": True}],
+        },
+        "bed", "here",
+    )  # fmt: skip
+    solution = SOLVER.solve(plate, TrainerSettings())
+    assert measure_all(solution)["down"] == pytest.approx(50 / 2e4, rel=1e-6)
+    assert solution.diagnostics["certified_energy"] == pytest.approx(-(50**2) / 2e4, rel=1e-6)
+
+
+def test_a_linear_path_under_edge_moments_states_its_error():
+    """`cases/bent_plate.toml`: against the values of its derivation."""
+    case = catalog.named_case("bent_plate")
+    solution, known = SOLVER.solve(case, TrainerSettings(seed=1)), catalog.known_values("bent_plate")
+    for name, value in measure_all(solution).items():
+        if (judge := known.judge(name, case.theory)) is not None:
+            assert abs(value - judge.value) <= solution.uncertainty[name] + judge.uncertainty, name
+    assert solution.unsettled is None
+
+
+@pytest.mark.long
+def test_a_field_widens_until_it_has_settled():
+    """A dome's elastic ring has a layer that plain inputs miss: wider networks follow, and err by what they state."""
+    case = build_case(
+        {
+            "title": "dome", "theory": "kirchhoff-love-linear",
+            "surface": {
+                "kind": "expression", "x": "cos(xi2)*cos(xi1)", "y": "cos(xi2)*sin(xi1)", "z": "sin(xi2)",
+                "angles": ["xi1", "xi2"], "periodic": ["xi1"], "xi1": [0, 360], "xi2": [20, 75],
+            },
+            "material": {"youngs_modulus": 2e11, "poissons_ratio": 0.3, "thickness": 0.01},
+            "springs": [{"name": "ring", "stiffness": "1e10*exp(-((xi2 - 0.349)/0.05)**2)"}],
+            "loads": [{"kind": "pressure", "value": "1e4*(1 + cos(2*xi1))"}],
+            "quantities": [{"name": "energy", "kind": "strain_energy", "primary": True}],
+        },
+        "dome", "here",
+    )  # fmt: skip
+    narrow, solution, elements = (
+        SOLVER.solve(case, TrainerSettings(iterations=0)),
+        SOLVER.solve(case, TrainerSettings()),
+        FemSolver().solve(case, FemSettings()),
+    )
+    exact = measure_all(elements)["energy"]
+    assert narrow.unsettled is not None
+    assert solution.unsettled is None
+    assert abs(measure_all(solution)["energy"] - exact) <= solution.uncertainty["energy"] < 1e-3 * exact

@@ -117,7 +117,9 @@ class Training:
             found = self._trained(state, points, start is not None)
         except SolveFailure as failure:
             raise SolveFailure(f"training broke down: {failure}", failure.partial or self.last) from None
-        if found.unsettled is None or self.settings.widths or start is not None:
+        # Given widths or iterations serve for comparisons: such a field stays as it is.
+        given = self.settings.widths or self.settings.iterations is not None
+        if found.unsettled is None or given or start is not None:
             return found
         return self._widened(found)
 

@@ -30,7 +30,9 @@ class TrainerSettings(SeededSettings):
 
     inner: tuple[int, ...] = PydanticField(INNER, description="widths of the hidden layers before the last")
     widths: tuple[int, ...] | None = PydanticField(None, description="widths of the last hidden layer, tried in turn")
-    most_neurons: int = PydanticField(900, ge=1, le=4000, description="width up to which it widens; linear statics")
+    most_neurons: int = PydanticField(
+        900, ge=1, le=4000, description="width up to which it widens; at rest, without widths and iterations"
+    )
     activation: str = "sine"
     directions: int | None = PydanticField(
         None, ge=1, description="of hidden weights that a Gauss-Newton step moves in; None for all of them"
