@@ -15,11 +15,11 @@ from shellbench.solvers.ndf.field.build import (
 )
 from shellbench.solvers.ndf.field.jets import VALUE, Placement
 from shellbench.solvers.ndf.field.network import deep_random_features
-from shellbench.solvers.ndf.path import trained
 from shellbench.solvers.ndf.path.continuation import load_steps
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.levels import PathLevel
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
+from shellbench.solvers.ndf.training import on_path
 from shellbench.solvers.ndf.training.at_rest import field_spec
 from shellbench.solvers.ndf.training.gauss_newton import flatten, unflatten
 from tests.solvers.ndf.shells import shell, support
@@ -68,8 +68,8 @@ def bent():
 def test_the_slope_of_a_state_is_the_limit_of_differences(bent):
     """Loads on the area, the edge, and its moment all change with the hidden weights, at a fixed output layer."""
     level, problem, states = bent
-    now = trained.Trial.of_states(problem, states[-1:], level.fine)
-    slope = trained._model(now, 0).slope * states[-1].deformed.magnitude
+    now = on_path.Trial.of_states(problem, states[-1:], level.fine)
+    slope = on_path._model(now, 0).slope * states[-1].deformed.magnitude
     theta, output = flatten(now.features.network), now.output(states[-1])
     way = torch.rand(theta.shape, generator=torch.Generator().manual_seed(1), dtype=torch.float64) - 0.5
 
@@ -86,7 +86,7 @@ def gain(bent):
     """Return the mean relative energy that three steps gain, certified; 0 if there is none."""
     level, problem, states = bent
     gains = [0.0]
-    trained.trained_level(level, problem, states, 3, lambda iteration, total: gains.append(total))
+    on_path.trained_level(level, problem, states, 3, lambda iteration, total: gains.append(total))
     return gains[-1]
 
 
@@ -96,15 +96,15 @@ def test_training_gains_energy_at_all_states(bent):
 
 @pytest.mark.parametrize("fault", ["wrong sign", "frozen layers", "states not solved for"])
 def test_faults_of_training_gain_nothing(bent, fault, monkeypatch):
-    energy_gradient, network_of = trained.energy_gradient, trained.unflatten
+    energy_gradient, network_of = on_path.energy_gradient, on_path.unflatten
     match fault:
         case "wrong sign":
-            monkeypatch.setattr(trained, "energy_gradient", lambda *a: -energy_gradient(*a))
-            monkeypatch.setattr(trained, "_moments", lambda now, state: 0.0)
+            monkeypatch.setattr(on_path, "energy_gradient", lambda *a: -energy_gradient(*a))
+            monkeypatch.setattr(on_path, "_moments", lambda now, state: 0.0)
         case "frozen layers":
-            monkeypatch.setattr(trained, "unflatten", lambda theta, like: network_of(flatten(like), like))
+            monkeypatch.setattr(on_path, "unflatten", lambda theta, like: network_of(flatten(like), like))
         case "states not solved for":
-            monkeypatch.setattr(trained, "equilibrium", lambda problem, near, t: near)
+            monkeypatch.setattr(on_path, "equilibrium", lambda problem, near, t: near)
     assert not gain(bent) > GAINED
 
 
@@ -116,7 +116,7 @@ def test_a_trained_path_is_nearer_than_one_as_drawn():
         for width, iterations in ((120, 0), (10, 8), (10, 0))
     )
     up, short, drawn = (one.displacement([[3, 0.5]])[0, 2] for one in (wide, narrow, as_drawn))
-    assert narrow.diagnostics["hidden_layers"] == "trained on the path"
+    assert narrow.diagnostics["hidden_layers"] == "trained"
     assert as_drawn.diagnostics["hidden_layers"] == "as drawn"
     assert abs(short - up) < 0.1 * abs(drawn - up)
 
@@ -129,6 +129,6 @@ def test_a_trained_path_is_nearer_than_one_as_drawn():
     ],
 )
 def test_paths_without_a_least_energy_are_not_trained(changed, reason):
-    assert reason in trained.why_not_trained(strip().model_copy(update=changed), 60)
-    assert trained.why_not_trained(strip(), 60) is None
-    assert "neurons" in trained.why_not_trained(strip(), 600)
+    assert reason in on_path.why_not_trained(strip().model_copy(update=changed), 60)
+    assert on_path.why_not_trained(strip(), 60) is None
+    assert "neurons" in on_path.why_not_trained(strip(), 600)

@@ -32,9 +32,11 @@ from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.levels import PathLevel, disagreement, state_solution
 from shellbench.solvers.ndf.path.newton import Deformed, PathState, equilibrium
 from shellbench.solvers.ndf.path.path_challenge import challenged, prescribed
-from shellbench.solvers.ndf.path.trained import trained_level, why_not_trained
 from shellbench.solvers.ndf.strains.energy import exploits
 from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError, same
+
+Training = Callable[[PathLevel, PathProblem, Sequence[PathState]], PathLevel | None]
+"""Returns a level with hidden layers trained at states of its path, or None if nothing is gained."""
 
 SETTLED_PATH = 2e-4  # relative change of the certified energy from level to level; the finer one lacks far less
 
@@ -48,14 +50,13 @@ def solve(
     seed: int | None,
     progress: ProgressCallback,
     start: PathSolution | None = None,
-    iterations: int = 0,
+    train: Training | None = None,
 ) -> PathSolution:
     """Follow the path of a case with ever finer features until its energy settles, or there are no finer ones.
 
     `seed` draws the challengers that estimate the path's uncertainty; with None no uncertainty is stated. `start` is an
     earlier path on the features of the first level: states begin at its own, and its energy counts as settled if it
-    was. With `iterations`, the hidden layers of each level are trained at the states of its path, and the path is
-    followed again.
+    was. If `train` returns a better level for a path's states, the path is followed again with it.
 
     Raises
     ------
@@ -79,7 +80,7 @@ def solve(
         run = _Run(case, spec, solver, build(), began, largest_gap, progress, None if number else start)
         try:
             solution = run.solve(coarse)
-            if (better := run.trained(iterations)) is not None:
+            if train and (better := train(run.level, run.problem, run.asked)) is not None:
                 run = _Run(case, spec, solver, better, began, largest_gap, progress)
                 solution = run.solve(coarse)
         except SolveFailure as failure:
@@ -160,19 +161,10 @@ class _Run:
             raise SolveFailure(reason, solution)
         return solution
 
-    def trained(self, iterations: int) -> PathLevel | None:
-        """Return the level with hidden layers trained at the states of its path, or None if nothing is gained."""
-        if not iterations or why_not_trained(self.case, self.level.features.network.width) is not None:
-            return None
-
-        def tell(iteration: int, gain: float) -> None:
-            width = self.level.features.network.width
-            self.progress(
-                Progress(iteration, iterations, f"training {width} features, {gain:.2g} of the energy gained")
-            )
-
-        asked = [state for state in self.states if any(same(state.t, mark) for mark in self.case.states)]
-        return trained_level(self.level, self.problem, asked, iterations, tell)
+    @property
+    def asked(self) -> list[PathState]:
+        """The states that the case asks for."""
+        return [state for state in self.states if any(same(state.t, mark) for mark in self.case.states)]
 
     def stated(self, solution: PathSolution, seed: int) -> PathSolution:
         """Return the path with the uncertainty of its quantities."""

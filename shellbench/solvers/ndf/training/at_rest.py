@@ -80,7 +80,6 @@ def training_plan(settings: TrainerSettings, widths: tuple[int, ...], scales: tu
         gap=settings.gap,
         damping=settings.damping,
         seed=settings.seed,
-        directions=settings.directions,
         fitted=settings.start == "fitted",
     )
 
@@ -171,7 +170,8 @@ class Training:
         }
         self.spec = self.spec.model_copy(update=choices)
         resolution = level.resolution
-        self.problem = problem = TrainingProblem.from_case(self.case, self.spec, self.placement, resolution.rule)
+        problem = TrainingProblem.from_case(self.case, self.spec, self.placement, resolution.rule)
+        self.problem = problem = replace(problem, tally=self.problem.tally)
         points = Quadratures.from_rules(problem, resolution.rule, resolution.fine)
         inputs = problem.features.inputs
         scales, width = level.each_scale(inputs, self.placement), level.width

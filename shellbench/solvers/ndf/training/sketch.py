@@ -1,24 +1,17 @@
-"""Random directions of a deep network's weights: Gauss-Newton if a matrix over all weights is too large.
+"""Gauss-Newton in a part of a deep network's weights, if a matrix over all of them is too large.
 
-A step on P weights needs a matrix (P, P): minutes for three layers of 64, and 35 GB for five of 128. Here each layer
-moves by U C V^T with random orthonormal U and V, newly drawn for each step, and only C is solved for. The size of the
-matrix is then the number of directions: a random subspace method (Hanzely, Doikov, Richtarik & Nesterov,
-arXiv:2002.09526) with Kronecker-structured draws.
+A step moves the steepest units of the last hidden layer, and all layers before: block coordinates, chosen by the rule
+of Gauss & Southwell. On pinched cylinders a quarter of the units has two thirds of the gain of all, in a sixth of the
+time; the same number of random directions has a hundredth of the gain.
 
-U and V act on the two ends of a layer's derivatives, before their product is formed. Therefore no row of the Jacobian
-is as long as P, unlike with a dense random matrix. Biases are the last column of a layer's weights.
-
-If a matrix over all weights is possible but expensive, a step moves the steepest units of the last hidden layer, and
-all layers before: block coordinates, chosen by the rule of Gauss & Southwell. On pinched cylinders a quarter of the
-units has two thirds of the gain of all, in a sixth of the time; the same number of random directions has a hundredth of
-the gain.
+Each layer moves by U C V^T, and only C is solved for. U and V act on the two ends of a layer's derivatives, before
+their product is formed. Therefore no row of the Jacobian is as long as the number of weights.
 
 The module also has hidden layers at points, and the derivatives through a layer.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -42,16 +35,6 @@ class Sketch:
 
     left: tuple[Tensor, ...]
     right: tuple[Tensor, ...]
-
-    @classmethod
-    def draw(cls, network: Network, directions: int, generator: torch.Generator) -> Sketch:
-        """Draw at most about `directions` directions, equally for all layers; a small layer moves in all of its own."""
-        shapes = [(weight.shape[0], weight.shape[1] + 1) for weight in network.weights]
-        like, left, right = network.weights[0], [], []
-        for (units, inputs), (a, b) in zip(shapes, shared(directions, shapes), strict=True):
-            left.append(_orthonormal(units, a, generator).to(like))
-            right.append(_orthonormal(inputs, b, generator).to(like))
-        return cls(tuple(left), tuple(right))
 
     @classmethod
     def steepest(cls, network: Network, slope: Tensor, directions: int) -> Sketch:
@@ -102,27 +85,6 @@ class Sketch:
     def _by_layer(vector: Tensor, shapes: Sequence[tuple[int, int]]) -> list[Tensor]:
         parts = torch.split(vector, [a * b for a, b in shapes])
         return [part.view(shape) for part, shape in zip(parts, shapes, strict=True)]
-
-
-def shared(directions: int, shapes: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Return (a, b) for each layer of a shape (m, n): a b directions of its m n, in all at most `directions`."""
-    # The smallest layers come first: the directions that they can't use go to the others.
-    left, result = directions, dict.fromkeys(range(len(shapes)), (0, 0))
-    for rest, k in zip(range(len(shapes), 0, -1), sorted(result, key=lambda k: math.prod(shapes[k])), strict=True):
-        (units, inputs), each = shapes[k], max(1, left // rest)
-        b = min(inputs, math.isqrt(each))
-        a = min(units, each // b)
-        result[k] = a, min(inputs, each // a)
-        left -= math.prod(result[k])
-    return list(result.values())
-
-
-def _orthonormal(size: int, count: int, generator: torch.Generator) -> Tensor:
-    if count == size:  # all of them: any basis is possible
-        return torch.eye(size, dtype=torch.float64)
-    drawn = torch.randn((size, count), generator=generator, dtype=torch.float64)
-    basis: Tensor = torch.linalg.qr(drawn)[0]
-    return basis
 
 
 class Layer(NamedTuple):

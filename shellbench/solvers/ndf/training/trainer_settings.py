@@ -34,9 +34,6 @@ class TrainerSettings(SeededSettings):
         900, ge=1, le=4000, description="width up to which it widens; at rest, without widths and iterations"
     )
     activation: str = "sine"
-    directions: int | None = PydanticField(
-        None, ge=1, description="of hidden weights that a Gauss-Newton step moves in; None for all of them"
-    )
     start: Literal["fitted", "random"] = PydanticField(
         "fitted",
         description="hidden layers to start from: fitted to random features of one layer, or drawn as usual",

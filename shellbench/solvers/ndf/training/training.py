@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-import torch
 
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import Case
@@ -43,7 +42,6 @@ FAIR = 0.3
 GOOD = 1 - FAIR  # of the predicted decrease
 ATTEMPTS = 3  # steps tried in an iteration, with increasing damping
 NEGLIGIBLE = 0.02  # share of the tolerance: if the most damped step can't gain more, training ends
-DRAWS = 3  # successive draws of directions without a certified step before training ends
 
 
 @dataclass(frozen=True)
@@ -62,9 +60,6 @@ class Plan:
         Disagreement of training and check points beyond which more points are taken.
     fitted
         Whether the starting features are fitted, rather than drawn.
-    directions
-        Largest number of directions of hidden weights in a Gauss-Newton step. None stands for all of them, or for the
-        `STEEPEST` if there are more than `MANY_WEIGHTS`.
     """
 
     inner: tuple[int, ...]
@@ -76,7 +71,6 @@ class Plan:
     gap: float
     damping: float
     seed: int
-    directions: int | None = None
     mixed: bool = False
     fitted: bool = True
 
@@ -166,24 +160,21 @@ def train(
     `report` is called with each certified state, which stays valid if training fails later.
     """
     # Variable projection with Levenberg & Marquardt's damping, an iteration in five:
-    # 1. Choose directions: the steepest of many weights, or random directions if asked for; all of few weights.
+    # 1. Choose weights: the steepest ones of many, all of few.
     # 2. Take a sparse rule, one of three in turn, for the Gauss-Newton matrix.
     # 3. Compute the gradient on the training points, and the matrix on the sparse ones, with the output layer
     #    eliminated.
     # 4. Increase the damping until a step is certified: the energy falls on training and check points, with a new
     #    output layer.
-    # 5. Without such a step: if only the training points show a gain, they are exploited, so take more. Else draw other
-    #    directions, a few times, or stop. Also stop if the most damped step predicts hardly any gain.
+    # 5. Without such a step: if only the training points show a gain, they are exploited, so take more. Else stop. Also
+    #    stop if the most damped step predicts hardly any gain.
     # Textbooks accept a step that lowers the objective on its own points. A field can lower it without limit, by
     # displacements that cost energy only between the points. Independent points detect this.
-    damping, refused, generator = plan.damping, 0, torch.Generator().manual_seed(plan.seed)
+    damping = plan.damping
     for iteration in range(1, plan.iterations + 1):
         weights = state.network.parameters
-        few = plan.directions is None or weights <= plan.directions
         slope = energy_gradient(points.train, points.tips, state.network, state.output)
-        sketch = None if few else Sketch.draw(state.network, plan.directions or weights, generator)
-        if plan.directions is None and weights > MANY_WEIGHTS:
-            sketch = Sketch.steepest(state.network, slope, STEEPEST)
+        sketch = Sketch.steepest(state.network, slope, STEEPEST) if weights > MANY_WEIGHTS else None
         # Six strain rows a point, and twice as many rows as columns: the Gram matrix then has full rank.
         rows = COARSE_ROWS * (state.output.numel() + (sketch.count if sketch else weights))
         coarse = problem.sample(problem.rule_spec(rows / 6, COARSE_ORDER, more=iteration % 3))
@@ -191,18 +182,13 @@ def train(
         found = _search(problem, plan, state, points, local, damping, sketch)
         damping, spent = found.damping, state.evaluations + 2 * (len(points.train) + len(coarse)) + found.evaluations
         if found.state is None:
-            refine = found.exploited and points.refinement * REFINE < MOST_REFINED
-            refused = 0 if refine else refused + 1
-            if refused == (1 if few else DRAWS):
+            if not (found.exploited and points.refinement * REFINE < MOST_REFINED):
                 return replace(state, evaluations=spent), "no further step is certified"
-            if refine:
-                state, points = refined(problem, state, points)
-                spent += state.evaluations
-            state, damping = replace(state, evaluations=spent), min(damping, plan.damping) if refused else damping
-            if not refused and found.promised < NEGLIGIBLE * plan.tolerance * abs(state.check.potential):
+            state, points = refined(problem, state, points)
+            state = replace(state, evaluations=spent + state.evaluations)
+            if found.promised < NEGLIGIBLE * plan.tolerance * abs(state.check.potential):
                 return state, "a further step is bound to gain next to nothing"
             continue
-        refused = 0
         gain, state = found.state.check.relative_gain(state.check), replace(found.state, evaluations=spent)
         report(iteration, state)
         if gain < plan.tolerance:

@@ -1,6 +1,6 @@
 """Training of a field's hidden layers on the case's own energy, at the states of its path.
 
-A step is that of linear theory (see `training.gauss_newton`), taken about loaded states: the first variation of the
+A step is that of linear theory (see `gauss_newton`), taken about loaded states: the first variation of the
 strains at a state stands for the linear strains. After each step, Newton's method solves for the output layer of every
 state. One network serves all states: the objective is the sum of their potential energies, each relative to its own
 magnitude. The network changes, the states do not wait: their displacements are carried over by the projection that is
