@@ -37,8 +37,8 @@ from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.build import build_features, build_inputs, focal_points, usual_resolution
 from shellbench.solvers.ndf.field.choices import FieldSpec
-from shellbench.solvers.ndf.field.field import Field
-from shellbench.solvers.ndf.field.inputs import Inputs
+from shellbench.solvers.ndf.field.field import Field, FixedFeatures
+from shellbench.solvers.ndf.field.inputs import Inputs, foci
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import check_balance, point_supports
@@ -46,6 +46,7 @@ from shellbench.solvers.ndf.linear.declines import why_declined
 from shellbench.solvers.ndf.linear.solution import NdfSolution
 from shellbench.solvers.ndf.motion.motion_solution import load_solution
 from shellbench.solvers.ndf.published.checkpoint import Checkpoint, is_checkpoint, read_checkpoint
+from shellbench.solvers.ndf.published.natural_gradient import NaturalGradient
 from shellbench.solvers.ndf.published.published_motion import MotionTraining, load_motion, why_no_motion
 from shellbench.solvers.ndf.published.published_motion_solution import is_motion
 from shellbench.solvers.ndf.published.published_network import (
@@ -65,7 +66,9 @@ from shellbench.solvers.ndf.published.published_settings import (
 )
 from shellbench.solvers.ndf.published.published_training import (
     CERTIFIED,
+    Adam,
     LossNotFinite,
+    Optimiser,
     Plan,
     Sampling,
     beginning,
@@ -76,6 +79,7 @@ from shellbench.solvers.ndf.strains.energy import certify, concentrated
 
 WINDOW = 100  # last losses whose mean is compared with the fine quadrature
 RIGID_RULE = RuleSpec((4, 4), 4)  # for the mean rigid motion
+OF_TRIALS = 2**32  # added to the seed, for draws on which steps are tried
 PINNED_CUTS = 3  # further panels at points that are pinned within a tenth of a unit
 
 
@@ -157,6 +161,7 @@ def solve(
         averaging=settings.averaging,
         certify_every=settings.certify_every,
         keep_best=settings.keep == "best",
+        optimiser=training.optimiser if isinstance(training, _Training) else Adam,
     )
     begin = start if start is not None or own is None or not own.exists() else own
     now = _start(training, settings.iterations, begin)
@@ -211,6 +216,8 @@ class _Training:
     def from_case(cls, case: Case, settings: PublishedSettings) -> _Training:
         if settings.strain not in (None, "linear"):
             raise InputError(f"setting strain = '{settings.strain}' belongs to cases in motion; here it is 'linear'")
+        if settings.optimiser == "natural" and settings.dtype != "float64":
+            raise InputError('setting optimiser = "natural" needs dtype = "float64"')
         placement = Placement.on(settings.device)._replace(dtype=getattr(torch, settings.dtype))
         spec = FieldSpec(
             activation=settings.activation,
@@ -218,7 +225,7 @@ class _Training:
             components=settings.components,
             pins=settings.pins,
             stretched=False,
-            multipliers=0,
+            multipliers=settings.singular,
         )
         ansatz, inputs, focal = published_ansatz(case, spec), build_inputs(case, spec), focal_points(case)
         edges = usual_resolution(case).rule
@@ -230,6 +237,7 @@ class _Training:
         factor = settings.modulus_factor or usual(ansatz)
         every = settings.resample_every
         shape = (inputs.count, settings.layers, settings.width, settings.omega0)
+        singular = FixedFeatures.from_case(case, foci(case, spec.layer), spec.multipliers)
         return cls(
             case,
             settings,
@@ -237,10 +245,19 @@ class _Training:
             spec,
             ansatz,
             inputs,
-            initial_siren(*shape, settings.seed, placement, settings.activation),
+            initial_siren(*shape, settings.seed, placement, settings.activation, singular.count - 1),
             scale,
-            Sampler(ansatz, inputs, scale, settings.cells, settings.seed, factor, edges, placement, every),
+            Sampler(ansatz, inputs, scale, settings.cells, settings.seed, factor, edges, placement, every, singular),
         )
+
+    def optimiser(self, network: Siren, now: Checkpoint) -> Optimiser:
+        """Begin or continue the optimiser of a network."""
+        if self.settings.optimiser == "adam":
+            return Adam(network, now)
+        apart = replace(self.sampler, seed=self.settings.seed + OF_TRIALS)
+        trials = apart.samples(now.iteration, self.settings.iterations)
+        chosen = (self.settings.memory, self.settings.damping, self.settings.gram_points)
+        return NaturalGradient.begin(network, now, trials, *chosen)
 
     def field(self, siren: Siren, dtype: torch.dtype) -> Field:
         """Return the displacement field of a network, without its mean rigid motion."""

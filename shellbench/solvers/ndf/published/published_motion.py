@@ -59,6 +59,8 @@ from shellbench.solvers.ndf.published.published_training import why_collapsed
 from shellbench.solvers.ndf.strains.strain_measures import MEASURES, Reference, Undeformed, gradient_map
 
 OF_STATICS = (
+    "optimiser",
+    "singular",
     "pins",
     "components",
     "unit",
