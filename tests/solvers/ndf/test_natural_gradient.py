@@ -8,7 +8,7 @@ from shellbench.errors import InputError
 from shellbench.solvers.ndf.field.field import FixedFeatures
 from shellbench.solvers.ndf.field.inputs import foci
 from shellbench.solvers.ndf.published import natural_gradient
-from shellbench.solvers.ndf.published.natural_gradient import NaturalGradient, flattened, strain_jacobian
+from shellbench.solvers.ndf.published.natural_gradient import NaturalGradient, chosen_points, flattened, strain_jacobian
 from shellbench.solvers.ndf.published.published_network import initial_siren
 from shellbench.solvers.ndf.published.published_training import CERTIFIED, RECORD, beginning
 from shellbench.solvers.ndf.published_solver import PublishedSolver
@@ -45,7 +45,7 @@ def test_the_jacobian_is_that_of_the_sampled_strains(case, singular):
     plain = torch.autograd.functional.jacobian(strains, tuple(siren.tensors))
     layers = len(siren.weights)
     rows = [flattened([j[r] for j in plain[:layers]], [j[r] for j in plain[layers:]]) for r in range(len(plain[0]))]
-    torch.testing.assert_close(strain_jacobian(siren, sample, slice(0, 4)), torch.stack(rows), rtol=1e-9, atol=1e-9)
+    torch.testing.assert_close(strain_jacobian(siren, sample, torch.arange(4)), torch.stack(rows), rtol=1e-9, atol=1e-9)
 
 
 def test_the_step_of_a_linear_network_is_newtons():
@@ -64,24 +64,23 @@ def test_the_step_of_a_linear_network_is_newtons():
 
 
 def fall(sign=1.0):
-    """The fall of the energy on a third draw by one step of a fresh network, relative to its start."""
+    """The fall of the energy below rest, J, by the first step of a network."""
     siren, first, second = of_a_draw(PLATE)
     with pytest.MonkeyPatch.context() as patch:
         whole = natural_gradient.flattened
         patch.setattr(natural_gradient, "flattened", lambda *layers: sign * whole(*layers))
         optimiser = NaturalGradient.begin(siren, beginning("", siren), iter([second]), 0.0, 1e-3, 36)
-        before = second.loss(siren).item()
         optimiser.step(first, 1.0)
-    return 1 - second.loss(siren).item() / before
+    return -second.loss(siren).item()
 
 
 def test_a_step_lowers_the_energy_and_one_up_the_gradient_does_not():
-    assert fall() > 0.5
+    assert fall() > 100.0
     assert fall(sign=-1.0) == 0.0  # the fault: each trial is refused, and the weights stay
 
 
 def test_a_training_of_a_second_is_close_and_goes_on_after_an_interruption(tmp_path):
-    settings = small(**NATURAL, iterations=2 * RECORD, checkpoint=str(tmp_path), checkpoint_every=RECORD)
+    settings = small(**NATURAL, cells=(20, 20), iterations=2 * RECORD, checkpoint=str(tmp_path), checkpoint_every=RECORD)
     whole = trained(PLATE, settings)
     least = -known_values("square_plate").judge("strain_energy", PLATE.theory).value
     assert whole.diagnostics[CERTIFIED] == pytest.approx(least, rel=0.01)
@@ -93,8 +92,14 @@ def test_a_training_of_a_second_is_close_and_goes_on_after_an_interruption(tmp_p
         torch.testing.assert_close(one, other, rtol=1e-4, atol=1e-6)
 
 
-def test_it_needs_double_precision_and_a_shell_at_rest():
-    with pytest.raises(InputError, match='optimiser = "natural" needs dtype = "float64"'):
-        PublishedSolver().solve(PLATE, small(optimiser="natural"))
+def test_it_needs_a_shell_at_rest():
     with pytest.raises(InputError, match="setting optimiser belongs to cases at rest"):
         PublishedSolver().solve(named_case("napkin_corner"), small(**NATURAL))
+
+
+def test_chosen_points_stand_for_all():
+    energies = torch.rand(500, dtype=torch.float64, generator=torch.Generator().manual_seed(0)) ** 8
+    points, roots = chosen_points(energies, 100)
+    assert len(points) <= 100
+    assert (roots**2).sum().item() == pytest.approx(500, rel=0.1)
+    assert (roots**2 @ energies[points]).item() == pytest.approx(energies.sum().item(), rel=0.1)

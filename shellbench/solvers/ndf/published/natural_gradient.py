@@ -24,10 +24,12 @@ from shellbench.solvers.ndf.field.network import Network
 from shellbench.solvers.ndf.published.checkpoint import Checkpoint
 from shellbench.solvers.ndf.published.published_network import Siren
 from shellbench.solvers.ndf.published.published_samples import Sample
-from shellbench.solvers.ndf.strains.energy import add_gram, mirrored
-from shellbench.solvers.ndf.training.gauss_newton import Quadratic, forward, jacobian
+from shellbench.solvers.ndf.strains.energy import add_gram
+from shellbench.solvers.ndf.training.gauss_newton import forward, jacobian
 from shellbench.solvers.ndf.training.sketch import flatten_layers
 
+EARLY, REFRESH = 50, 5  # steps with the same matrix
+TINY = 1e-30
 HALVINGS = 8  # of a step at most; then the weights stay
 
 
@@ -37,7 +39,19 @@ def flattened(weights: list[Tensor], biases: list[Tensor]) -> Tensor:
     return flatten_layers([torch.cat([weight, bias[:, None]], dim=1) for weight, bias in pairs])
 
 
-def strain_jacobian(siren: Siren, sample: Sample, part: slice) -> Tensor:
+def chosen_points(energies: Tensor, count: int) -> tuple[Tensor, Tensor]:
+    """Return about `count` points, half of them in proportion to their energies (N,), and the weights of their rows.
+
+    Systematic sampling: point k is expected `count` p_k times, and its rows are divided by that.
+    """
+    shares = 0.5 / len(energies) + 0.5 * (energies + TINY) / (energies + TINY).sum()
+    steps = (torch.arange(count, device=shares.device) + 0.5) / count
+    found = torch.searchsorted(shares.cumsum(0), steps.to(shares)).clamp_max(len(shares) - 1)
+    points, times = found.unique(return_counts=True)
+    return points, (times / (count * shares[points])).sqrt()
+
+
+def strain_jacobian(siren: Siren, sample: Sample, part: Tensor) -> Tensor:
     """Return the derivatives (6 N, P) of the strains at a part of a sample by all weights, as in `flattened`."""
     seen, rows = sample.inputs[:, : len(sample.rows)][:, part], sample.rows[part].view(-1, 6, 3, 6)
     network = Network(
@@ -73,12 +87,16 @@ class NaturalGradient:
         """Continue a training, whose Gram matrix takes the place of Adam's second moments."""
         place, count = network.tensors[0], network.parameters
         gram = torch.cat(now.second_moments).to(place) if now.iteration else place.new_zeros((count, count))
+        if not now.iteration:
+            with torch.no_grad():
+                for tensor in (network.weights[-1], network.biases[-1]):
+                    tensor.zero_()
         return cls(network, trials, memory, damping, points, now.iteration, gram.detach())
 
     def moments(self) -> tuple[list[Tensor], list[Tensor]]:
         """See `published_training.Optimiser`."""
-        zeros = [torch.zeros_like(t) for t in self.network.tensors]
-        return zeros, [part.clone() for part in self.gram.tensor_split(len(zeros))]
+        none = [torch.zeros_like(tensor) for tensor in self.network.tensors]
+        return none, [part.clone() for part in self.gram.tensor_split(len(none))]
 
     def step(self, sample: Sample, rate: float) -> Tensor:
         """Move the weights, and return the loss before."""
@@ -87,36 +105,48 @@ class NaturalGradient:
         slopes = list(torch.autograd.grad(loss, tensors))
         slope = flattened(slopes[:layers], slopes[layers:])
         with torch.no_grad():
-            kept = min(self.memory, self.iteration / (self.iteration + 9))
-            self.gram *= kept
-            every = max(1, len(sample.rows) // self.points)
-            part = slice(self.iteration % every, None, every)
-            strains = strain_jacobian(self.network, sample, part)
-            add_gram(self.gram, strains.mul_(((1 - kept) * every) ** 0.5))
-            matrix = mirrored(self.gram)
-            step = Quadratic(slope, matrix, matrix.diagonal()).step(self.damping)
+            if self.iteration < EARLY or self.iteration % REFRESH == 0:
+                self._refresh(sample)
+            step = -rate * torch.cholesky_solve((slope / self.scale)[:, None], self.factor)[:, 0] / self.scale
+            self._search(step, next(self.trials))
             self.iteration += 1
-            trial = next(self.trials)
-            if step is not None:
-                self._move(rate * step, trial)
         return loss.detach()
 
-    def _move(self, step: Tensor, trial: Sample) -> None:
+    def _refresh(self, sample: Sample) -> None:
+        """Add a draw to the matrix, and factorise it."""
+        kept = min(self.memory, self.iteration / (self.iteration + 9))
+        points, roots = chosen_points(sample.energies(self.network), self.points)
+        strains = strain_jacobian(self.network, sample, points).view(len(points), -1)
+        self.gram *= kept
+        add_gram(self.gram, strains.mul_((1 - kept) ** 0.5 * roots[:, None]).view(-1, len(self.gram)))
+        self.scale = self.gram.diagonal().clamp_min(torch.finfo(self.gram.dtype).tiny).sqrt()
+        # Cholesky reads the lower half alone, and `add_gram` fills the upper one.
+        scaled = (self.gram.mT / self.scale[:, None]).div_(self.scale)
+        scaled.diagonal().add_(self.damping)
+        self.factor = torch.linalg.cholesky(scaled)
+
+    def _search(self, step: Tensor, trial: Sample) -> None:
+        """Move the weights by the step, halved as long as that lowers the energy of a draw of its own."""
         start = [tensor.clone() for tensor in self.network.tensors]
-        changes, position = [], 0
-        for weight in self.network.weights:
-            size = weight.numel() + len(weight)
-            changes.append(step[position : position + size].view(len(weight), -1))
-            position += size
-        moves = [*(c[:, :-1] for c in changes), *(c[:, -1] for c in changes)]
-        before, share = trial.loss(self.network), 1.0
-        for _ in range(HALVINGS):
+        moves = self._by_tensor(step)
+
+        def energy(share: float) -> float:
             for tensor, old, change in zip(self.network.tensors, start, moves, strict=True):
                 tensor.copy_(old + share * change)
-            if trial.loss(self.network) < before:
-                self.share = share
-                return
-            share /= 2
-        self.share = 0.0
-        for tensor, old in zip(self.network.tensors, start, strict=True):
-            tensor.copy_(old)
+            return float(trial.loss(self.network))
+
+        least, share, now = energy(0.0), 1.0, energy(1.0)
+        for _ in range(HALVINGS):
+            half = energy(share / 2)
+            if now < min(half, least):
+                break
+            share, now = share / 2, half
+        share = share if now < least else 0.0
+        energy(share)
+        self.share = share
+
+    def _by_tensor(self, step: Tensor) -> list[Tensor]:
+        """Return a change (P,) as one of each tensor of the network; the inverse of `flattened`."""
+        sizes = [weight.numel() + len(weight) for weight in self.network.weights]
+        parts = [part.view(len(w), -1) for part, w in zip(step.split(sizes), self.network.weights, strict=True)]
+        return [*(part[:, :-1] for part in parts), *(part[:, -1] for part in parts)]

@@ -216,8 +216,6 @@ class _Training:
     def from_case(cls, case: Case, settings: PublishedSettings) -> _Training:
         if settings.strain not in (None, "linear"):
             raise InputError(f"setting strain = '{settings.strain}' belongs to cases in motion; here it is 'linear'")
-        if settings.optimiser == "natural" and settings.dtype != "float64":
-            raise InputError('setting optimiser = "natural" needs dtype = "float64"')
         placement = Placement.on(settings.device)._replace(dtype=getattr(torch, settings.dtype))
         spec = FieldSpec(
             activation=settings.activation,

@@ -71,9 +71,15 @@ class Sample:
     def loss(self, siren: Siren) -> Tensor:
         """Return the potential energy of the field on the samples."""
         jets = siren.jets(self.inputs)
+        return 0.5 * self._strains(jets).square().sum() - (self.force * jets[VALUE]).sum() - self.work
+
+    def energies(self, siren: Siren) -> Tensor:
+        """Return the strain energies (N,) of the samples."""
+        return 0.5 * self._strains(siren.jets(self.inputs)).square().sum(-1)
+
+    def _strains(self, jets: Tensor) -> Tensor:
         count = len(self.rows)
-        strains = (self.rows @ jets[:, :count].permute(1, 2, 0).reshape(count, 18, 1))[..., 0] + self.offset
-        return 0.5 * strains.square().sum() - (self.force * jets[VALUE]).sum() - self.work
+        return (self.rows @ jets[:, :count].permute(1, 2, 0).reshape(count, 18, 1))[..., 0] + self.offset
 
 
 @dataclass(frozen=True)
