@@ -12,9 +12,6 @@ the shells of the obstacle course (see `shellbench.report.sections.kept_resoluti
 
 `python docs/evidence.py hinges` solves the four shells at rest by `cst-hinge`, and keeps the errors in reports/hinges.json.
 
-`python docs/evidence.py natural STORE` makes reports/natural_gradient.json from the trainings by natural gradient in a store: those of
-`shellbench run --suite replication --store STORE`.
-
 `tests/test_readme.py` holds README and docs against these files.
 """
 
@@ -115,38 +112,10 @@ def keep_hinges() -> None:
     (ROOT / "reports/hinges.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 
-def keep_natural(store: str = "reports/runs") -> None:
-    """Keep settings and results of the trainings by natural gradient of a store, one a line."""
-    from shellbench.bench.store.current import overrides_of
-    from shellbench.bench.store.store import Store
-
-    rows = [
-        {
-            "case": record.case_name,
-            "seed": record.identity.seed,
-            "settings": overrides_of(record),
-            "status": record.status,
-            "value": next(iter(record.values.values())).value,
-            "certified_energy": record.diagnostics["certified_energy"],
-            "energy_gap": record.diagnostics["energy_gap"],
-            "seconds": record.seconds,
-            "parameters": record.parameters,
-            "commit": record.environment.git_sha,
-        }
-        for record in Store(ROOT / store).read().records
-        if record.identity.settings.get("optimiser") == "natural"
-    ]
-    lines = ",\n".join(json.dumps(row) for row in sorted(rows, key=lambda row: (row["case"], row["seed"])))
-    (ROOT / "reports/natural_gradient.json").write_text(f"[\n{lines}\n]\n", encoding="utf-8")
-
-
 def main(names: list[str]) -> None:
     """Replace the committed evidence of these pages by that of the built ones; without names, those of the example."""
     if names[:1] == ["resolution"]:
         keep_resolution(*names[1:])
-        return
-    if names[:1] == ["natural"]:
-        keep_natural(*names[1:])
         return
     if names == ["hinges"]:
         keep_hinges()

@@ -28,7 +28,8 @@ from shellbench.solvers.ndf.strains.energy import add_gram
 from shellbench.solvers.ndf.training.gauss_newton import forward, jacobian
 from shellbench.solvers.ndf.training.sketch import flatten_layers
 
-EARLY, REFRESH = 50, 5  # steps with the same matrix
+FIRST_DAMPING, DECAY = 0.1, 0.91  # the level and its share an iteration later
+EARLY, REFRESH = 50, 3  # steps with the same matrix
 TINY = 1e-30
 HALVINGS = 8  # of a step at most; then the weights stay
 
@@ -122,7 +123,7 @@ class NaturalGradient:
         self.scale = self.gram.diagonal().clamp_min(torch.finfo(self.gram.dtype).tiny).sqrt()
         # Cholesky reads the lower half alone, and `add_gram` fills the upper one.
         scaled = (self.gram.mT / self.scale[:, None]).div_(self.scale)
-        scaled.diagonal().add_(self.damping)
+        scaled.diagonal().add_(max(self.damping, FIRST_DAMPING * DECAY**self.iteration))
         self.factor = torch.linalg.cholesky(scaled)
 
     def _search(self, step: Tensor, trial: Sample) -> None:
