@@ -24,6 +24,7 @@ from shellbench.solvers.ndf.field.network import Network
 from shellbench.solvers.ndf.published.checkpoint import Checkpoint
 from shellbench.solvers.ndf.published.published_network import Siren
 from shellbench.solvers.ndf.published.published_samples import Sample
+from shellbench.solvers.ndf.published.published_training import RECORD
 from shellbench.solvers.ndf.strains.energy import add_gram
 from shellbench.solvers.ndf.training.gauss_newton import forward, jacobian
 from shellbench.solvers.ndf.training.sketch import flatten_layers
@@ -106,7 +107,7 @@ class NaturalGradient:
         slopes = list(torch.autograd.grad(loss, tensors))
         slope = flattened(slopes[:layers], slopes[layers:])
         with torch.no_grad():
-            if self.iteration < EARLY or self.iteration % REFRESH == 0:
+            if self.iteration < EARLY or self.iteration % RECORD % REFRESH == 0:
                 self._refresh(sample)
             step = -rate * torch.cholesky_solve((slope / self.scale)[:, None], self.factor)[:, 0] / self.scale
             self._search(step, next(self.trials))
