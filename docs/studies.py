@@ -168,14 +168,10 @@ def natural() -> Iterator[Run]:
         "certify_every": 25,
         "pins": "none",
     }
-    lengths = {
-        "pinched_cylinder_diaphragm": 800,
-        "pinched_cylinder_free": 500,
-        "scordelis_lo": 150,
-        "square_plate": 150,
-    }
+    cylinders = {"pinched_cylinder_diaphragm": 500, "pinched_cylinder_free": 350}
+    lengths = {**cylinders, "scordelis_lo": 100, "square_plate": 60}
     for case, iterations in lengths.items():
-        singular = {"singular": 4} if case.startswith("pinched") else {}
+        singular = {"singular": 4} if case in cylinders else {}
         for seed in range(3):
             yield Run(case, "ndf-published", {**settings, "iterations": iterations, **singular}, seed=seed)
 
