@@ -48,12 +48,14 @@ def test_the_jacobian_is_that_of_the_sampled_strains(case, singular):
     torch.testing.assert_close(strain_jacobian(siren, sample, torch.arange(4)), torch.stack(rows), rtol=1e-9, atol=1e-9)
 
 
-def test_the_step_of_a_linear_network_is_newtons():
+def test_the_step_of_a_linear_network_is_newtons(monkeypatch):
     """Without output weights the field does not depend on hidden ones to first order, and is linear in the others."""
     siren, sample, _ = of_a_draw(PLATE, layers=1)
     hidden = [tensor.clone() for tensor in (siren.weights[0], siren.biases[0])]
-    optimiser = NaturalGradient.begin(siren, beginning("", siren), iter([sample]), 0.0, 1e-13, 36)
+    optimiser = NaturalGradient.begin(siren, beginning("", siren), iter([sample]))
     optimiser.iteration = 40 * RECORD  # where damping has fallen to its least level
+    monkeypatch.setattr(natural_gradient, "DAMPING", 1e-13)
+    monkeypatch.setattr(natural_gradient, "MEMORY", 0.0)
     before = slope_of(siren, sample)
     optimiser.step(sample, 1.0)
     assert all(torch.equal(now, then) for now, then in zip((siren.weights[0], siren.biases[0]), hidden, strict=True))
@@ -67,7 +69,7 @@ def fall(sign=1.0):
     with pytest.MonkeyPatch.context() as patch:
         whole = natural_gradient.flattened
         patch.setattr(natural_gradient, "flattened", lambda *layers: sign * whole(*layers))
-        optimiser = NaturalGradient.begin(siren, beginning("", siren), iter([second]), 0.0, 1e-3, 36)
+        optimiser = NaturalGradient.begin(siren, beginning("", siren), iter([second]))
         optimiser.step(first, 1.0)
     return -second.loss(siren).item()
 

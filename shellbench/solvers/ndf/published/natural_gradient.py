@@ -35,7 +35,8 @@ from shellbench.solvers.ndf.training.sketch import flatten_layers
 
 # Tuned on the pinched cylinders of the course by certified energy. At a first level of 1e-4 the free cylinder does not
 # leave rest within 50 iterations. A matrix that is renewed every fifth iteration from the start needs twice the time.
-FIRST_DAMPING, DECAY = 0.1, 0.91  # level of damping at the start, and its factor an iteration
+FIRST_DAMPING, DECAY, DAMPING = 0.1, 0.91, 1e-4  # level at the start, its factor an iteration, least level
+POINTS, MEMORY = 400, 0.9  # of a draw, for G, and the share of G that a renewal keeps
 EARLY, RENEWAL = 50, 3  # iterations that renew the matrix each; later each third one does
 HALVINGS = 8  # of a step, at most; then the weights stay
 
@@ -81,12 +82,6 @@ class NaturalGradient:
     ----------
     trials
         Draws for the length of a step, one an iteration.
-    memory
-        Share of G that a renewal keeps.
-    damping
-        Least level mu.
-    points
-        Number of points of a draw for G.
     iteration
         Number of completed iterations.
     gram
@@ -97,9 +92,6 @@ class NaturalGradient:
 
     network: Siren
     trials: Iterator[Sample]
-    memory: float
-    damping: float
-    points: int
     iteration: int
     gram: Tensor
     scale: Tensor = field(init=False)
@@ -107,9 +99,7 @@ class NaturalGradient:
 
     @classmethod
     @torch.no_grad()
-    def begin(
-        cls, network: Siren, now: Checkpoint, trials: Iterator[Sample], memory: float, damping: float, points: int
-    ) -> NaturalGradient:
+    def begin(cls, network: Siren, now: Checkpoint, trials: Iterator[Sample]) -> NaturalGradient:
         """Begin or continue a training, whose matrix G takes the place of Adam's second moments."""
         if now.iteration:
             gram = torch.cat(now.second_moments).to(network.tensors[0])
@@ -117,7 +107,7 @@ class NaturalGradient:
             gram = network.tensors[0].new_zeros((network.parameters,) * 2)
             for tensor in (network.weights[-1], network.biases[-1]):
                 tensor.zero_()
-        return cls(network, trials, memory, damping, points, now.iteration, gram)
+        return cls(network, trials, now.iteration, gram)
 
     def moments(self) -> tuple[list[Tensor], list[Tensor]]:
         """See `published_training.Optimiser`."""
@@ -141,15 +131,15 @@ class NaturalGradient:
 
     def _renew(self, sample: Sample) -> None:
         """Add a draw to the matrix, and factorise it."""
-        kept = min(self.memory, self.iteration / (self.iteration + 9))  # less at first, to forget the start
-        points, factors = chosen_points(sample.energies(self.network), self.points)
+        kept = min(MEMORY, self.iteration / (self.iteration + 9))  # less at first, to forget the start
+        points, factors = chosen_points(sample.energies(self.network), min(POINTS, len(sample.rows)))
         strains = strain_jacobian(self.network, sample, points).view(len(points), -1)
         self.gram *= kept
         add_gram(self.gram, strains.mul_((1 - kept) ** 0.5 * factors[:, None]).view(-1, len(self.gram)))
         self.scale = self.gram.diagonal().clamp_min(torch.finfo(self.gram.dtype).tiny).sqrt()
         # Cholesky reads the lower half alone, and `add_gram` fills the upper one.
         scaled = (self.gram.mT / self.scale[:, None]).div_(self.scale)
-        scaled.diagonal().add_(max(self.damping, FIRST_DAMPING * DECAY**self.iteration))
+        scaled.diagonal().add_(max(DAMPING, FIRST_DAMPING * DECAY**self.iteration))
         self.factor = torch.linalg.cholesky(scaled)
 
     def _move(self, step: Tensor, trial: Sample) -> None:

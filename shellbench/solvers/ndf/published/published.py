@@ -24,7 +24,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
 
 import torch
 
@@ -70,7 +69,6 @@ from shellbench.solvers.ndf.published.published_training import (
     LossNotFinite,
     Optimiser,
     Plan,
-    Sampling,
     beginning,
     train,
     why_collapsed,
@@ -81,45 +79,6 @@ WINDOW = 100  # last losses whose mean is compared with the fine quadrature
 RIGID_RULE = RuleSpec((4, 4), 4)  # for the mean rigid motion
 OF_TRIALS = 2**32  # added to the seed, for draws on which steps are tried
 PINNED_CUTS = 3  # further panels at points that are pinned within a tenth of a unit
-
-
-class Training(Protocol):
-    """Protocol of a training: a case and settings with the objects made of them, as a solver uses them."""
-
-    @property
-    def key(self) -> str:
-        """Key of the training: it continues only from checkpoints of the same key."""
-        ...
-
-    @property
-    def siren(self) -> Siren:
-        """The network at its start."""
-        ...
-
-    @property
-    def sampler(self) -> Sampling:
-        """Source of its samples."""
-        ...
-
-    def watch(self, siren: Siren) -> dict[str, float]:
-        """Return the headline quantity of a network, if it can be recorded during training."""
-        ...
-
-    def certify(self, siren: Siren) -> dict[str, float]:
-        """Return energies of a network on a quadrature that it is not trained on, J; empty if there are none."""
-        ...
-
-    def released(self, solution: Solution) -> Siren | None:
-        """Return the network of an earlier solution; None if it is not of this kind of training."""
-        ...
-
-    def solution(self, now: Checkpoint, resumed: int) -> Solution:
-        """Return the trained field."""
-        ...
-
-    def why_no_answer(self, solution: Solution) -> str | None:
-        """Return the reason that a trained field is no answer, in one sentence; None if nothing speaks against it."""
-        ...
 
 
 def why_not(case: Case) -> str | None:
@@ -144,7 +103,7 @@ def solve(
     case: Case, settings: PublishedSettings, start: Solution | Path | None, progress: ProgressCallback
 ) -> Solution:
     """Train a field; see `shellbench.solvers.ndf.published_solver.PublishedSolver`."""
-    training: Training
+    training: _Training | MotionTraining
     if case.dynamics is None:
         training = _Training.from_case(case, settings)
     else:
@@ -179,7 +138,7 @@ def solve(
     return solution
 
 
-def _start(training: Training, iterations: int, start: Solution | Path | None) -> Checkpoint:
+def _start(training: _Training | MotionTraining, iterations: int, start: Solution | Path | None) -> Checkpoint:
     if isinstance(start, Path) and is_checkpoint(start):
         found = read_checkpoint(start)
         if found.key != training.key:
@@ -254,8 +213,7 @@ class _Training:
             return Adam(network, now)
         apart = replace(self.sampler, seed=self.settings.seed + OF_TRIALS)
         trials = apart.samples(now.iteration, self.settings.iterations)
-        chosen = (self.settings.memory, self.settings.damping, self.settings.gram_points)
-        return NaturalGradient.begin(network, now, trials, *chosen)
+        return NaturalGradient.begin(network, now, trials)
 
     def field(self, siren: Siren, dtype: torch.dtype) -> Field:
         """Return the displacement field of a network, without its mean rigid motion."""
@@ -305,10 +263,8 @@ class _Training:
     def solution(self, now: Checkpoint, resumed: int) -> NdfSolution:
         """Return the trained field with its energy on the fine quadrature."""
         siren = self.siren.with_tensors([weight.to(self.siren.tensors[0]) for weight in now.best or now.answer])
-        field, fine = (
-            self.field(siren, self.sampler.placement.dtype),
-            self._around_pins(usual_resolution(self.case).fine),
-        )
+        field = self.field(siren, self.sampler.placement.dtype)
+        fine = self._around_pins(usual_resolution(self.case).fine)
         energies, rest, points = self._energies(siren, fine)
         trained = self.sampler.modulus_factor * float(now.losses[-WINDOW:].mean())
         certified = energies[CERTIFIED]
@@ -325,10 +281,7 @@ class _Training:
             membrane=energies["membrane_energy"],
             bending=energies["bending_energy"],
             parameters=siren.parameters,
-            history=(
-                *earlier,
-                last if now.best else replace(last, gap=gap, quantities={**last.quantities, **energies}),
-            ),
+            history=(*earlier, last),
             diagnostics={
                 "energy_gap": gap,
                 "training_energy": trained,
@@ -343,7 +296,7 @@ class _Training:
         )
 
     def why_no_answer(self, solution: Solution) -> str | None:
-        """See `Training`."""
+        """Return the reason that a trained field is no answer, in one sentence; None if nothing speaks against it."""
         certified, rest = (float(solution.diagnostics[f"{which}_energy"]) for which in ("certified", "rest"))
         loaded = bool(self.case.loads) and not self.ansatz.lift.moves
         return why_collapsed(certified, [(step.iteration, step.energy) for step in solution.history], rest, loaded)

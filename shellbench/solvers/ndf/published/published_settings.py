@@ -67,11 +67,6 @@ class PublishedSettings(SeededSettings):
     optimiser: Literal["adam", "natural"] = PydanticField(
         "adam", description='"natural": Gauss-Newton in the energy norm over all weights, at rest, in float64'
     )
-    memory: float = PydanticField(
-        0.9, ge=0.0, lt=1.0, description="share of the Gram matrix that a natural step keeps of earlier draws"
-    )
-    gram_points: int = PydanticField(400, ge=1, description="about so many points of a draw enter that matrix")
-    damping: Positive = PydanticField(1e-4, description="of natural steps, Marquardt's")
     resample_every: int = PydanticField(1, ge=1, description="iterations on the same samples")
     activation: Literal["sine", "tanh", "gelu"] = PydanticField(
         "sine", description="of the hidden layers; omega0 belongs to the sine"
