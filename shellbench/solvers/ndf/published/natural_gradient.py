@@ -56,7 +56,7 @@ def chosen_points(energies: Tensor, count: int) -> tuple[Tensor, Tensor]:
     shares = 0.5 / len(energies) + 0.5 * energies / energies.sum()
     steps = (torch.arange(count, device=shares.device) + 0.5) / count
     found = torch.searchsorted(shares.cumsum(0), steps.to(shares)).clamp_max(len(shares) - 1)
-    points, times = found.unique(return_counts=True)
+    points, times = torch.unique(found, return_counts=True)
     return points, (times / (count * shares[points])).sqrt()
 
 
@@ -163,5 +163,5 @@ class NaturalGradient:
     def _by_tensor(self, step: Tensor) -> list[Tensor]:
         """Return a change (P,) as one of each tensor of the network; the inverse of `flattened`."""
         sizes = [weight.numel() + len(weight) for weight in self.network.weights]
-        parts = [part.view(len(w), -1) for part, w in zip(step.split(sizes), self.network.weights, strict=True)]
+        parts = [part.view(len(w), -1) for part, w in zip(torch.split(step, sizes), self.network.weights, strict=True)]
         return [*(part[:, :-1] for part in parts), *(part[:, -1] for part in parts)]

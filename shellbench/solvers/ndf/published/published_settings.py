@@ -25,12 +25,12 @@ class PublishedSettings(SeededSettings):
     """Settings of `ndf-published`; the defaults are the paper's.
 
     Departures from the paper are settings of their own: `pins`, `unit`, `schedule`, `averaging`, `keep`,
-    `resample_every`, `activation` and `dtype`.
+    `resample_every`, `activation`, `dtype`, `optimiser` and `singular`.
 
     Attributes
     ----------
     learning_rate
-        Of Adam, at its start.
+        At its start: the step of Adam, or the share of a natural step.
     """
 
     iterations: int = PydanticField(2000, ge=1, description="of Adam; the paper has 2500 for the plate")
