@@ -321,9 +321,9 @@ def natural_gradient():
         yield line, settings["iterations"], *cells, duration(longest)
     everyone = [[r for r in rows("studies", "natural") if r["case"] == case] for case in LINEAR]
     assert all(r["status"] == "ok" for of_case in everyone for r in of_case)
-    worst = [max((abs(float(r["error"])) for r in of_case)) for of_case in everyone]
+    worst = [max(abs(float(r["error"])) for r in of_case) for of_case in everyone]
     assert max(worst[:2]) < 0.01 < min(worst[2:])
-    yield "The cylinders miss it with their worst seed: by {} and {}.", *map(size, worst[2:])
+    yield "With its worst seed the diaphragm cylinder errs by {}, the free one by {}.", *map(size, worst[2:])
     yield "No training took more than {} s of a core", duration(max(float(r["seconds"]) for c in everyone for r in c))
     yield (
         "displacement, worst seed: plate {}, roof {}, diaphragm cylinder {}, free cylinder {}",
