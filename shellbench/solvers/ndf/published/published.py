@@ -24,7 +24,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
 
 import torch
 
@@ -37,8 +36,8 @@ from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.build import build_features, build_inputs, focal_points, usual_resolution
 from shellbench.solvers.ndf.field.choices import FieldSpec
-from shellbench.solvers.ndf.field.field import Field
-from shellbench.solvers.ndf.field.inputs import Inputs
+from shellbench.solvers.ndf.field.field import Field, FixedFeatures
+from shellbench.solvers.ndf.field.inputs import Inputs, foci
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import check_balance, point_supports
@@ -46,6 +45,7 @@ from shellbench.solvers.ndf.linear.declines import why_declined
 from shellbench.solvers.ndf.linear.solution import NdfSolution
 from shellbench.solvers.ndf.motion.motion_solution import load_solution
 from shellbench.solvers.ndf.published.checkpoint import Checkpoint, is_checkpoint, read_checkpoint
+from shellbench.solvers.ndf.published.natural_gradient import NaturalGradient
 from shellbench.solvers.ndf.published.published_motion import MotionTraining, load_motion, why_no_motion
 from shellbench.solvers.ndf.published.published_motion_solution import is_motion
 from shellbench.solvers.ndf.published.published_network import (
@@ -65,9 +65,10 @@ from shellbench.solvers.ndf.published.published_settings import (
 )
 from shellbench.solvers.ndf.published.published_training import (
     CERTIFIED,
+    Adam,
     LossNotFinite,
+    Optimiser,
     Plan,
-    Sampling,
     beginning,
     train,
     why_collapsed,
@@ -76,46 +77,8 @@ from shellbench.solvers.ndf.strains.energy import certify, concentrated
 
 WINDOW = 100  # last losses whose mean is compared with the fine quadrature
 RIGID_RULE = RuleSpec((4, 4), 4)  # for the mean rigid motion
+OF_TRIALS = 2**32  # added to the seed, for draws on which steps are tried
 PINNED_CUTS = 3  # further panels at points that are pinned within a tenth of a unit
-
-
-class Training(Protocol):
-    """Protocol of a training: a case and settings with the objects made of them, as a solver uses them."""
-
-    @property
-    def key(self) -> str:
-        """Key of the training: it continues only from checkpoints of the same key."""
-        ...
-
-    @property
-    def siren(self) -> Siren:
-        """The network at its start."""
-        ...
-
-    @property
-    def sampler(self) -> Sampling:
-        """Source of its samples."""
-        ...
-
-    def watch(self, siren: Siren) -> dict[str, float]:
-        """Return the headline quantity of a network, if it can be recorded during training."""
-        ...
-
-    def certify(self, siren: Siren) -> dict[str, float]:
-        """Return energies of a network on a quadrature that it is not trained on, J; empty if there are none."""
-        ...
-
-    def released(self, solution: Solution) -> Siren | None:
-        """Return the network of an earlier solution; None if it is not of this kind of training."""
-        ...
-
-    def solution(self, now: Checkpoint, resumed: int) -> Solution:
-        """Return the trained field."""
-        ...
-
-    def why_no_answer(self, solution: Solution) -> str | None:
-        """Return the reason that a trained field is no answer, in one sentence; None if nothing speaks against it."""
-        ...
 
 
 def why_not(case: Case) -> str | None:
@@ -140,7 +103,7 @@ def solve(
     case: Case, settings: PublishedSettings, start: Solution | Path | None, progress: ProgressCallback
 ) -> Solution:
     """Train a field; see `shellbench.solvers.ndf.published_solver.PublishedSolver`."""
-    training: Training
+    training: _Training | MotionTraining
     if case.dynamics is None:
         training = _Training.from_case(case, settings)
     else:
@@ -157,6 +120,7 @@ def solve(
         averaging=settings.averaging,
         certify_every=settings.certify_every,
         keep_best=settings.keep == "best",
+        optimiser=training.optimiser if isinstance(training, _Training) else Adam,
     )
     begin = start if start is not None or own is None or not own.exists() else own
     now = _start(training, settings.iterations, begin)
@@ -174,7 +138,7 @@ def solve(
     return solution
 
 
-def _start(training: Training, iterations: int, start: Solution | Path | None) -> Checkpoint:
+def _start(training: _Training | MotionTraining, iterations: int, start: Solution | Path | None) -> Checkpoint:
     if isinstance(start, Path) and is_checkpoint(start):
         found = read_checkpoint(start)
         if found.key != training.key:
@@ -218,7 +182,7 @@ class _Training:
             components=settings.components,
             pins=settings.pins,
             stretched=False,
-            multipliers=0,
+            multipliers=settings.singular,
         )
         ansatz, inputs, focal = published_ansatz(case, spec), build_inputs(case, spec), focal_points(case)
         edges = usual_resolution(case).rule
@@ -230,6 +194,7 @@ class _Training:
         factor = settings.modulus_factor or usual(ansatz)
         every = settings.resample_every
         shape = (inputs.count, settings.layers, settings.width, settings.omega0)
+        singular = FixedFeatures.from_case(case, foci(case, spec.layer), spec.multipliers)
         return cls(
             case,
             settings,
@@ -237,10 +202,18 @@ class _Training:
             spec,
             ansatz,
             inputs,
-            initial_siren(*shape, settings.seed, placement, settings.activation),
+            initial_siren(*shape, settings.seed, placement, settings.activation, singular.count - 1),
             scale,
-            Sampler(ansatz, inputs, scale, settings.cells, settings.seed, factor, edges, placement, every),
+            Sampler(ansatz, inputs, scale, settings.cells, settings.seed, factor, edges, placement, every, singular),
         )
+
+    def optimiser(self, network: Siren, now: Checkpoint) -> Optimiser:
+        """Begin or continue the optimiser of a network."""
+        if self.settings.optimiser == "adam":
+            return Adam(network, now)
+        apart = replace(self.sampler, seed=self.settings.seed + OF_TRIALS)
+        trials = apart.samples(now.iteration, self.settings.iterations)
+        return NaturalGradient.begin(network, now, trials)
 
     def field(self, siren: Siren, dtype: torch.dtype) -> Field:
         """Return the displacement field of a network, without its mean rigid motion."""
@@ -290,10 +263,8 @@ class _Training:
     def solution(self, now: Checkpoint, resumed: int) -> NdfSolution:
         """Return the trained field with its energy on the fine quadrature."""
         siren = self.siren.with_tensors([weight.to(self.siren.tensors[0]) for weight in now.best or now.answer])
-        field, fine = (
-            self.field(siren, self.sampler.placement.dtype),
-            self._around_pins(usual_resolution(self.case).fine),
-        )
+        field = self.field(siren, self.sampler.placement.dtype)
+        fine = self._around_pins(usual_resolution(self.case).fine)
         energies, rest, points = self._energies(siren, fine)
         trained = self.sampler.modulus_factor * float(now.losses[-WINDOW:].mean())
         certified = energies[CERTIFIED]
@@ -310,10 +281,7 @@ class _Training:
             membrane=energies["membrane_energy"],
             bending=energies["bending_energy"],
             parameters=siren.parameters,
-            history=(
-                *earlier,
-                last if now.best else replace(last, gap=gap, quantities={**last.quantities, **energies}),
-            ),
+            history=(*earlier, last),
             diagnostics={
                 "energy_gap": gap,
                 "training_energy": trained,
@@ -328,7 +296,7 @@ class _Training:
         )
 
     def why_no_answer(self, solution: Solution) -> str | None:
-        """See `Training`."""
+        """Return the reason that a trained field is no answer, in one sentence; None if nothing speaks against it."""
         certified, rest = (float(solution.diagnostics[f"{which}_energy"]) for which in ("certified", "rest"))
         loaded = bool(self.case.loads) and not self.ansatz.lift.moves
         return why_collapsed(certified, [(step.iteration, step.energy) for step in solution.history], rest, loaded)

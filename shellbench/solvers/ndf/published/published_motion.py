@@ -59,6 +59,8 @@ from shellbench.solvers.ndf.published.published_training import why_collapsed
 from shellbench.solvers.ndf.strains.strain_measures import MEASURES, Reference, Undeformed, gradient_map
 
 OF_STATICS = (
+    "optimiser",
+    "singular",
     "pins",
     "components",
     "unit",
@@ -253,7 +255,7 @@ def load_motion(path: Path, solver: str) -> TrainedMotion:
 
 @dataclass(frozen=True)
 class MotionTraining:
-    """A case in motion and settings, with the objects made of them; see `published.Training`."""
+    """A case in motion and settings, with the objects made of them."""
 
     solver: str
     key: str
@@ -284,7 +286,7 @@ class MotionTraining:
         return {primary.name: measure(self._solution(siren), primary)}
 
     def certify(self, siren: Siren) -> dict[str, float]:
-        """See `published.Training`; a functional in space and time is computed at the end only."""
+        """Return no energies: a functional in space and time is computed at the end only."""
         return {}
 
     def released(self, solution: Solution) -> Siren | None:
@@ -316,7 +318,7 @@ class MotionTraining:
         )
 
     def why_no_answer(self, solution: Solution) -> str | None:
-        """See `published.Training`; the functional takes the place of the energy."""
+        """Return the reason that a motion is no answer, in one sentence, or None; the functional is its energy."""
         fine, rest = (float(solution.diagnostics[f"{which}_functional"]) for which in ("fine", "rest"))
         loaded = bool(self.sampler.ansatz.case.loads) and rest == 0.0
         return why_collapsed(fine, [(step.iteration, step.energy) for step in solution.history], rest, loaded)

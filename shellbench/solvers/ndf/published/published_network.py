@@ -176,12 +176,15 @@ class Siren:
         Frequency of every sine.
     activation
         Name of another activation than the sine; then omega0 is 1.
+    beside
+        Number of last inputs that only the output layer gets: singular features.
     """
 
     weights: tuple[Tensor, ...]
     biases: tuple[Tensor, ...]
     omega0: float
     activation: str = "sine"
+    beside: int = 0
 
     @property
     def tensors(self) -> list[Tensor]:
@@ -195,10 +198,12 @@ class Siren:
 
     def jets(self, inputs: Tensor) -> Tensor:
         """Return the jets (6, N, 3) of F from the jets (6, N, n) of the published inputs."""
-        h = inputs
+        h = inputs[..., : self.weights[0].shape[1]]
         *hidden, (weight, bias) = zip(self.weights, self.biases, strict=True)
         for w, b in hidden:
             h = sine_layer(h, w, b, self.omega0) if self.activation == "sine" else self._layer(h, w, b)
+        if self.beside:
+            h = torch.cat([h, inputs[..., -self.beside :]], dim=-1)
         return linear_layer(h, weight, bias)
 
     def _layer(self, h: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
@@ -211,15 +216,17 @@ class Siren:
         return replace(self, weights=tuple(tensors[:layers]), biases=tuple(tensors[layers:]))
 
     def absorbed(self, scale: InputScale, unit: float) -> tuple[Network, Tensor]:
-        """Return the field unit * F on the package's inputs: hidden layers, and the output layer (3, M + 1).
+        """Return the field unit * F on the package's inputs: hidden layers, and the output layer (3, M + 1 + beside).
 
-        The last column of the output layer is the bias: it multiplies the constant among the fixed features.
+        The bias comes before the columns of singular features: it multiplies the constant among the fixed features.
         """
         weights = [self.omega0 * w for w in self.weights[:-1]]
         biases = [self.omega0 * b for b in self.biases[:-1]]
         biases[0] = biases[0] + weights[0] @ scale.shift
         weights[0] = weights[0] * scale.factor
-        output = unit * torch.cat([self.weights[-1], self.biases[-1][:, None]], dim=1)
+        width = len(weights[-1])
+        columns = (self.weights[-1][:, :width], self.biases[-1][:, None], self.weights[-1][:, width:])
+        output = unit * torch.cat(columns, dim=1)
         return Network(tuple(weights), tuple(biases), self.activation), output
 
     @classmethod
@@ -229,7 +236,10 @@ class Siren:
         biases = [b / omega0 for b in network.biases]
         weights[0] = weights[0] / scale.factor
         biases[0] = biases[0] - weights[0] @ scale.shift
-        return cls((*weights, output[:, :-1] / unit), (*biases, output[:, -1] / unit), omega0, network.activation)
+        last = torch.cat([output[:, : network.width], output[:, network.width + 1 :]], dim=1) / unit
+        beside = output.shape[1] - network.width - 1
+        bias = output[:, network.width] / unit
+        return cls((*weights, last), (*biases, bias), omega0, network.activation, beside)
 
 
 def initial_siren(
@@ -240,6 +250,7 @@ def initial_siren(
     seed: int,
     placement: Placement,
     activation: str = "sine",
+    beside: int = 0,
 ) -> Siren:
     """Return a SIREN as initialised by Sitzmann et al. (2020), section 3.2 and their code.
 
@@ -252,11 +263,12 @@ def initial_siren(
     sizes = [inputs, *[width] * layers, 3]
     weights, biases = [], []
     for layer, (fan_in, fan_out) in enumerate(pairwise(sizes)):
+        fan_in += beside if layer == layers else 0
         bound = 1 / fan_in if layer == 0 else math.sqrt(6 / fan_in) / omega0
         bound = bound if sines else 1 / math.sqrt(fan_in)
         weights.append(_uniform(generator, bound, (fan_out, fan_in), placement))
         biases.append(_uniform(generator, 1 / math.sqrt(fan_in), (fan_out,), placement))
-    return Siren(tuple(weights), tuple(biases), omega0 if sines else 1.0, activation)
+    return Siren(tuple(weights), tuple(biases), omega0 if sines else 1.0, activation, beside)
 
 
 def check_like(siren: Siren, wanted: Siren) -> None:

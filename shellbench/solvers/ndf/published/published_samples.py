@@ -22,6 +22,7 @@ from torch import Tensor
 from shellbench.problems.shell.case import Case
 from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.build import focal_points
+from shellbench.solvers.ndf.field.field import FixedFeatures
 from shellbench.solvers.ndf.field.inputs import Inputs
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.quadrature import NOWHERE, Rule, RuleSpec, area_rule
@@ -70,9 +71,15 @@ class Sample:
     def loss(self, siren: Siren) -> Tensor:
         """Return the potential energy of the field on the samples."""
         jets = siren.jets(self.inputs)
+        return 0.5 * self._strains(jets).square().sum() - (self.force * jets[VALUE]).sum() - self.work
+
+    def energies(self, siren: Siren) -> Tensor:
+        """Return the strain energies (N,) of the samples."""
+        return 0.5 * self._strains(siren.jets(self.inputs)).square().sum(-1)
+
+    def _strains(self, jets: Tensor) -> Tensor:
         count = len(self.rows)
-        strains = (self.rows @ jets[:, :count].permute(1, 2, 0).reshape(count, 18, 1))[..., 0] + self.offset
-        return 0.5 * strains.square().sum() - (self.force * jets[VALUE]).sum() - self.work
+        return (self.rows @ jets[:, :count].permute(1, 2, 0).reshape(count, 18, 1))[..., 0] + self.offset
 
 
 @dataclass(frozen=True)
@@ -93,6 +100,8 @@ class Sampler:
         Of the tensors.
     every
         Number of iterations on the same samples.
+    singular
+        Features beside the network, the first of them its constant.
     """
 
     ansatz: Ansatz
@@ -104,6 +113,7 @@ class Sampler:
     edges: RuleSpec
     placement: Placement
     every: int = 1
+    singular: FixedFeatures | None = None
 
     @property
     def end(self) -> float:
@@ -138,8 +148,7 @@ class Sampler:
         rows = (root * table.rows).view(-1, count, 6, 18).to(dtype)
         offset = (table.offset / root).view(-1, count, 6).to(dtype)
         force = table.force.view(-1, count, 3).to(dtype)
-        seen = self.scale.apply(self.inputs.jets(points, exact).to(dtype))
-        at_loads = self.scale.apply(self.inputs.jets(forces.points, exact).to(dtype))
+        seen, at_loads = (self._seen(places, exact) for places in (points, forces.points))
         concentrated_force = forces.force.to(dtype)
         for k in range(len(rows)):
             yield Sample(
@@ -149,6 +158,13 @@ class Sampler:
                 torch.cat([force[k], concentrated_force]),
                 (table.work + forces.work) / self.modulus_factor,
             )
+
+    def _seen(self, points: Array, exact: Placement) -> Tensor:
+        """Return the jets (6, N, n) of the published inputs, and of singular features."""
+        seen = self.scale.apply(self.inputs.jets(points, exact).to(self.placement.dtype))
+        if not self.singular or self.singular.count == 1:
+            return seen
+        return torch.cat([seen, self.singular.jets(points, exact)[..., 1:].to(seen)], dim=-1)
 
 
 def deflection_of_a_plate(ansatz: Ansatz) -> float:

@@ -25,12 +25,12 @@ class PublishedSettings(SeededSettings):
     """Settings of `ndf-published`; the defaults are the paper's.
 
     Departures from the paper are settings of their own: `pins`, `unit`, `schedule`, `averaging`, `keep`,
-    `resample_every`, `activation` and `dtype`.
+    `resample_every`, `activation`, `dtype`, `optimiser` and `singular`.
 
     Attributes
     ----------
     learning_rate
-        Of Adam, at its start.
+        At its start: the step of Adam, or the share of a natural step.
     """
 
     iterations: int = PydanticField(2000, ge=1, description="of Adam; the paper has 2500 for the plate")
@@ -60,6 +60,12 @@ class PublishedSettings(SeededSettings):
     )
     keep: Literal["last", "best"] = PydanticField(
         "last", description='which weights are the answer: "best" are those of least certified energy'
+    )
+    singular: int = PydanticField(
+        0, ge=0, le=6, description="singular features of the output layer a point force; as printed none"
+    )
+    optimiser: Literal["adam", "natural"] = PydanticField(
+        "adam", description='"natural": Gauss-Newton in the energy norm over all weights, at rest, in float64'
     )
     resample_every: int = PydanticField(1, ge=1, description="iterations on the same samples")
     activation: Literal["sine", "tanh", "gelu"] = PydanticField(

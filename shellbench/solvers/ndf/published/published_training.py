@@ -1,4 +1,7 @@
-"""Training by Adam (Kingma & Ba 2014) on samples redrawn at every iteration, and the test of a collapsed training."""
+"""Training on samples redrawn at every iteration, by Adam (Kingma & Ba 2014) or another optimiser.
+
+The module also has the test of a collapsed training.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -56,6 +59,46 @@ class Sampling(Protocol):
         ...
 
 
+class Optimiser(Protocol):
+    """Moves all weights of a network, once for each draw of samples."""
+
+    def step(self, sample: Any, rate: float) -> Tensor:
+        """Move the weights by a share `rate` of the optimiser's own length; return the loss before."""
+        ...
+
+    def moments(self) -> tuple[list[Tensor], list[Tensor]]:
+        """Return copies of the first and second moments, as many tensors of each as the network has."""
+        ...
+
+
+class Adam:
+    """The published optimiser, with its authors' constants; see `Optimiser`."""
+
+    def __init__(self, network: Siren, now: Checkpoint) -> None:
+        self.network, self.adam = network, torch.optim.Adam(network.tensors)
+        if now.iteration:
+            for tensor, first, second in zip(network.tensors, now.first_moments, now.second_moments, strict=True):
+                self.adam.state[tensor] = {
+                    "step": torch.tensor(float(now.iteration)),
+                    "exp_avg": first.to(tensor).clone(),
+                    "exp_avg_sq": second.to(tensor).clone(),
+                }
+
+    def step(self, sample: Sampled, rate: float) -> Tensor:
+        """See `Optimiser`."""
+        self.adam.param_groups[0]["lr"] = rate
+        self.adam.zero_grad()
+        loss = sample.loss(self.network)
+        loss.backward()  # type: ignore[no-untyped-call]
+        self.adam.step()
+        return loss.detach()
+
+    def moments(self) -> tuple[list[Tensor], list[Tensor]]:
+        """See `Optimiser`."""
+        states = [self.adam.state[tensor] for tensor in self.network.tensors]
+        return [state["exp_avg"].clone() for state in states], [state["exp_avg_sq"].clone() for state in states]
+
+
 class LossNotFinite(Exception):
     """The loss is NaN or infinite; `good` is the last finite state of the training."""
 
@@ -73,7 +116,7 @@ class Plan:
     iterations
         In all, those of a checkpoint included.
     learning_rate
-        Of Adam at its start; its other constants are its authors'.
+        Of the optimiser at its start.
     checkpoint
         File to keep the training in, at least every `checkpoint_every` iterations; None for none.
     cosine
@@ -84,6 +127,8 @@ class Plan:
         Iterations between two certified energies; 0 for none.
     keep_best
         Whether to keep the weights of least certified energy.
+    optimiser
+        Begins or continues an optimiser.
     """
 
     iterations: int
@@ -94,6 +139,7 @@ class Plan:
     averaging: float = 0.0
     certify_every: int = 0
     keep_best: bool = False
+    optimiser: Callable[[Siren, Checkpoint], Optimiser] = Adam
 
     def rate(self, iteration: int) -> float:
         """Return the learning rate of an iteration, the first being 1."""
@@ -144,30 +190,26 @@ def train(
     LossNotFinite
         If the loss is not finite, which is checked every `RECORD` iterations.
     """
-    # The published recipe: Adam on newly drawn samples each time, a fixed number of iterations, no stopping rule.
+    # The published recipe: newly drawn samples each time, a fixed number of iterations, no stopping rule.
     # 1. Take weights and both moments from the state of the training, so that it continues without a difference.
-    # 2. Compute loss and gradient of one draw, and take a step; update the running average of the weights, if there is
-    #    one.
+    # 2. Let the optimiser take a step on one draw; update the running average of the weights, if there is one.
     # 3. Every `RECORD` iterations: check that all is finite, keep the state, and write it if that is due.
     # 4. At intervals, certify the energy: it selects the best weights, if these are to be kept.
     # A check at each iteration would make the device wait for the host.
     begin, first = time.perf_counter() - now.seconds, now.iteration
     place = siren.tensors[0]
     tensors = [weight.to(place).clone().requires_grad_() for weight in now.weights]
-    network, adam = siren.with_tensors(tensors), _adam(tensors, now, plan.learning_rate)
+    network = siren.with_tensors(tensors)
+    optimiser = plan.optimiser(network, now)
     averaged = [tensor.to(place).clone() for tensor in now.averaged or now.weights] if plan.averaging else []
     losses: list[Tensor] = []
     written, message = now.iteration, "training"
     for iteration, sample in enumerate(sampler.samples(first, plan.iterations), first + 1):
-        adam.param_groups[0]["lr"] = plan.rate(iteration)
-        adam.zero_grad()
-        loss = sample.loss(network)
-        loss.backward()  # type: ignore[no-untyped-call]
-        adam.step()
+        loss = optimiser.step(sample, plan.rate(iteration))
         if averaged:
             with torch.no_grad():
                 torch._foreach_lerp_(averaged, tensors, 1 - plan.kept_of_average(iteration))
-        losses.append(loss.detach())  # stays on the device: reading its value would make it wait
+        losses.append(loss)  # stays on the device: reading its value would make it wait
         if iteration % RECORD == 0 or iteration == plan.iterations:
             if not all(bool(torch.isfinite(t).all()) for t in [torch.stack(losses), *tensors]):
                 # `now` is still the last finite state.
@@ -186,7 +228,7 @@ def train(
                     gap=abs(energy / energies[CERTIFIED] - 1) if energies.get(CERTIFIED) else None,
                     quantities=watch(answer) | energies,
                 )
-            now = _kept(now, step, recent, tensors, averaged, adam)
+            now = _kept(now, step, recent, tensors, averaged, optimiser)
             if plan.keep_best and CERTIFIED in energies:
                 now = _better(now, energies[CERTIFIED])
             told = [f"energy {step.energy:.4g} J", *(f"{name} {v:.5g}" for name, v in step.quantities.items())]
@@ -241,28 +283,17 @@ def _best_gain(course: Sequence[tuple[int, float]], rest: float) -> tuple[float,
     return best
 
 
-def _adam(tensors: list[Tensor], now: Checkpoint, learning_rate: float) -> torch.optim.Adam:
-    adam = torch.optim.Adam(tensors, lr=learning_rate)
-    if now.iteration:
-        for tensor, first, second in zip(tensors, now.first_moments, now.second_moments, strict=True):
-            adam.state[tensor] = {
-                "step": torch.tensor(float(now.iteration)),
-                "exp_avg": first.to(tensor).clone(),
-                "exp_avg_sq": second.to(tensor).clone(),
-            }
-    return adam
-
-
 def _kept(
-    now: Checkpoint, step: Step, recent: Tensor, tensors: list[Tensor], averaged: list[Tensor], adam: torch.optim.Adam
+    now: Checkpoint, step: Step, recent: Tensor, tensors: list[Tensor], averaged: list[Tensor], optimiser: Optimiser
 ) -> Checkpoint:
+    first, second = optimiser.moments()
     return replace(
         now,
         iteration=step.iteration,
         seconds=step.seconds,
         weights=[tensor.detach().clone() for tensor in tensors],
-        first_moments=[adam.state[tensor]["exp_avg"].clone() for tensor in tensors],
-        second_moments=[adam.state[tensor]["exp_avg_sq"].clone() for tensor in tensors],
+        first_moments=first,
+        second_moments=second,
         losses=torch.cat([now.losses, recent]),
         history=(*now.history, step),
         averaged=[tensor.clone() for tensor in averaged],

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from scipy.linalg.blas import dsyrk
+from scipy.linalg.blas import dsyrk, ssyrk
 from torch import Tensor
 
 from shellbench.problems.shell.posed.rigid import rigid_modes
@@ -180,9 +180,10 @@ def normal_equations(ansatz: Ansatz, features: FeatureSet, rule: Rule, forces: C
 
 def add_gram(total: Tensor, rows: Tensor) -> None:
     """Add rows^T rows on and above the diagonal, half the work of a product; entries below it are undefined."""
-    if total.device.type == "cpu" and rows.dtype == torch.float64:
+    if total.device.type == "cpu":
         # LAPACK stores its triangles by columns: its lower triangle is the upper one here.
-        dsyrk(1.0, rows.numpy().T, beta=1.0, c=total.numpy().T, overwrite_c=1, lower=1)
+        syrk = dsyrk if rows.dtype == torch.float64 else ssyrk
+        syrk(1.0, rows.numpy().T, beta=1.0, c=total.numpy().T, overwrite_c=1, lower=1)
     else:
         total.addmm_(rows.T, rows)
 
