@@ -1,7 +1,7 @@
 """Comparisons of trained and drawn hidden layers, shown by docs/deep_fields.md.
 
 python docs/training.py run     solve, on one core, and write reports/training.json: half an hour
-python docs/training.py         write the tables of the page and docs/figures/training.png: seconds
+python docs/training.py         write the tables of the page and docs/figures/study_training.png: seconds
 
 Drawn and trained fields have the same start. Known values judge both; nothing is chosen by them.
 """
@@ -44,7 +44,7 @@ from shellbench.solvers.ndf.training.at_rest import field_spec
 from shellbench.solvers.ndf.training.gauss_newton import flatten, forward, jacobian, unflatten
 
 ROOT = Path(__file__).parents[1]
-KEPT, PAGE, FIGURE = ROOT / "reports/training.json", ROOT / "docs/deep_fields.md", ROOT / "docs/figures/training.png"
+KEPT, PAGE, FIGURE = ROOT / "reports/training.json", ROOT / "docs/deep_fields.md", ROOT / "docs/figures/study_training.png"
 SEEDS = 0, 1, 2
 STARTS = "fitted", "random"
 Line = dict[str, Any]
