@@ -317,6 +317,8 @@ class MotionTraining:
         if gap > LARGEST_GAP and int(solution.diagnostics["iterations"]) >= WINDOW:
             return f"the functional of its samples is {gap:.0%} off a fine quadrature's, more than {LARGEST_GAP:.0%}"
         fine, rest = (float(solution.diagnostics[f"{which}_functional"]) for which in ("fine", "rest"))
+        if rest and fine - rest > LARGEST_GAP * abs(rest):
+            return f"the training came to no answer: its functional is {fine:.3g} J, and {rest:.3g} J without a network"
         loaded = bool(self.sampler.ansatz.case.loads) and rest == 0.0
         return why_collapsed(fine, [(step.iteration, step.energy) for step in solution.history], rest, loaded)
 
