@@ -19,7 +19,17 @@ from derivations.sleeve_buckling import (
     twisting,
 )
 from derivations.sleeve_functions import Around, along
-from derivations.sleeve_path import BEFORE, BEYOND, Level, buckled, margins, perturbed, states, turned_over
+from derivations.sleeve_path import (
+    BEFORE,
+    BEYOND,
+    Level,
+    buckled,
+    margins,
+    perturbed,
+    states,
+    thin_states,
+    turned_over,
+)
 
 RIMS = Rims(twist=0.3, shortening=0.02)
 
@@ -286,6 +296,16 @@ def test_four_waves_stay_stable_to_half_a_radian():
         softest = margins(state)
         assert softest[0] > -1e-9
         assert min(softest[1], softest[2]) > 0.005
+
+
+@pytest.mark.long
+def test_eight_waves_of_the_thin_sleeve_stay_stable_to_twice_the_critical_twist():
+    coarse, fine = thin_states(Level(2, 28)), thin_states(Level(3, 34))
+    for state in fine:
+        softest = margins(state)
+        assert abs(softest.pop(0)) < 1e-9
+        assert min(softest.values()) > 5e-4
+    assert [s.torque for s in coarse] == pytest.approx([s.torque for s in fine], rel=0.01 / 3)
 
 
 @pytest.mark.long

@@ -1,5 +1,7 @@
 """The published training of a motion: what it converges to, its velocity, files, checkpoints and failures."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -7,7 +9,8 @@ import torch
 from shellbench.bench.catalogue.catalog import named_case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.quantities.measure import measure_all
-from shellbench.solvers.ndf.published.published_motion import SpaceTime
+from shellbench.protocol.solver import declined_quantities
+from shellbench.solvers.ndf.published.published_motion import LARGEST_GAP, WINDOW, MotionTraining, SpaceTime
 from shellbench.solvers.ndf.published.published_training import RECORD
 from shellbench.solvers.ndf.published_solver import PublishedSolver
 from tests.alike import SINGLE, alike
@@ -177,6 +180,27 @@ def test_what_the_published_functions_cannot_do_is_declined():
             trained(case, few(iterations=1))
     for name in ("free_fall", "pendulum_strip", "napkin_plane", "napkin_soft_pin", "napkin_moving_corners"):
         assert SOLVER.declines(named_case(name)) is None
+
+
+@pytest.mark.parametrize("name", ["napkin_corner", "sleeve_twist_published", "sleeve_compression_published"])
+def test_the_papers_own_cloth_is_trained(name):
+    assert SOLVER.declines(named_case(name)) is None
+    case = named_case(name)
+    declined = declined_quantities(SOLVER, case)  # reactions of one of two rims
+    kept = tuple(quantity for quantity in case.quantities if quantity.name not in declined)
+    solution = trained(case.model_copy(update={"quantities": kept}), few(iterations=2))
+    assert np.isfinite(solution.diagnostics["fine_functional"])
+
+
+def test_a_functional_that_depends_on_its_samples_is_no_answer():
+    training = MotionTraining.from_case(FALL, few(iterations=1), SOLVER.name)
+    solution = trained(FALL, few(iterations=1))
+    for gap, told in ((0.9 * LARGEST_GAP, False), (1.1 * LARGEST_GAP, True)):
+        diagnostics = {**solution.diagnostics, "iterations": WINDOW, "energy_gap": gap}
+        reason = training.why_no_answer(replace(solution, diagnostics=diagnostics))
+        assert ("fine quadrature" in (reason or "")) == told
+    above = {**solution.diagnostics, "rest_functional": 1.0, "fine_functional": 2.0, "energy_gap": 0.0}
+    assert "without a network" in training.why_no_answer(replace(solution, diagnostics=above))
 
 
 def test_settings_that_do_not_fit_are_refused():

@@ -17,7 +17,7 @@ not gated: with 400 random samples it also measures the noise of the loss. A tra
 with less than half of its best gain (see `published_training.why_collapsed`).
 
 A case in motion is trained in space and time, on a functional, boundary functions and strains of its own: see
-`published_motion`. Static paths are declined.
+`published_motion`, where the gap of the functional has a bound. Static paths are declined.
 """
 
 from __future__ import annotations

@@ -58,16 +58,8 @@ from shellbench.solvers.ndf.published.published_settings import PublishedSetting
 from shellbench.solvers.ndf.published.published_training import why_collapsed
 from shellbench.solvers.ndf.strains.strain_measures import MEASURES, Reference, Undeformed, gradient_map
 
-OF_STATICS = (
-    "optimiser",
-    "singular",
-    "pins",
-    "components",
-    "unit",
-    "keep",
-    "resample_every",
-    "activation",
-)  # departures that trainings of motions do not support
+# Departures that trainings of motions do not support.
+OF_STATICS = ("optimiser", "singular", "pins", "components", "unit", "keep", "resample_every", "activation")
 OF_TIMES = 1 << 64  # separate from the counters of the points: no iteration reaches it
 
 
@@ -229,6 +221,7 @@ def why_not_sampled(case: Case) -> str | None:
 
 
 WINDOW = 100  # last losses whose mean is compared with the fine quadrature
+LARGEST_GAP = 0.1  # of the functional: mean of the last losses against the fine quadrature; chosen before any was seen
 CERTIFYING_RULE = RuleSpec((8, 8), 4)  # in space, of that quadrature
 FINE_TIMES = 48  # Gauss points in time
 BATCH_TIMES = 4  # of them that are evaluated at once
@@ -319,7 +312,13 @@ class MotionTraining:
 
     def why_no_answer(self, solution: Solution) -> str | None:
         """Return the reason that a motion is no answer, in one sentence, or None; the functional is its energy."""
+        gap = float(solution.diagnostics["energy_gap"])
+        # The mean of fewer losses is of a network that still changes.
+        if gap > LARGEST_GAP and int(solution.diagnostics["iterations"]) >= WINDOW:
+            return f"the functional of its samples is {gap:.0%} off a fine quadrature's, more than {LARGEST_GAP:.0%}"
         fine, rest = (float(solution.diagnostics[f"{which}_functional"]) for which in ("fine", "rest"))
+        if rest and fine - rest > LARGEST_GAP * abs(rest):
+            return f"the training came to no answer: its functional is {fine:.3g} J, and {rest:.3g} J without a network"
         loaded = bool(self.sampler.ansatz.case.loads) and rest == 0.0
         return why_collapsed(fine, [(step.iteration, step.energy) for step in solution.history], rest, loaded)
 
