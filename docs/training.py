@@ -44,7 +44,11 @@ from shellbench.solvers.ndf.training.at_rest import field_spec
 from shellbench.solvers.ndf.training.gauss_newton import flatten, forward, jacobian, unflatten
 
 ROOT = Path(__file__).parents[1]
-KEPT, PAGE, FIGURE = ROOT / "reports/training.json", ROOT / "docs/deep_fields.md", ROOT / "docs/figures/study_training.png"
+KEPT, PAGE, FIGURE = (
+    ROOT / "reports/training.json",
+    ROOT / "docs/deep_fields.md",
+    ROOT / "docs/figures/study_training.png",
+)
 SEEDS = 0, 1, 2
 STARTS = "fitted", "random"
 Line = dict[str, Any]
