@@ -13,7 +13,6 @@ from shellbench.solvers.cst.solver import CstSolver
 from shellbench.solvers.fem.solver import FemSolver
 from shellbench.solvers.ndf.published_solver import PublishedSolver
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
-from shellbench.solvers.ndf.trainer_solver import NdfSolver
 
 LENGTH, WIDTH, YOUNG, HEIGHT, BED = 2.0, 1.0, 1e7, 0.05, 4000.0
 SOLVERS = {"fem": (FemSolver(), 1e-5), "ndf-ritz": (RitzSolver(), 1e-3)}  # chosen before any answer was seen
@@ -106,7 +105,7 @@ def test_a_bed_at_large_displacement_is_refused():
         plate(theory="kirchhoff-love-nonlinear", supports=[{"name": "wall", "on": ["xi1_min"], "clamped": True}])
 
 
-@pytest.mark.parametrize("solver", [CstSolver(), PublishedSolver(), NdfSolver()])
+@pytest.mark.parametrize("solver", [CstSolver(), PublishedSolver()])
 def test_other_solvers_decline(solver):
     case = plate(supports=[{"name": "wall", "on": ["xi1_min", "xi1_max"]}])
     assert solver.declines(case) == "it rests on springs, which this solver does not take"

@@ -80,6 +80,7 @@ def solve(
         run = _Run(case, spec, solver, build(), began, largest_gap, progress, None if number else start)
         try:
             solution = run.solve(coarse)
+            energy = solution.diagnostics["certified_energy"]
             if train and (better := train(run.level, run.problem, run.asked)) is not None:
                 run = _Run(case, spec, solver, better, began, largest_gap, progress)
                 solution = run.solve(coarse)
@@ -89,7 +90,7 @@ def solve(
             before = coarse = None
             continue
         coarse = run
-        energy = solution.diagnostics["certified_energy"]
+        # Levels are compared before training: a trained level and the next one may agree by chance.
         if before is not None:
             magnitude = sum(solution.energies()) + abs(sum(solution.energies()) - energy)
             change = abs(energy - before) / magnitude if magnitude else 0.0
