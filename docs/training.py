@@ -269,7 +269,7 @@ def run() -> None:
         for line in lines:
             kept[part].append(line)
             print(part, *list(line.values())[:2], flush=True)
-            KEPT.write_text(json.dumps(kept, indent=1) + "\n")
+            KEPT.write_text(json.dumps(kept) + "\n")
 
 
 def git_commit() -> str:
