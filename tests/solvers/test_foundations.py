@@ -13,9 +13,14 @@ from shellbench.solvers.cst.solver import CstSolver
 from shellbench.solvers.fem.solver import FemSolver
 from shellbench.solvers.ndf.published_solver import PublishedSolver
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
+from shellbench.solvers.ndf.trainer_solver import NdfSolver
 
 LENGTH, WIDTH, YOUNG, HEIGHT, BED = 2.0, 1.0, 1e7, 0.05, 4000.0
-SOLVERS = {"fem": (FemSolver(), 1e-5), "ndf-ritz": (RitzSolver(), 1e-3)}  # chosen before any answer was seen
+SOLVERS = {
+    "fem": (FemSolver(), 1e-5),
+    "ndf-ritz": (RitzSolver(), 1e-3),
+    "ndf": (NdfSolver(), 1e-3),
+}  # chosen before any answer was seen
 LEVEL = ["translation_x", "translation_y", "rotation_z"]  # what a bed along z leaves free
 
 
@@ -109,3 +114,11 @@ def test_a_bed_at_large_displacement_is_refused():
 def test_other_solvers_decline(solver):
     case = plate(supports=[{"name": "wall", "on": ["xi1_min", "xi1_max"]}])
     assert solver.declines(case) == "it rests on springs, which this solver does not take"
+
+
+@pytest.mark.parametrize("solver", [RitzSolver(), NdfSolver()])
+def test_fields_decline_springs_beside_edge_moments(solver):
+    """Such cases are solved along a path, whose energy has no springs."""
+    moment = {"kind": "moment", "on": ["xi1_max"], "axis": [0, 1, 0], "value": 5}
+    case = plate(supports=[{"name": "wall", "on": ["xi1_min"], "clamped": True}], loads=[moment])
+    assert "no springs beside edge moments" in solver.declines(case)

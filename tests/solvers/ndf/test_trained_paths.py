@@ -19,7 +19,7 @@ from shellbench.solvers.ndf.path.continuation import load_steps
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.levels import PathLevel
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
-from shellbench.solvers.ndf.training import on_path
+from shellbench.solvers.ndf.training import on_path, trainer
 from shellbench.solvers.ndf.training.at_rest import field_spec
 from shellbench.solvers.ndf.training.gauss_newton import flatten, unflatten
 from tests.solvers.ndf.shells import shell, support
@@ -27,7 +27,7 @@ from tests.solvers.ndf.shells import shell, support
 GAINED = 0.01  # of the energy, by three steps on a narrow network of the strip
 
 
-def strip(**loads):
+def strip():
     """A strip that a force and a moment at its end bend far, and a pressure beside them."""
     return shell(
         {"kind": "plane", "xi1": [0, 3], "xi2": [0, 1]},
@@ -36,17 +36,17 @@ def strip(**loads):
         points={"tip": [3, 0.5]},
         supports=[support("wall", "xi1_min", clamped=True)],
         loads=[
-            {"kind": "edge", "on": ["xi1_max"], "vector": [0, 0, f"{loads.get('force', 30)}*t"]},
-            {"kind": "moment", "on": ["xi1_max"], "axis": [0, 1, 0], "value": f"{loads.get('moment', -20)}*t"},
-            {"kind": "area", "vector": [0, 0, f"{loads.get('area', 5)}*t"]},
+            {"kind": "edge", "on": ["xi1_max"], "vector": [0, 0, "30*t"]},
+            {"kind": "moment", "on": ["xi1_max"], "axis": [0, 1, 0], "value": "-20*t"},
+            {"kind": "area", "vector": [0, 0, "5*t"]},
         ],
         quantities=[{"name": "up", "kind": "displacement", "points": ["tip"], "direction": [0, 0, 1], "primary": True}],
     )
 
 
-def path(width=10, **loads):
+def path(width=10):
     """Return a narrow level, its problem and the states of its path."""
-    case = strip(**loads).model_copy(update={"path": Path(until=1.0)})
+    case = strip().model_copy(update={"path": Path(until=1.0)})
     spec = field_spec(TrainerSettings(), "exact")
     ansatz, inputs, placement = build_ansatz(case, spec), build_inputs(case, spec), Placement()
     values = inputs.jets(case.surface.domain.grid(20, 20).reshape(-1, 2), placement)[VALUE]
@@ -119,6 +119,22 @@ def test_a_trained_path_is_nearer_than_one_as_drawn():
     assert narrow.diagnostics["hidden_layers"] == "trained"
     assert as_drawn.diagnostics["hidden_layers"] == "as drawn"
     assert abs(short - up) < 0.1 * abs(drawn - up)
+
+
+def test_a_trained_network_that_cannot_follow_the_path_is_dropped(monkeypatch):
+    """The path of the drawn layers is an answer already, and stays."""
+
+    def senseless(level, *given):
+        network = level.features.network
+        far = unflatten(1e6 * flatten(network), network)
+        return replace(level, features=replace(level.features, network=far), trained=network.parameters)
+
+    case, settings = strip(), TrainerSettings(widths=(30,), iterations=0, largest_gap=1.0)
+    drawn = NdfSolver().solve(case, settings)
+    monkeypatch.setattr(trainer, "trained_level", senseless)
+    kept = NdfSolver().solve(case, settings.model_copy(update={"iterations": 1, "largest_gap": 1e-2}))
+    assert kept.diagnostics["hidden_layers"] == "as drawn"
+    assert kept.displacement([[3, 0.5]])[0, 2] == pytest.approx(drawn.displacement([[3, 0.5]])[0, 2], rel=1e-6)
 
 
 @pytest.mark.parametrize(

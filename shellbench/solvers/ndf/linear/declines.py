@@ -47,6 +47,8 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
         return reason
     if case.linear and not case.modal and len(case.states) > 1 and not is_path(case):
         return "it answers a linear case at its last state alone"
+    if case.springs and case.linear and case.dynamics is None and is_path(case):
+        return "it takes no springs beside edge moments, or where all of the displacement is prescribed"
     if spec is not None and spec.supports == "soft":
         return why_not_soft(case)
     probe = _probe(case, spec or FieldSpec())

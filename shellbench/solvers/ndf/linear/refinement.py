@@ -116,13 +116,8 @@ class Level:
         weights, biases = (torch.cat([getattr(n, name)[0] for n in drawn]) for name in ("weights", "biases"))
         return Network((weights,), (biases,), activation)
 
-    @property
-    def width(self) -> int:
-        """Number of neurons of the first answer and of all challengers."""
-        return self.resolution.neurons + len(self.kinds) * self.challengers
-
     def each_scale(self, inputs: Inputs, placement: Placement) -> torch.Tensor:
-        """Return the scale (M, n) of each of these neurons in each input."""
+        """Return the scale (M, n) of each input for all neurons: of the first answer, then of each kind of challenger."""
         kinds = [(None, self.resolution.neurons), *((kind, self.challengers) for kind in self.kinds)]
         return torch.cat([self._scales(inputs, kind, placement).expand(count, -1) for kind, count in kinds])
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -81,14 +82,17 @@ def solve(
         try:
             solution = run.solve(coarse)
             energy = solution.diagnostics["certified_energy"]
-            if train and (better := train(run.level, run.problem, run.asked)) is not None:
-                run = _Run(case, spec, solver, better, began, largest_gap, progress)
-                solution = run.solve(coarse)
         except SolveFailure as failure:
             if number == len(levels) - 1:  # the coarser field's path is kept, but not taken as the answer
                 raise SolveFailure(str(failure), solution or failure.partial) from None
             before = coarse = None
             continue
+        if train and (level := train(run.level, run.problem, run.asked)) is not None:
+            trained = _Run(case, spec, solver, level, began, largest_gap, progress)
+            with suppress(SolveFailure):  # then the path of the drawn layers stays
+                found = trained.solve(coarse)
+                if found.diagnostics["certified_energy"] < energy:
+                    solution, run = found, trained
         coarse = run
         # Levels are compared before training: a trained level and the next one may agree by chance.
         if before is not None:
@@ -107,8 +111,8 @@ def solve(
         "energy_change": change,
         "settled": run.prescribed or (change is not None and change <= SETTLED_PATH),
     }
-    found = replace(solution, history=(*history, *states), diagnostics=diagnostics)
-    return found if seed is None else run.stated(found, seed)
+    whole = replace(solution, history=(*history, *states), diagnostics=diagnostics)
+    return whole if seed is None else run.stated(whole, seed)
 
 
 class _Run:

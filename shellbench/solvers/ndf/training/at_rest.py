@@ -42,6 +42,7 @@ from shellbench.solvers.ndf.training.training_problem import FINAL_ORDER, Quadra
 
 SERVES = 10.0  # largest certified gain by challengers, in tolerances of training, with which a start's layers serve
 ITERATIONS, MIXED_ITERATIONS = 3, 2  # by certified energy at equal time: a mixed start leaves less to training
+WIDENED = "stretched", "edge_stretched", "multipliers", "detail", "slopes"  # choices of wider networks
 WIDEST_TRAINED = 300  # a Gauss-Newton step costs the third power of the width
 
 
@@ -95,7 +96,11 @@ class Training:
         self.case, self.settings, self.progress = case, settings, progress
         self.placement = Placement.on(settings.device)
         self.spec = field_spec(settings, "linear").model_copy(update={"mirrors": mirrored(case, settings, start)})
-        self.problem = TrainingProblem.from_case(case, self.spec, self.placement)
+        like = None
+        if isinstance(start, NdfSolution) and start.spec.detail:  # widened: its inputs and its rules
+            self.spec = self.spec.model_copy(update={name: getattr(start.spec, name) for name in WIDENED})
+            like = first_level(case, for_part(case, built_in(case, self.spec))).resolution.rule
+        self.problem = TrainingProblem.from_case(case, self.spec, self.placement, like)
         mirrors = self.problem.ansatz.mirrors
         widths, scales = default_plan_widths(case, self.problem.singular, mirrors.parts if mirrors else 1)
         mixed = scales == MIRRORED_SCALES or (scales == MIXED_SCALES and not settings.widths)
@@ -107,6 +112,7 @@ class Training:
             iterations = MIXED_ITERATIONS if settings.iterations is None else settings.iterations
             self.plan = replace(self.plan, mixed=True, iterations=iterations)
         self.history: list[Step] = []
+        self.before = 0  # steps of narrower networks
         self.last: NdfSolution | None = None
 
     def solve(self, start: Solution | None) -> NdfSolution:
@@ -144,20 +150,20 @@ class Training:
         # 1. Take the resolution of a level of `ndf-ritz`, and the scales of its features and of its challengers.
         # 2. Fit a deep network to such features, train it, and let challengers state its uncertainty.
         # 3. Until it settles, take the next level.
-        mirrors = built_in(self.case, self.spec.model_copy(update={"mirrors": self._planes()}))
+        planes = takes_planes(self.case) if self.settings.mirrors is None else self.settings.mirrors
+        mirrors = built_in(self.case, self.spec.model_copy(update={"mirrors": planes}))
         first = first_level(self.case, for_part(self.case, mirrors))
         level: Level | None = first
         while level is not None and best.unsettled is not None:
             found = self._level(level, mirrors is not None)
-            if found is not None and (
-                found.diagnostics["certified_energy"] < best.diagnostics["certified_energy"] or found.unsettled is None
+            # A field of more energy is no better, settled or not; that of two rules differs by rounding.
+            least = best.diagnostics["certified_energy"]
+            if found is not None and found.diagnostics["certified_energy"] <= least + self.settings.tolerance * abs(
+                least
             ):
                 best = found
             level = next_level(first, level, "anew", self.settings.most_neurons)
         return replace(best, history=tuple(self.history))
-
-    def _planes(self) -> bool:
-        return takes_planes(self.case) if self.settings.mirrors is None else self.settings.mirrors
 
     def _level(self, level: Level, mirrors: bool) -> NdfSolution | None:
         choices = {
@@ -174,11 +180,13 @@ class Training:
         self.problem = problem = replace(problem, tally=self.problem.tally)
         points = Quadratures.from_rules(problem, resolution.rule, resolution.fine)
         inputs = problem.features.inputs
-        scales, width = level.each_scale(inputs, self.placement), level.width
+        scales = level.each_scale(inputs, self.placement)
+        width = len(scales)
         inner = tuple(max(size, inputs.count) for size in self.plan.inner)
         network = deep_random_features(
             points.train.inputs[VALUE], scales, (*inner, width), self.plan.seed, self.plan.activation
         )
+        self.before = self.history[-1].iteration + 1
         self._tell(0, f"training {width} neurons in the last hidden layer")
         try:
             return self._trained(points.evaluate(problem, network), points, train_it=width <= WIDEST_TRAINED)
@@ -202,7 +210,7 @@ class Training:
         solution = self._solution(state, 1.0)
         solved = self.problem.tally["output layers"]
         step = Step(
-            iteration=iteration,
+            iteration=self.before + iteration,
             seconds=time.perf_counter() - self.begin,
             energy=state.train.potential,
             unknowns=solution.parameters,

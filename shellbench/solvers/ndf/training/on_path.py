@@ -1,10 +1,9 @@
 """Training of a field's hidden layers on the case's own energy, at the states of its path.
 
-A step is that of linear theory (see `gauss_newton`), taken about loaded states: the first variation of the
-strains at a state stands for the linear strains. After each step, Newton's method solves for the output layer of every
-state. One network serves all states: the objective is the sum of their potential energies, each relative to its own
-magnitude. The network changes, the states do not wait: their displacements are carried over by the projection that is
-nearest in the stiffness at rest, and Newton's method starts from there.
+A step is that of linear theory (see `gauss_newton`), taken about loaded states: the first variation of the strains at a
+state stands for the linear strains. After each step, Newton's method solves for the output layer of every state. It
+starts from the field that is closest, in the stiffness at rest, to the state on the network before. One network serves
+all states: the objective is the sum of their potential energies, each relative to its own magnitude.
 """
 
 from __future__ import annotations
@@ -112,16 +111,12 @@ class Trial:
 
     def gains(self, new: Trial) -> tuple[float, float]:
         """Return the mean relative fall of energy to a new trial, by the path's rule and by the finer one."""
-        count = len(self.states)
-        seen = sum((a.deformed.potential - b.deformed.potential) / a.deformed.magnitude for a, b in _pairs(self, new))
-        sure = sum(
-            (a.potential - b.potential) / a.magnitude for a, b in zip(self.certified, new.certified, strict=True)
-        )
-        return seen / count, sure / count
+        pairs = [(a.deformed, b.deformed) for a, b in zip(self.states, new.states, strict=True)]
 
+        def mean(falls: Sequence[tuple[Deformed, Deformed]]) -> float:
+            return sum((old.potential - now.potential) / old.magnitude for old, now in falls) / len(falls)
 
-def _pairs(old: Trial, new: Trial) -> zip[tuple[PathState, PathState]]:
-    return zip(old.states, new.states, strict=True)
+        return mean(pairs), mean(list(zip(self.certified, new.certified, strict=True)))
 
 
 def trained_level(
@@ -143,7 +138,9 @@ def trained_level(
     # 4. Stop if the gain is small.
     # The model leaves out the geometric stiffness: it is then positive for any state, and only the speed depends on it.
     wanted = [state for state in states if state.t > 0 and state.deformed.magnitude > problem.unstrained]
-    every = max(1, -(-len(wanted) // MOST_STATES))
+    if not wanted:
+        return None
+    every = -(-len(wanted) // MOST_STATES)
     now = Trial.of_states(problem, wanted[::-1][::every][::-1], level.fine)
     damping, total = DAMPING, 0.0
     for iteration in range(1, iterations + 1):
