@@ -117,7 +117,7 @@ class Level:
         return Network((weights,), (biases,), activation)
 
     def each_scale(self, inputs: Inputs, placement: Placement) -> torch.Tensor:
-        """Return the scale (M, n) of each input for all neurons: of the first answer, then of each kind of challenger."""
+        """Return the scale (M, n) of each input for all neurons: the first answer's, then each kind of challenger's."""
         kinds = [(None, self.resolution.neurons), *((kind, self.challengers) for kind in self.kinds)]
         return torch.cat([self._scales(inputs, kind, placement).expand(count, -1) for kind, count in kinds])
 
