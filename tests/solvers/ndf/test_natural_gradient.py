@@ -105,3 +105,8 @@ def test_chosen_points_stand_for_all():
     assert len(points) <= 100
     assert (roots**2).sum().item() == pytest.approx(500, rel=0.1)
     assert (roots**2 @ energies[points]).item() == pytest.approx(energies.sum().item(), rel=0.1)
+
+
+def test_a_network_too_wide_for_a_natural_step_is_refused():
+    with pytest.raises(InputError, match=r"at most 12,000 weights, and this network has 1,0\d\d,\d{3}: use a smaller"):
+        trained(PLATE, small(optimiser="natural", layers=5, width=512, iterations=1))

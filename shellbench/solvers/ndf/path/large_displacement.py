@@ -87,7 +87,7 @@ def solve(
                 raise SolveFailure(str(failure), solution or failure.partial) from None
             before = coarse = None
             continue
-        if train and (level := train(run.level, run.problem, run.asked)) is not None:
+        if train and (level := train(run.level, run.problem, run.states)) is not None:
             trained = _Run(case, spec, solver, level, began, largest_gap, progress)
             with suppress(SolveFailure):  # then the path of the drawn layers stays
                 found = trained.solve(coarse)
@@ -165,11 +165,6 @@ class _Run:
         if (reason := exploits(solution.diagnostics["energy_gap"], self.largest_gap)) is not None:
             raise SolveFailure(reason, solution)
         return solution
-
-    @property
-    def asked(self) -> list[PathState]:
-        """The states that the case asks for."""
-        return [state for state in self.states if any(same(state.t, mark) for mark in self.case.states)]
 
     def stated(self, solution: PathSolution, seed: int) -> PathSolution:
         """Return the path with the uncertainty of its quantities."""

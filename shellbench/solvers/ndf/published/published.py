@@ -77,6 +77,7 @@ from shellbench.solvers.ndf.strains.energy import certify, concentrated
 
 WINDOW = 100  # last losses whose mean is compared with the fine quadrature
 RIGID_RULE = RuleSpec((4, 4), 4)  # for the mean rigid motion
+MOST_WEIGHTS = 12_000  # of a natural step: its matrices of all weights by all take gigabytes beyond
 OF_TRIALS = 2**32  # added to the seed, for draws on which steps are tried
 PINNED_CUTS = 3  # further panels at points that are pinned within a tenth of a unit
 
@@ -211,6 +212,9 @@ class _Training:
         """Begin or continue the optimiser of a network."""
         if self.settings.optimiser == "adam":
             return Adam(network, now)
+        if network.parameters > MOST_WEIGHTS:
+            many = f"at most {MOST_WEIGHTS:,} weights, and this network has {network.parameters:,}"
+            raise InputError(f'setting optimiser = "natural" takes {many}: use a smaller width, such as 24')
         apart = replace(self.sampler, seed=self.settings.seed + OF_TRIALS)
         trials = apart.samples(now.iteration, self.settings.iterations)
         return NaturalGradient.begin(network, now, trials)

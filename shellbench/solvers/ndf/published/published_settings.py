@@ -65,7 +65,7 @@ class PublishedSettings(SeededSettings):
         0, ge=0, le=6, description="singular features of the output layer a point force; as printed none"
     )
     optimiser: Literal["adam", "natural"] = PydanticField(
-        "adam", description='"natural": Gauss-Newton in the energy norm over all weights, at rest, in float64'
+        "adam", description='"natural": Gauss-Newton in the energy norm over all weights of a narrow network, at rest'
     )
     resample_every: int = PydanticField(1, ge=1, description="iterations on the same samples")
     activation: Literal["sine", "tanh", "gelu"] = PydanticField(

@@ -41,7 +41,7 @@ from shellbench.solvers.ndf.training.gauss_newton import (
     unflatten,
 )
 from shellbench.solvers.ndf.training.training import AGREEMENT, ATTEMPTS, EASE, HARDEN
-from shellbench.solvers.stepping.control import NotConvergedError
+from shellbench.solvers.stepping.control import NotConvergedError, same
 
 PATH_ITERATIONS = 12  # at most, a level; on plates, roofs and cantilevers the last ones gain little
 WIDEST = 150  # network that is trained: each step takes the third power of the width, for each of the states
@@ -137,7 +137,8 @@ def trained_level(
     #    the same amount on both rules.
     # 4. Stop if the gain is small.
     # The model leaves out the geometric stiffness: it is then positive for any state, and only the speed depends on it.
-    wanted = [state for state in states if state.t > 0 and state.deformed.magnitude > problem.unstrained]
+    marks, least = problem.ansatz.case.states, problem.unstrained
+    wanted = [s for s in states if s.deformed.magnitude > least and any(same(s.t, mark) for mark in marks)]
     if not wanted:
         return None
     every = -(-len(wanted) // MOST_STATES)
@@ -190,7 +191,9 @@ def _model(now: Trial, iteration: int) -> Quadratic:
     models = []
     for state in now.states:
         output, network = now.output(state), now.features.network
-        sample, tips = tangent_sample(now, state, rule), _tips(now, state)
+        sample, ansatz = tangent_sample(now, state, rule), replace(now.problem.ansatz_at(state.t), t=state.t)
+        forces = concentrated(ansatz, rule, now.problem.focal, now.features.placement)
+        tips = Tips.at_forces(now.features, forces)
         slope = energy_gradient(sample, tips, network, output) - _moments(now, state)
         local = quadratic_model(sample, tips, tangent_sample(now, state, coarse), network, output, None, slope)
         share = 1 / state.deformed.magnitude
@@ -219,13 +222,6 @@ def tangent_sample(now: Trial, state: PathState, spec: RuleSpec) -> Sample:
     force = placement.tensor(force_density(ansatz.case, points, t)) * here.share[:, None]
     on_free = (sampled.matrix.mT @ force[..., None])[..., 0]
     return Sample(Table(rows, offset, on_free, 0.0, rows.new_zeros((0, len(rows), COMPONENTS))), inputs, fixed)
-
-
-def _tips(now: Trial, state: PathState) -> Tips:
-    """Return the edge and point loads at a state's load factor."""
-    ansatz, features = now.problem.ansatz_at(state.t), now.features
-    forces = concentrated(replace(ansatz, t=state.t), now.problem.rule_spec, now.problem.focal, features.placement)
-    return Tips.at_forces(features, forces)
 
 
 def _moments(now: Trial, state: PathState) -> Tensor:

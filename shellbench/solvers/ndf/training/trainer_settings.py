@@ -39,7 +39,10 @@ class TrainerSettings(SeededSettings):
         description="hidden layers to start from: fitted to random features of one layer, or drawn as usual",
     )
     iterations: int | None = PydanticField(
-        None, ge=0, le=100_000, description="at most; None for 3, or 2 on curved shells under forces at points"
+        None,
+        ge=0,
+        le=100_000,
+        description="at most; None for 3, for 2 on curved shells under forces at points, for 12 along paths",
     )
     tolerance: Positive = PydanticField(2e-6, description="certified relative gain below which training ends")
     gap: Positive = PydanticField(1e-5, description="gap of a training state beyond which more points are taken")

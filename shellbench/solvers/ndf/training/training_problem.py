@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 from torch import Tensor
@@ -102,7 +101,8 @@ class TrainingProblem:
     def rule_spec(self, count: float, order: int, more: int = 0) -> RuleSpec:
         """Return a rule with about `count` points where energies are integrated, and `more` panels along each side."""
         if self.like is not None:
-            growth = math.sqrt(count / self._points) * self.like.order / order
+            points = len(self.ansatz.rule(self.focal, self.like).points)
+            growth = math.sqrt(count / points) * self.like.order / order
             first, second = (max(2, round(growth * panels)) + more for panels in self.like.panels)
             return replace(self.like, panels=(first, second), order=order)
         count *= self.ansatz.mirrors.parts if self.ansatz.mirrors else 1  # rules are those of the whole shell
@@ -110,12 +110,6 @@ class TrainingProblem:
         side = math.sqrt(count / (turns[0] * turns[1])) / order
         first, second = (max(2, round(side * turn)) + more for turn in turns)
         return RuleSpec((first, second), order, GRADING if self.singular else 1.0, joints=self.ansatz.case.kinks)
-
-    @cached_property
-    def _points(self) -> int:
-        """Number of points of the rule `like`."""
-        assert self.like is not None
-        return len(self.ansatz.rule(self.focal, self.like).points)
 
     def sample(self, spec: RuleSpec) -> Sample:
         """Tabulate a rule."""
