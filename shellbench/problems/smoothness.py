@@ -69,7 +69,7 @@ def rough_place(formulas: Sequence[Expression], box: Box) -> tuple[Place, tuple[
             for at, size in zip((low + high)[last] / 2, (high - low)[last], strict=True):
                 for way in np.eye(2)[axes]:
                     ends = [np.clip(at + sign * FARTHER * size * way, *np.transpose(box)) for sign in (-1, 1)]
-                    if (order := _jump(formulas, np.array(ends), box)) is not None:
+                    if (order := jump_between(formulas, np.array(ends), box)) is not None:
                         return place(at), (ends[0], ends[1]), order
             low, high = low[~last], high[~last]
             if len(low):
@@ -80,7 +80,7 @@ def rough_place(formulas: Sequence[Expression], box: Box) -> tuple[Place, tuple[
     return None
 
 
-def _jump(formulas: Sequence[Expression], ends: Array, box: Box) -> int | None:
+def jump_between(formulas: Sequence[Expression], ends: Array, box: Box) -> int | None:
     """Return the least order of derivatives that differ relatively at two points; None if none do."""
     with np.errstate(all="ignore"):
         found = [formula.derivatives(ends, 2) for formula in formulas]

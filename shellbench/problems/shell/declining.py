@@ -20,6 +20,7 @@ Beyond = Literal[
     "local supports",
     "local loads",
     "kinks",
+    "folds",
     "contact",
     "modes",
     "transverse shear",
@@ -59,6 +60,8 @@ def _beyond_plain(case: Case) -> Iterator[tuple[Beyond, str]]:
         yield "local supports", "a support holds directions local to the shell, and this solver takes x, y and z only"
     if any(isinstance(load, AreaLoad | EdgeLoad) and load.frame == "local" for load in case.loads):
         yield "local loads", "a load is local to the shell, and this solver takes loads along x, y and z only"
+    if case.surface.fold_lines:
+        yield "folds", "its surface has folds, and this solver takes smooth surfaces only"
     if any(case.kinks):
         yield "kinks", "a formula of it has kinks or jumps, and this solver takes smooth ones only"
     if case.obstacles:

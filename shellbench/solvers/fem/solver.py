@@ -32,6 +32,11 @@ class FemSolver(ShellSolver):
         """Return the reason that the solver declines this case, or None if it takes it."""
         if refusal := super().declines(case):
             return refusal
+        if case.surface.fold_lines:
+            from shellbench.solvers.fem.mechanics.fold_conditions import why_not_at_folds
+
+            if refusal := why_not_at_folds(case):
+                return refusal
         if any(support.holds_slope for support in case.supports):
             from shellbench.solvers.fem.mechanics.constraints import why_no_mirror, why_no_slope
 
@@ -63,6 +68,8 @@ class FemSolver(ShellSolver):
                 " whole field prescribed, without moments or following pressure in the non-linear theory"
             )
             return f"degree {settings.degree} is for {what}"
+        if settings.degree == 3 and case.surface.fold_lines:
+            return "degree 3 is for surfaces without folds"
         return self.declines(case)
 
     def answer(

@@ -208,7 +208,7 @@ def _solves(
         def solve(cells: Cells) -> equilibrium.Equilibrium:
             mesh = _mesh(of, cells, settings, degree, *toward)
             order = max(settings.quadrature_order, 2 * mesh.degree + 1)
-            folded = folding.fold(mesh, order) if settings.symmetry else None
+            folded = folding.fold(mesh, order) if settings.symmetry and not mesh.folds else None
             how = of.states, order, settings.direct_solver
             if of.obstacles:  # the search of contact starts from that of the mesh before
                 nonlocal touched

@@ -153,6 +153,9 @@ class Shell(Problem):
                 del data["material"][name]
         if data["material"]["bending_poissons_ratio"] is None:
             del data["material"]["bending_poissons_ratio"]
+        for name in ("folds", "hinges"):  # left out for the same reason
+            if not data["surface"].get(name, True):
+                del data["surface"][name]
         if "fit" in data["surface"]:  # its last digits depend on the machine: the mesh stands for it
             del data["surface"]["mesh"]
             data["surface"]["fit"] = data["surface"]["fit"]["sha256"]
@@ -303,7 +306,7 @@ class Shell(Problem):
 
     @cached_property
     def kinks(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Values of xi1, and of xi2, at which loads, springs or factors of the material have kinks or jump."""
+        """Values of xi1, and of xi2, of folds, and at which loads, springs or material factors have kinks or jump."""
         domain, found = self.surface.domain, (set[float](), set[float]())
         (low1, low2), (up1, up2) = domain.lower, domain.upper
         material = self.material.modulus_factor, self.material.thickness_factor
@@ -315,6 +318,8 @@ class Shell(Problem):
                     found[axis].update(lines[axis])
                     # around a closed coordinate such a formula has another kink at the seam
                     found[axis].update([domain.lower[axis]] if lines[axis] and domain.periodic[axis] else [])
+        for fold in self.surface.fold_lines:
+            found[fold.axis].add(fold.at)
         return tuple(sorted(found[0])), tuple(sorted(found[1]))
 
     @cached_property

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from shellbench.problems.expression import Expression, derivatives_of
+from shellbench.problems.shell.question.folds import ASIDE, Fold, beside, folds_of, kink_line, position_jumps, strips
 from shellbench.problems.smoothness import rough_place
 from shellbench.protocol.schema import LARGEST, SMALLEST, Finite, Flag, Model, Positive
 
@@ -95,6 +96,11 @@ class Surface(Protocol):
         """Constants that formulas on it may name."""
         ...
 
+    @property
+    def fold_lines(self) -> tuple[Fold, ...]:
+        """Lines at which its tangent plane or its curvature jumps."""
+        ...
+
     def position(self, points: ArrayLike) -> Array:
         """Return the positions (..., 3) in metres of points (..., 2)."""
         ...
@@ -133,6 +139,11 @@ class AnalyticSurface(Model):
         """Constants that the formulas use."""
         return {}
 
+    @property
+    def fold_lines(self) -> tuple[Fold, ...]:
+        """Lines at which its tangent plane or its curvature jumps."""
+        return ()
+
     @cached_property
     def domain(self) -> Domain:
         """The parametric rectangle, angles in radians."""
@@ -166,8 +177,12 @@ class AnalyticSurface(Model):
         Returns
         -------
         dict
-            (i, j) -> (..., 3), metres per unit of xi1**i xi2**j; (0, 0) is the position.
+            (i, j) -> (..., 3), metres per unit of xi1**i xi2**j; (0, 0) is the position. On a fold, they are those of
+            the side of the larger coordinate.
         """
+        for fold in self.fold_lines:
+            if np.any(np.abs(np.asarray(points)[..., fold.axis] - fold.at) <= ASIDE * self.domain.size[fold.axis]):
+                points = beside(np.asarray(points), fold.axis, fold.at, self.domain.size[fold.axis], 1)
         return derivatives_of(self.expressions, points, order)
 
     def position(self, points: ArrayLike) -> Array:
@@ -185,6 +200,8 @@ class AnalyticSurface(Model):
         if not np.all(np.abs(x[0, 0]) <= LARGEST):
             raise ValueError(f"the surface is not finite, or above {LARGEST:g}, on the domain")
         if isinstance(self, ExpressionSurface):  # the named kinds and fitted meshes are smooth
+            if torn := position_jumps(self.expressions, self.domain.lower, self.domain.upper, self.fold_lines):
+                raise ValueError(torn)
             self._check_smoothness()
         if not all(np.all(np.abs(value) <= LARGEST) for value in x.values()):
             raise ValueError(f"the surface or its derivatives are not finite, or above {LARGEST:g}, on the domain")
@@ -207,9 +224,9 @@ class AnalyticSurface(Model):
 
     def _check_smoothness(self) -> None:
         domain = self.domain
-        (low1, low2), (up1, up2) = domain.lower, domain.upper
-        found = rough_place(self.expressions, ((low1, up1), (low2, up2)))
-        if found is None:
+        boxes = strips(domain.lower, domain.upper, self.fold_lines)
+        box, found = next(((box, f) for box in boxes if (f := rough_place(self.expressions, box))), (None, None))
+        if box is None or found is None:
             return
         at, sides, order = found
         shown = ", ".join(f"{np.degrees(c) if angle else c:.6g}" for c, angle in zip(at, domain.angle, strict=True))
@@ -217,10 +234,14 @@ class AnalyticSurface(Model):
         turns = [np.arctan2(np.linalg.norm(np.cross(*x[key])), x[key][0] @ x[key][1]) for key in ((1, 0), (0, 1))]
         angle = f"tangent turns by {np.degrees(max(turns)):.3g} degrees"
         what = ("position jumps", angle, "curvature jumps")[order]
-        raise ValueError(
-            f"the surface has a kink at (xi1, xi2) = ({shown}), where its {what}: a midsurface has a tangent and a"
-            " curvature without jumps, however its formulas are written"
-        )
+        remedy = "a midsurface has a tangent and a curvature without jumps, however its formulas are written"
+        if order and (line := kink_line(self.expressions, sides, box)) is not None:
+            axis = int(np.argmax(np.abs(sides[1] - sides[0])))
+            line = np.degrees(line) if domain.angle[axis] else line
+            remedy = (
+                f"if the shell has a fold there, declare it in [surface]: folds = {{ xi{axis + 1} = [{line:.12g}] }}"
+            )
+        raise ValueError(f"the surface has a kink at (xi1, xi2) = ({shown}), where its {what}: {remedy}")
 
     def _pole(self, areas: Array) -> Array | None:
         """Return a point (2,) where |a1 x a2| vanishes, from its values on the grid; None if there is none."""
@@ -248,7 +269,8 @@ class AnalyticSurface(Model):
         for axis, name in enumerate(COORDINATES):
             if name not in self.periodic_coordinates:
                 continue
-            for value in x.values():
+            folded = any(fold.axis == axis and fold.at == self.domain.lower[axis] for fold in self.fold_lines)
+            for value in [x[0, 0]] if folded else x.values():
                 scale = np.abs(value).max() + np.finfo(float).tiny
                 if np.abs(np.take(value, 0, axis) - np.take(value, -1, axis)).max() > GAP * scale:
                     raise ValueError(f"the surface is declared periodic in {name} but does not close smoothly")
@@ -334,6 +356,9 @@ class ExpressionSurface(AnalyticSurface):
         Coordinates in which the surface closes on itself, smoothly.
     angles
         Coordinates that are angles: their bounds, and points, are given in degrees; formulas get radians.
+    folds, hinges
+        Values of xi1 and of xi2 at which the tangent plane or the curvature jumps, such as `{ xi1 = [1.0, 2.0] }`. A
+        fold keeps its angle, and a hinge leaves it free. One coordinate has them all; in linear theory.
     """
 
     kind: Literal["expression"]
@@ -343,11 +368,18 @@ class ExpressionSurface(AnalyticSurface):
     constants: dict[str, Finite] = Field(default_factory=dict)
     periodic: tuple[Coordinate, ...] = ()
     angles: tuple[Coordinate, ...] = ()
+    folds: dict[Coordinate, tuple[Finite, ...]] = Field(default_factory=dict)
+    hinges: dict[Coordinate, tuple[Finite, ...]] = Field(default_factory=dict)
 
     @property
     def angle_coordinates(self) -> tuple[Coordinate, ...]:
         """Coordinates that are angles."""
         return self.angles
+
+    @cached_property
+    def fold_lines(self) -> tuple[Fold, ...]:
+        """Lines at which its tangent plane or its curvature jumps; ValueError if one is not inside."""
+        return folds_of(self.folds, self.hinges, self.domain.lower, self.domain.upper, self.angles, self.periodic)
 
     @property
     def periodic_coordinates(self) -> tuple[Coordinate, ...]:

@@ -149,6 +149,7 @@ class _Placing:
             "constants": dict(surface.named_constants),
             "periodic": list(surface.periodic_coordinates),
             "angles": list(surface.angle_coordinates),
+            **surface.model_dump(mode="json", include={"folds", "hinges"}, exclude_defaults=True),
         }
 
     def _support(self, support: Mapping[str, Any]) -> dict[str, Any]:

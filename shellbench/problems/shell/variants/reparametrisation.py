@@ -243,6 +243,7 @@ class _Reparametrisation:
             "xi1": [chart.lower[0], chart.upper[0]],
             "xi2": [chart.lower[1], chart.upper[1]],
             "periodic": [name for name, closed in zip(COORDINATES, chart.periodic, strict=True) if closed],
+            **self._folds(),
         }
         data["points"] = {
             name: [float(f"{x:.{DIGITS}g}") for x in chart.to_new(case.surface.domain.internal(xi))]
@@ -267,6 +268,18 @@ class _Reparametrisation:
             if "exact" in quantity:
                 quantity["exact"] = self.vector(quantity["exact"])
         return data
+
+    def _folds(self) -> dict[str, dict[str, list[float]]]:
+        """Return the folds and hinges in the chart."""
+        found: dict[str, dict[str, list[float]]] = {}
+        exchanged = self.chart.formulas == COORDINATES[::-1]
+        for fold in self.case.surface.fold_lines:
+            point = list(self.case.surface.domain.lower)
+            point[fold.axis] = fold.at
+            new = 1 - fold.axis if exchanged else fold.axis
+            at = self.chart.to_new((point[0], point[1]))[new]
+            found.setdefault("hinges" if fold.hinged else "folds", {}).setdefault(COORDINATES[new], []).append(at)
+        return found
 
     def _line(self, quantity: dict[str, Any]) -> dict[str, Any]:
         """Return the start, the coordinate and the end of a line of contact in the chart."""

@@ -124,6 +124,9 @@ class _Conversion:
         for name, angle in zip(COORDINATES, self.case.surface.domain.angle, strict=True):
             if not angle:
                 result[name] = [bound * self.units.length for bound in surface[name]]
+                for kind in ("folds", "hinges"):
+                    if name in surface.get(kind, {}):
+                        result[kind] = {name: [at * self.units.length for at in surface[kind][name]]}
         if "radius" in result:
             result["radius"] *= self.units.length
         if surface["kind"] == "expression":

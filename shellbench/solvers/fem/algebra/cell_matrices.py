@@ -103,6 +103,6 @@ class CellMatrices:
 def cell_dofs(mesh: TensorMesh) -> Integers:
     """Return the numbers (cells, 3 (p + 1)^2) of the cells' degrees of freedom among all of the nodes."""
     kinds = len(mesh.kinds)
-    corner, kind = np.divmod(present_functions(mesh.degree), kinds)
+    corner, kind = np.divmod(present_functions(mesh.basis), kinds)
     scalar = mesh.nodes[:, corner] * COMPONENTS * kinds + kind
     return np.asarray((scalar[:, None] + np.arange(COMPONENTS)[:, None] * kinds).reshape(len(scalar), -1))

@@ -59,7 +59,7 @@ from shellbench.solvers.fem.mechanics.rigid_motions import determinate_pins, nod
 from shellbench.solvers.fem.mechanics.solution import FemSolution
 from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.grading import shell_size
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CORNERS, CUBIC, KINDS, TensorMesh, present_functions, tabulate
+from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CORNERS, KINDS, TensorMesh, present_functions, tabulate
 from shellbench.solvers.fem.mesh.quadrature import Quadrature, basis_scales, chunks
 
 Array = NDArray[np.float64]
@@ -249,8 +249,8 @@ def _unit_shapes(coefficients: Array) -> Array:
 def geometric_stiffness(loaded: FemSolution, quadrature: Quadrature) -> Matrix:
     """Return the sum of a linear answer's stress resultants times the second variations of the strains."""
     mesh, case = loaded.mesh, loaded.case
-    present = present_functions(mesh.degree)
-    unit = [tabulate(quadrature.points, d, mesh.degree) for d in DERIVATIVES]
+    present = present_functions(mesh.basis)
+    unit = [tabulate(quadrature.points, d, mesh.basis) for d in DERIVATIVES]
     table = np.stack([t.reshape(len(t), -1)[:, present] for t in unit], axis=1)
     parts = []
     for cells in chunks(mesh):

@@ -25,7 +25,6 @@ from shellbench.solvers.fem.mechanics.kinematics import DERIVATIVES, Midsurface,
 from shellbench.solvers.fem.mesh.mesh import (
     COMPONENTS,
     CORNERS,
-    CUBIC,
     KINDS,
     Derivative,
     TensorMesh,
@@ -48,8 +47,8 @@ def derivatives_on_cells(
 ) -> Array:
     """Return derivatives (points, orders, 3, n) at cells' Gauss points of fields with coefficients (nodes, 3, 4, n)."""
     sizes, count = mesh.sizes[cells], coefficients.shape[-1]
-    table = quadrature.table(tuple(orders), mesh.degree)
-    scales = kind_scales(sizes, mesh.degree)[:, None, :, None, None]
+    table = quadrature.table(tuple(orders), mesh.basis)
+    scales = kind_scales(sizes, mesh.basis)[:, None, :, None, None]
     local = np.swapaxes(coefficients[mesh.nodes[cells]], 2, 3) * scales
     values = table @ local.reshape(len(local), table.shape[-1], -1)
     steps = np.stack([sizes[:, 0] ** i * sizes[:, 1] ** j for i, j in orders], axis=-1)
@@ -80,8 +79,8 @@ def stiffness(
     BlockMatrix or CellMatrices
         In the scaled degrees of freedom, without supports; by cells if the degree is more than 3.
     """
-    present = present_functions(mesh.degree)
-    unit = [tabulate(quadrature.points, d, mesh.degree) for d in DERIVATIVES]
+    present = present_functions(mesh.basis)
+    unit = [tabulate(quadrature.points, d, mesh.basis) for d in DERIVATIVES]
     table = np.stack([t.reshape(len(t), -1)[:, present] for t in unit], axis=1)
     made = roots or (_root_operator(mesh, cells, surface, material, quadrature) for cells in chunks(mesh))
     if mesh.degree > CUBIC:
@@ -113,7 +112,7 @@ class InternalForces:
     def __init__(self, mesh: TensorMesh, quadrature: Quadrature, roots: Sequence[Array]) -> None:
         self.mesh = mesh
         self._functions = len(CORNERS) * len(mesh.kinds)
-        self._table = quadrature.table(DERIVATIVES, mesh.degree)
+        self._table = quadrature.table(DERIVATIVES, mesh.basis)
         self._portions = [
             (cells, root, basis_scales(mesh, cells)) for cells, root in zip(chunks(mesh), roots, strict=True)
         ]
@@ -164,7 +163,7 @@ def _cell_matrices(mesh: TensorMesh, cells: slice, operator: Array, table: Array
     # Point by point, each for all cells of the portion: they share the point's table.
     for q in range(per_cell):
         np.matmul(operator[:, q], table[q], out=roots[:, q])
-    scales = basis_scales(mesh, cells).reshape(count, -1)[:, present_functions(mesh.degree)]
+    scales = basis_scales(mesh, cells).reshape(count, -1)[:, present_functions(mesh.basis)]
     roots *= scales[:, None, None]
     flat = roots.reshape(count, per_cell * 6, -1)
     return np.matmul(np.swapaxes(flat, -1, -2), flat, out=out)
@@ -198,7 +197,7 @@ def product_matrix(
         return weighted_products(mesh, surface, quadrature, density)
     blocks = np.concatenate([matrices for _, matrices in _cell_products(mesh, surface, quadrature, density)])
     count = mesh.node_count * COMPONENTS * len(mesh.kinds)
-    return CellMatrices(blocks, cell_dofs(mesh), present_functions(mesh.degree), count)
+    return CellMatrices(blocks, cell_dofs(mesh), present_functions(mesh.basis), count)
 
 
 def weighted_products(mesh: TensorMesh, surface: Surface, quadrature: Quadrature, density: Density) -> BlockMatrix:
@@ -227,8 +226,8 @@ def _cell_products(
     mesh: TensorMesh, surface: Surface, quadrature: Quadrature, density: Density
 ) -> Iterator[tuple[slice, Array]]:
     """Yield cells in portions and their matrices (cells, f, f), as `_cell_matrices` orders them."""
-    present = present_functions(mesh.degree)
-    table = tabulate(quadrature.points, (0, 0), mesh.degree).reshape(len(quadrature.points), -1)[:, present]
+    present = present_functions(mesh.basis)
+    table = tabulate(quadrature.points, (0, 0), mesh.basis).reshape(len(quadrature.points), -1)[:, present]
     products = np.einsum("qi,qj->qij", table, table).reshape(len(table), -1)
     for cells in chunks(mesh):
         points, weights = quadrature.on_cells(mesh, cells)

@@ -56,16 +56,19 @@ def bubble_conditions(
     running, domain = 1 - edge.axis, mesh.domain
     line = mesh.lines[running]
     inside = line[:-1, None] + np.diff(line)[:, None] * moment_points()
-    at = [edge.points(domain, places.ravel()) for places in (line, inside)]
-    at_ends, at_inside = (motion_at(case, support, edge, domain, domain.wrap(points), states) for points in at)
+    at = [edge.points(domain, places.ravel()) for places in (line, mesh.lower_sides(running), inside)]
+    at_starts, at_stops, at_inside = (motion_at(case, support, edge, domain, domain.wrap(p), states) for p in at)
     steps = np.diff(line)[:, None, None]
     along, across = ((0, 1), (1, 0)) if edge.axis == 0 else ((1, 0), (0, 1))
 
     def bubbles(value: Derivative, slope: Derivative) -> Array:
-        values, slopes = at_ends[value], at_ends[slope]
-        sides = [np.stack([values[s], slopes[s] * steps], axis=1) for s in (slice(None, -1), slice(1, None))]
+        starts, stops = ((motion[value], motion[slope]) for motion in (at_starts, at_stops))
+        sides = [
+            np.stack([values[s], slopes[s] * steps], axis=1)
+            for (values, slopes), s in ((starts, slice(None, -1)), (stops, slice(1, None)))
+        ]
         return fitted_bubbles(
-            mesh.degree, np.stack(sides, axis=1), at_inside[value].reshape(*inside.shape, *values.shape[1:])
+            mesh.degree, np.stack(sides, axis=1), at_inside[value].reshape(*inside.shape, *at_inside[value].shape[1:])
         )
 
     kept = kept_normal(case, mesh, edge) if support.clamped else None

@@ -197,9 +197,9 @@ def _tables(mesh: TensorMesh, rule: EdgeRule) -> tuple[Array, Array, Array]:
     them, and the factors (c, 4, 4) from the nodes' scaled degrees of freedom to those of the cells.
     """
     # The nodes' are the same for neighbouring cells of other sizes.
-    table = np.stack([tabulate(rule.unit, d, mesh.degree) for d in DERIVATIVES], axis=1)
+    table = np.stack([tabulate(rule.unit, d, mesh.basis) for d in DERIVATIVES], axis=1)
     powers = np.stack([rule.sizes[:, 0] ** i * rule.sizes[:, 1] ** j for i, j in DERIVATIVES], axis=-1)
-    return table, powers, kind_scales(rule.sizes, mesh.degree)[:, None] / mesh.node_scales[mesh.nodes[rule.cells]]
+    return table, powers, kind_scales(rule.sizes, mesh.basis)[:, None] / mesh.node_scales[mesh.nodes[rule.cells]]
 
 
 def _on_cells(mesh: TensorMesh, rule: EdgeRule, rows: Array) -> Array:

@@ -26,13 +26,14 @@ from numpy.typing import NDArray
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.conditions import COMPONENTS, LOCAL, Support
-from shellbench.problems.shell.question.places import Edge, Place, Point, Whole
+from shellbench.problems.shell.question.places import Edge, Place, Whole
 from shellbench.solvers.fem.algebra.block_matrix import NODE_DOFS
 from shellbench.solvers.fem.mechanics.bubble_conditions import Motion, bubble_conditions, motion_at
+from shellbench.solvers.fem.mechanics.fold_conditions import fold_conditions, sides, support_nodes, with_jumps
 from shellbench.solvers.fem.mechanics.kinematics import Midsurface, local_axes
 from shellbench.solvers.fem.mechanics.sharing import RANK_TOLERANCE, Conditions
 from shellbench.solvers.fem.mechanics.ties import Ties
-from shellbench.solvers.fem.mesh.mesh import CUBIC, KINDS, ROUNDING, SAME, Derivative, TensorMesh
+from shellbench.solvers.fem.mesh.mesh import KINDS, ROUNDING, SAME, Derivative, TensorMesh
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -60,35 +61,19 @@ def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterato
     InputError
         If a clamp can't be a condition at nodes.
     """
-    # 1. State the held components at the nodes, with their derivative along an edge.
+    # 1. State the held components at the nodes, with their derivative along an edge, on both sides of folds.
     # 2. Add rows of the slope, or of the mirror, and rows of bubbles on edges.
     # 3. Scale all rows to length one, and mark the degrees of freedom on which the support acts.
+    # 4. Folds add conditions of their own.
     for number, support in enumerate(case.supports):
         for name in support.on:
             place = case.places[name]
             edge = place if isinstance(place, Edge) else None
             nodes = support_nodes(mesh, place)
-            points = mesh.node_points[nodes]
-            motion = motion_at(case, support, place, mesh.domain, points, states)
-            rows, values = (
-                _held_locally(case, support, edge, mesh.domain.wrap(points), motion)
-                if support.local
-                else _held(support, place, motion, len(mesh.kinds))
-            )
-            if edge is not None and support.holds_slope:
-                x = case.surface.derivatives(mesh.domain.wrap(points), order=2)
-                turn = case.turn(support, states[-1])  # at finite strain there is one state at a time
-                slope = (
-                    _mirror(edge, x, support, len(mesh.kinds))
-                    if support.symmetry
-                    else _slope(edge, x, support, motion, turn, len(mesh.kinds))
-                )
-                slope = slope[0], np.broadcast_to(slope[1], (*slope[0].shape[:2], len(states)))
-                rows = np.concatenate([rows, slope[0]], axis=1)
-                values = np.concatenate([values, slope[1]], axis=1)
+            stated = [_on_side(case, mesh, support, place, states, points, side) for points, side in sides(mesh, place)]
             if edge is not None and mesh.degree > CUBIC:
-                more = bubble_conditions(case, mesh, support, edge, states)
-                rows, values = (np.concatenate(pair, axis=1) for pair in zip((rows, values), more, strict=True))
+                stated.append(bubble_conditions(case, mesh, support, edge, states))
+            rows, values = (np.concatenate(parts, axis=1) for parts in zip(*stated, strict=True))
             # Rows have length one in scaled degrees of freedom; otherwise the rank of conditions from different
             # supports would depend on units.
             scales = np.tile(mesh.node_scales[nodes], len(COMPONENTS))
@@ -101,17 +86,30 @@ def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterato
                 slopes = np.array([kind[edge.axis] == 1 for kind in mesh.kinds])
                 acting[:, np.tile(slopes, len(COMPONENTS))] = True
             yield Conditions(number, nodes, rows, values, acting, edge)
+    yield from fold_conditions(case, mesh, len(states))
 
 
-def support_nodes(mesh: TensorMesh, place: Place) -> Integers:
-    """Return the nodes (n,) of a place."""
-    match place:
-        case Edge():
-            return mesh.edge_nodes(place)
-        case Point():
-            return np.array([mesh.node_at(place.xi)])
-        case _:
-            return np.arange(mesh.node_count)
+def _on_side(
+    case: Case, mesh: TensorMesh, support: Support, place: Place, states: Sequence[float], points: Array, side: int
+) -> tuple[Array, Array]:
+    """Return rows and values of a support's displacements and slopes at points of nodes; on one side, if at folds."""
+    edge = place if isinstance(place, Edge) else None
+    motion, carried = motion_at(case, support, place, mesh.domain, points, states), len(mesh.kinds)
+    rows, values = (
+        _held_locally(case, support, edge, mesh.domain.wrap(points), motion)
+        if support.local
+        else _held(support, place, motion, carried)
+    )
+    if edge is not None and support.holds_slope:
+        x = case.surface.derivatives(mesh.domain.wrap(points), order=2)
+        turn = case.turn(support, states[-1])  # at finite strain there is one state at a time
+        slope = (
+            _mirror(edge, x, support, carried) if support.symmetry else _slope(edge, x, support, motion, turn, carried)
+        )
+        slope = slope[0], np.broadcast_to(slope[1], (*slope[0].shape[:2], len(states)))
+        rows = np.concatenate([rows, slope[0]], axis=1)
+        values = np.concatenate([values, slope[1]], axis=1)
+    return (with_jumps(mesh, support_nodes(mesh, place), rows, side) if mesh.folds else rows), values
 
 
 def _dof(component: int, kind: Derivative, kinds: int) -> int:

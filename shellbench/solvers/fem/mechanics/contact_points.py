@@ -67,7 +67,7 @@ class ContactPoints:
         unit = np.stack(np.meshgrid((x + 1) / 2, (x + 1) / 2, indexing="ij"), axis=-1).reshape(-1, 2)
         one, two = (part.ravel() / 2 for part in np.meshgrid(w, w, indexing="ij"))
         rule = Quadrature(unit, one * two)
-        table = tabulate(unit, (0, 0), mesh.degree)
+        table = tabulate(unit, (0, 0), mesh.basis)
         points, areas, values, stiffness, lengths, longest = [], [], [], [], [], []
         for cells in chunks(mesh):
             at, weights = rule.on_cells(mesh, cells)

@@ -93,7 +93,7 @@ class EdgeMoment:
         reference = Midsurface.at(case.surface.derivatives(rule.points, order=2))
         running = 1 - edge.axis
         speed = np.linalg.norm(reference.base[:, running], axis=-1)
-        table = np.stack([tabulate(rule.unit, d, mesh.degree).reshape(len(rule.unit), -1) for d in SLOPES], axis=1)
+        table = np.stack([tabulate(rule.unit, d, mesh.basis).reshape(len(rule.unit), -1) for d in SLOPES], axis=1)
         scales = basis_scales(mesh, slice(None))[rule.cells].reshape(len(rule.cells), 1, 1, -1)
         return cls(
             case=case,
@@ -289,7 +289,7 @@ class _Builder:
                     self._add_cut_load(load, division, quadrature, states)
         if not loads:
             return
-        table = tabulate(quadrature.points, (0, 0), self.mesh.degree).reshape(len(quadrature.points), -1)
+        table = tabulate(quadrature.points, (0, 0), self.mesh.basis).reshape(len(quadrature.points), -1)
         for part in area_rule(self.case, self.mesh, quadrature) if rule is None else rule:
             points, surface = part.points, part.surface
             density = np.stack([self._density(loads, points, surface, t) for t in states], axis=-1)
@@ -373,9 +373,9 @@ class _Builder:
     def _add_forces(self, points: Array, forces: Array) -> None:
         """Add forces (n, 3, states) at points (n, 2)."""
         nodes, unit, sizes = self.mesh.locate(points)
-        degree = self.mesh.degree
-        basis = tabulate(unit, (0, 0), degree) * kind_scales(sizes, degree)[:, None] / self.mesh.node_scales[nodes]
-        work = np.einsum("pak,pcs->packs", basis, forces)
+        basis, scales = self.mesh.basis, self.mesh.node_scales[nodes]
+        values = tabulate(unit, (0, 0), basis) * kind_scales(sizes, basis)[:, None] / scales
+        work = np.einsum("pak,pcs->packs", values, forces)
         np.add.at(self.nodal, nodes.ravel(), work.reshape(nodes.size, *self.nodal.shape[1:]))
         self._add_work(points, forces)
 

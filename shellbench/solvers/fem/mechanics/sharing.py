@@ -33,7 +33,7 @@ class Conditions:
     Attributes
     ----------
     support
-        Number of the support that states them.
+        Number of the support that states them; -1 if a fold does.
     nodes
         (n,) different nodes.
     rows

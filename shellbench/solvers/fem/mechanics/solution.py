@@ -39,6 +39,7 @@ from shellbench.solvers.fem.mesh.mesh import (
     axis_functions,
     cell_functions,
     kind_scales,
+    present_on_axis,
 )
 from shellbench.solvers.fem.mesh.quadrature import CHUNK, Quadrature, chunks
 
@@ -112,14 +113,16 @@ class FemSolution(ShellSolution):
         # u = sum over a and b of F_a(x1) F_b(x2) u_ab, with p + 1 functions along each coordinate. The coefficients are
         # collected once, by cell. The points run fastest, so that sums over a and b are sums of long rows.
         xi = np.asarray(points, dtype=float)
-        flat, degree = xi.reshape(-1, 2), self.mesh.degree
+        flat, basis = xi.reshape(-1, 2), self.mesh.basis
         carried = self._by_cell(self.state(at))
         found = np.empty((len(flat), COMPONENTS))
         for start in range(0, len(flat), POINTS):  # in portions that stay in the cache
             portion = slice(start, start + POINTS)
             cells, unit, sizes = self.mesh.find_cells(flat[portion])
             along, across = (
-                axis_functions(unit[:, axis], order[axis], degree).reshape(len(unit), -1).T[: degree + 1]
+                axis_functions(unit[:, axis], order[axis], basis.degree, basis.folded == axis)
+                .reshape(len(unit), -1)
+                .T[present_on_axis(basis, axis)]
                 for axis in (0, 1)
             )
             terms = carried.take(cells, axis=-1)
@@ -139,9 +142,9 @@ class FemSolution(ShellSolution):
 
     def _collected(self, state: int) -> Array:
         nodes, sizes = self.mesh.cell_corners
-        corners, kinds = cell_functions(self.mesh.degree)
+        corners, kinds = cell_functions(self.mesh.basis)
         carried = self.coefficients[..., state].transpose(1, 2, 0)[:, kinds[..., None], nodes.T[corners]]
-        carried *= kind_scales(sizes, self.mesh.degree).T[kinds]
+        carried *= kind_scales(sizes, self.mesh.basis).T[kinds]
         return np.asarray(carried)
 
     def field_at(self, name: str, xi: Array, at: float | None) -> Array:
@@ -292,7 +295,8 @@ class FemSolution(ShellSolution):
     @classmethod
     def restored(cls, case: Case, words: Words, arrays: Arrays) -> FemSolution:
         """Make a solution from the data of a file; ValueError or KeyError if they are inconsistent."""
-        mesh = TensorMesh(case.surface.domain, (arrays["lines1"], arrays["lines2"]), words.get("degree", CUBIC))
+        lines, surface = (arrays["lines1"], arrays["lines2"]), case.surface
+        mesh = TensorMesh(surface.domain, lines, words.get("degree", CUBIC), surface.fold_lines)
         states = tuple(float(s) for s in arrays["states"])
         nodes = np.asarray(arrays["support_nodes"], dtype=np.int64)
         coefficients, forces = arrays["coefficients"], arrays["support_forces"]

@@ -14,7 +14,7 @@ from shellbench.problems.shell.question.conditions import COMPONENTS
 from shellbench.solvers.fem.algebra.block_matrix import NEIGHBOURS, BlockMatrix
 from shellbench.solvers.fem.algebra.cell_matrices import CellMatrices
 from shellbench.solvers.fem.mechanics.sharing import RANK_TOLERANCE, Conditions, Flags, Integers, Sharing
-from shellbench.solvers.fem.mesh.mesh import KINDS, TensorMesh
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 
 Array = NDArray[np.float64]
 
@@ -87,13 +87,17 @@ class Ties:
             several = max(len(stating), len(group))
             part, asked = np.zeros((len(nodes), several, len(group))), np.zeros((len(nodes), several, len(states)))
             part[:, : len(stating)], asked[:, : len(stating)] = rows[:, stating][..., group], values[:, stating]
+            if mesh.folds:  # numbers that a node does not carry are bound, and do not mix with those that it does
+                unused = np.eye(len(group)) * ~free[nodes][:, group][:, :, None]
+                part = np.concatenate([part, unused], axis=1)
+                asked = np.concatenate([asked, np.zeros((*unused.shape[:2], len(states)))], axis=1)
             left, singular, right = np.linalg.svd(part)
             bound = singular > RANK_TOLERANCE
             inverse = np.where(bound, 1.0 / np.where(bound, singular, 1.0), 0.0)
             known = inverse[..., None] * (np.swapaxes(left, -1, -2)[:, : len(group)] @ asked)
             turned = np.swapaxes(right, -1, -2)
             basis[:, group[:, None], group] = turned
-            free[nodes[:, None], group] &= ~bound
+            free[nodes[:, None], group] = ~bound & (free[nodes][:, group] | bool(mesh.folds))
             particular[nodes[:, None], group] = turned @ known
         misfit = np.abs(rows @ particular[nodes] - values)
         if misfit.size and misfit.max() > RANK_TOLERANCE * np.abs(values).max():
@@ -172,10 +176,10 @@ class Ties:
 def _tied_together(kinds: Sequence[tuple[int, int]]) -> Iterator[Integers]:
     """Yield the degrees of freedom of a node that conditions may tie: of the vertex, and of each bubble on a side."""
     carried = {kind: number for number, kind in enumerate(kinds)}
-    most = max(k for k, _ in kinds)
-    groups = [list(KINDS)]
+    most = max(max(kind) for kind in kinds)
+    groups = [[kind for kind in kinds if max(kind) < 2]]
     for b in range(2, most + 1):
-        groups += [[(0, b), (1, b)], [(b, 0), (b, 1)]]
+        groups += [[kind for kind in kinds if kind[axis] == b and kind[1 - axis] < 2] for axis in (1, 0)]
     groups += [[(k, m)] for k, m in kinds if min(k, m) > 1]
     for group in groups:
         numbers = np.array([carried[kind] for kind in group])
@@ -183,7 +187,7 @@ def _tied_together(kinds: Sequence[tuple[int, int]]) -> Iterator[Integers]:
 
 
 def _contradiction(case: Case, mesh: TensorMesh, stated: Sequence[Conditions], node: int) -> str:
-    names = sorted({f"'{case.supports[c.support].name}'" for c in stated if node in c.nodes})
+    names = sorted({f"'{case.supports[c.support].name}'" for c in stated if node in c.nodes and c.support >= 0})
     where = ", ".join(f"{v:.6g}" for v in mesh.node_points[node])
     who = f"supports {' and '.join(names)} contradict each other" if len(names) > 1 else f"support {names[0]}"
     verb = "" if len(names) > 1 else " contradicts itself"

@@ -56,9 +56,10 @@ def interpolated(mesh: TensorMesh, derivatives: Derivatives) -> Array:
     # Take values of f, f,1, f,2 and f,12 on the tensor grid of mesh lines and moment points; then fit one coordinate
     # after the other.
     samples, sizes = [], []
-    for line in mesh.lines:
+    for axis, line in enumerate(mesh.lines):
         h = np.diff(line)
-        samples.append(np.concatenate([line, (line[:-1, None] + h[:, None] * moment_points()).ravel()]))
+        inside = (line[:-1, None] + h[:, None] * moment_points()).ravel()
+        samples.append(np.concatenate([line, inside, *([mesh.lower_sides(axis)] if mesh.basis.folded == axis else [])]))
         sizes.append(h)
     grid = np.stack(np.meshgrid(*samples, indexing="ij"), axis=-1)
     given = derivatives(grid.reshape(-1, 2))
@@ -68,7 +69,7 @@ def interpolated(mesh: TensorMesh, derivatives: Derivatives) -> Array:
     second = {m: _along(mesh, 0, at[0, m], at[1, m], sizes[0]) for m in (0, 1)}
     columns = {
         k: _along(mesh, 1, np.swapaxes(second[0][k], 0, 1), np.swapaxes(second[1][k], 0, 1), sizes[1])
-        for k in range(mesh.degree - 1)
+        for k in mesh.basis.numbers(0)
     }
     for number, (k, m) in enumerate(mesh.kinds):
         found = np.swapaxes(columns[k][m], 0, 1)[: mesh.shape[0], : mesh.shape[1]]
@@ -77,16 +78,22 @@ def interpolated(mesh: TensorMesh, derivatives: Derivatives) -> Array:
 
 
 def _along(mesh: TensorMesh, axis: int, values: Array, slopes: Array, h: Array) -> list[Array]:
-    """Return value, slope and bubbles, of samples along the first axis of arrays: at lines, or by cell."""
+    """Return value, slope and bubbles, of samples along the first axis of arrays: at lines, or by cell.
+
+    Across folds the slope is the mean of both sides, and its jump comes last.
+    """
     lines = len(mesh.lines[axis])
+    cells = lines - 1
     lengths = h.reshape(-1, *[1] * (values.ndim - 1))
+    folded = mesh.basis.folded == axis
+    upper, lower = slopes[:lines], slopes[-lines:] if folded else slopes[:lines]
     ends = np.stack(
         [
-            np.stack([values[: lines - 1], slopes[: lines - 1] * lengths], axis=1),
-            np.stack([values[1:lines], slopes[1:lines] * lengths], axis=1),
+            np.stack([values[:cells], upper[:cells] * lengths], axis=1),
+            np.stack([values[1:lines], lower[1:] * lengths], axis=1),
         ],
         axis=1,
     )
-    inside = values[lines:].reshape(lines - 1, MOMENT_POINTS, *values.shape[1:])
+    inside = values[lines : lines + cells * MOMENT_POINTS].reshape(cells, MOMENT_POINTS, *values.shape[1:])
     bubbles = fitted_bubbles(mesh.degree, ends, inside)
-    return [values[:lines], slopes[:lines], *np.moveaxis(bubbles, 1, 0)]
+    return [values[:lines], (upper + lower) / 2, *np.moveaxis(bubbles, 1, 0), *([upper - lower] if folded else [])]

@@ -184,4 +184,4 @@ def graded_mesh(
 ) -> TensorMesh:
     """Return a mesh with `cells` along each coordinate as `axis_lines` counts them."""
     first, second = (axis_lines(case, a, cells[a], exponent, ends[a], breaks[a]) for a in (0, 1))
-    return TensorMesh(case.surface.domain, (first, second), degree)
+    return TensorMesh(case.surface.domain, (first, second), degree, case.surface.fold_lines)

@@ -16,6 +16,9 @@ Degree 4 and 5 add bubbles along each coordinate, functions of one cell whose va
 the second integrals of the Legendre polynomials from L_2 on (the hierarchic modes of Szabo & Babuska 1991, section 5).
 The joints stay C1. A node carries the bubbles of the cell that begins at it, so that all nodes carry (p - 1)^2 numbers
 of each component; at the last node of an open coordinate they are unused.
+
+At folds the slope across the line jumps. One more function of each end of a cell carries the jump: half of its slope
+function, with a minus sign at the end where the cell stops. Its numbers are used at folds only.
 """
 
 from __future__ import annotations
@@ -28,6 +31,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshQuad
 
+from shellbench.problems.shell.question.folds import ASIDE, Fold
 from shellbench.problems.shell.question.places import Edge
 from shellbench.problems.shell.question.surface import Domain
 
@@ -47,6 +51,30 @@ FUNCTIONS = len(CORNERS) * len(KINDS)  # of one component on a cell
 
 Degree = Literal[3, 4, 5]
 CUBIC: Degree = 3
+JUMP = -1  # number of the function that carries the jump of a slope at a fold
+
+
+@dataclass(frozen=True)
+class Basis:
+    """The functions of a cell.
+
+    Attributes
+    ----------
+    degree
+        p in each coordinate.
+    folded
+        Coordinate across whose lines slopes may jump, or None.
+    """
+
+    degree: Degree = CUBIC
+    folded: int | None = None
+
+    def numbers(self, axis: int) -> tuple[int, ...]:
+        """Return the functions of an end of a cell along a coordinate: value, slope, bubbles, jump of the slope."""
+        return (*range(self.degree - 1), *((JUMP,) if self.folded == axis else ()))
+
+
+CUBICS = Basis()
 
 # H[end][slope]: coefficients of 1, x, x^2, x^3; 1 at its own end, in value or in slope, and 0 otherwise
 _CUBICS = np.array([[[1, 0, -3, 2], [0, 1, -2, 1]], [[0, 0, 3, -2], [0, 0, -1, 1]]], dtype=float)
@@ -54,13 +82,14 @@ _CUBICS = np.array([[[1, 0, -3, 2], [0, 1, -2, 1]], [[0, 0, 3, -2], [0, 0, -1, 1
 _BUBBLES = 16 * np.array([[0, 0, 1, -2, 1, 0], [0, 0, -1, 4, -5, 2]], dtype=float)
 
 
-def kinds_of(degree: Degree) -> tuple[tuple[int, int], ...]:
+@cache
+def kinds_of(basis: Basis) -> tuple[tuple[int, int], ...]:
     """Return a node's degrees of freedom by coordinate, `KINDS` first: 0 is a value, 1 a slope, 2 and more bubbles."""
-    numbers = range(degree - 1)
-    return KINDS + tuple((a, b) for a in numbers for b in numbers if max(a, b) > 1)
+    pairs = ((a, b) for a in basis.numbers(0) for b in basis.numbers(1))
+    return KINDS + tuple(pair for pair in pairs if pair not in KINDS)
 
 
-def axis_functions(x: ArrayLike, derivative: int = 0, degree: Degree = CUBIC) -> Array:
+def axis_functions(x: ArrayLike, derivative: int = 0, degree: Degree = CUBIC, folded: bool = False) -> Array:
     """Return the functions of the unit interval.
 
     Parameters
@@ -71,17 +100,21 @@ def axis_functions(x: ArrayLike, derivative: int = 0, degree: Degree = CUBIC) ->
         Order of the derivative.
     degree
         p.
+    folded
+        True if slopes may jump.
 
     Returns
     -------
     Array
         (..., 2, p - 1): by end of the interval, and by value (0) or slope (1) at that end; the bubbles follow, at the
-        first end only.
+        first end only. With `folded`, the function of the jump is the last one.
     """
     at = np.asarray(x, dtype=float)
-    coefficients = np.zeros((len(_CUBICS), degree - 1, degree + 1))
+    coefficients = np.zeros((len(_CUBICS), degree - 1 + folded, degree + 1))
     coefficients[:, :2, :4] = _CUBICS
-    coefficients[0, 2:] = _BUBBLES[: degree - CUBIC, : degree + 1]
+    coefficients[0, 2 : degree - 1] = _BUBBLES[: degree - CUBIC, : degree + 1]
+    if folded:
+        coefficients[:, JUMP, :4] = _CUBICS[:, 1] * [[0.5], [-0.5]]
     for _ in range(derivative):
         coefficients = coefficients[..., 1:] * np.arange(1, coefficients.shape[-1])
     powers = np.ones((*at.shape, coefficients.shape[-1]))
@@ -91,7 +124,7 @@ def axis_functions(x: ArrayLike, derivative: int = 0, degree: Degree = CUBIC) ->
     return np.asarray((powers @ flat.T).reshape(*at.shape, *coefficients.shape[:-1]))
 
 
-def tabulate(points: ArrayLike, derivative: Derivative, degree: Degree = CUBIC) -> Array:
+def tabulate(points: ArrayLike, derivative: Derivative, basis: Basis = CUBICS) -> Array:
     """Return a derivative of the basis functions of the unit cell.
 
     Parameters
@@ -100,8 +133,8 @@ def tabulate(points: ArrayLike, derivative: Derivative, degree: Degree = CUBIC) 
         (..., 2) in the unit square.
     derivative
         Order of the derivative in each direction.
-    degree
-        p.
+    basis
+        The functions.
 
     Returns
     -------
@@ -110,8 +143,10 @@ def tabulate(points: ArrayLike, derivative: Derivative, degree: Degree = CUBIC) 
         zero at corners that a cell does not begin at.
     """
     xi = np.asarray(points, dtype=float)
-    first, second = (axis_functions(xi[..., axis], derivative[axis], degree) for axis in (0, 1))
-    kinds = kinds_of(degree)
+    first, second = (
+        axis_functions(xi[..., axis], derivative[axis], basis.degree, basis.folded == axis) for axis in (0, 1)
+    )
+    kinds = kinds_of(basis)
     table = np.empty((len(CORNERS), len(kinds), *xi.shape[:-1]))  # each function for itself, which is faster
     for row, (i, j) in zip(table, CORNERS, strict=True):
         for function, (k, m) in zip(row, kinds, strict=True):
@@ -130,34 +165,45 @@ def gauss_rule(count: int) -> tuple[Array, Array]:
 Integers = NDArray[np.int64]
 
 
-def present_functions(degree: Degree) -> NDArray[np.int64]:
+def present_functions(basis: Basis) -> NDArray[np.int64]:
     """Return the numbers of a cell's functions (corner, kind) that are not zero everywhere, (p + 1)^2 of them."""
-    kinds = kinds_of(degree)
+    kinds = kinds_of(basis)
     there = [(i == 0 or k < 2) and (j == 0 or m < 2) for i, j in CORNERS for k, m in kinds]
     return np.flatnonzero(there)
 
 
 @cache
-def cell_functions(degree: Degree) -> tuple[Integers, Integers]:
+def present_on_axis(basis: Basis, axis: int) -> slice | Integers:
+    """Return the numbers of the `axis_functions`, by end (slow), that are not zero: bubbles have the first end only."""
+    numbers = basis.numbers(axis)
+    if basis.folded != axis:
+        return slice(basis.degree + 1)
+    there = [end == 0 or number < 2 for end in (0, 1) for number in numbers]
+    return np.flatnonzero(there)
+
+
+@cache
+def cell_functions(basis: Basis) -> tuple[Integers, Integers]:
     """Return corner and kind (p + 1, p + 1) of a cell's functions, by number along each coordinate.
 
-    Along a coordinate these are the first p + 1 of the `axis_functions`, whose last ones are zero: bubbles belong to
-    the first end.
+    Along a coordinate these are the ones of `present_on_axis`.
     """
-    on_axis = [(end, number) for end in (0, 1) for number in range(degree - 1)][: degree + 1]
-    kinds = kinds_of(degree)
-    corner = [[CORNERS.index((i, j)) for j, _ in on_axis] for i, _ in on_axis]
-    return np.array(corner), np.array([[kinds.index((k, m)) for _, m in on_axis] for _, k in on_axis])
+    first, second = (
+        [(end, number) for end in (0, 1) for number in basis.numbers(axis) if end == 0 or number < 2] for axis in (0, 1)
+    )
+    kinds = kinds_of(basis)
+    corner = [[CORNERS.index((i, j)) for j, _ in second] for i, _ in first]
+    return np.array(corner), np.array([[kinds.index((k, m)) for _, m in second] for _, k in first])
 
 
-def kind_scales(sizes: ArrayLike, degree: Degree = CUBIC) -> Array:
+def kind_scales(sizes: ArrayLike, basis: Basis = CUBICS) -> Array:
     """Return the factors (..., (p - 1)^2) of slopes, h1**k h2**l, for sizes (..., 2)."""
     h = np.asarray(sizes, dtype=float)
-    kinds = kinds_of(degree)
+    kinds = kinds_of(basis)
     scales = np.ones((*h.shape[:-1], len(kinds)))
     for number, kind in enumerate(kinds):
         for axis in (0, 1):
-            if kind[axis] == 1:
+            if kind[axis] in (1, JUMP):
                 scales[..., number] *= h[..., axis]
     return scales
 
@@ -178,11 +224,14 @@ class TensorMesh:
         period, from wherever the mesh begins.
     degree
         p, of the functions on a cell in each coordinate.
+    folds
+        Folds of the surface: mesh lines of one coordinate; in degree 4 and 5.
     """
 
     domain: Domain
     lines: tuple[Array, Array]
     degree: Degree = CUBIC
+    folds: tuple[Fold, ...] = ()
 
     def __post_init__(self) -> None:
         for axis in (0, 1):
@@ -201,9 +250,35 @@ class TensorMesh:
         return (first, second)
 
     @cached_property
+    def basis(self) -> Basis:
+        """Functions of a cell."""
+        return Basis(self.degree, self.folds[0].axis if self.folds else None)
+
+    @cached_property
     def kinds(self) -> tuple[tuple[int, int], ...]:
         """Degrees of freedom of a node, for each component; see `kinds_of`."""
-        return kinds_of(self.degree)
+        return kinds_of(self.basis)
+
+    def fold_column(self, fold: Fold) -> int:
+        """Return the number, along its coordinate, of the nodes of a fold."""
+        away = (self.lines[fold.axis] - fold.at) / self.domain.size[fold.axis]  # a closed mesh begins anywhere
+        away -= np.round(away) * self.domain.periodic[fold.axis]
+        return int(np.argmin(np.abs(away))) % self.shape[fold.axis]
+
+    def lower_sides(self, axis: int) -> Array:
+        """Return the mesh lines of a coordinate, those on folds moved to their lower side."""
+        line = self.lines[axis].copy()
+        columns = [self.fold_column(fold) for fold in self.folds if fold.axis == axis]
+        both = [len(line) - 1] if 0 in columns else []  # the seam is the first line and the last one
+        line[[*columns, *both]] -= 2 * ASIDE * self.domain.size[axis]
+        return line
+
+    @cached_property
+    def folded_nodes(self) -> NDArray[np.bool_]:
+        """(nodes,) mask of the nodes on folds."""
+        moved = [self.lower_sides(axis) != line for axis, line in enumerate(self.lines)]
+        first, second = (mask[:count] for mask, count in zip(moved, self.shape, strict=True))
+        return (first[:, None] | second).ravel()
 
     @cached_property
     def carried(self) -> NDArray[np.bool_]:
@@ -214,6 +289,8 @@ class TensorMesh:
                 result[-1, :, number] = False
             if m > 1 and not self.domain.periodic[1]:
                 result[:, -1, number] = False
+            if JUMP in (k, m):
+                result[..., number] &= self.folded_nodes.reshape(self.shape)
         return result.reshape(self.node_count, -1)
 
     @property
@@ -273,7 +350,7 @@ class TensorMesh:
             before, after = (h[-1:], h[:1]) if self.domain.periodic[axis] else (h[:1], h[-1:])
             mean = (np.concatenate([before, h]) + np.concatenate([h, after])) / 2
             lengths.append(mean[: self.shape[axis]])
-        return kind_scales(np.stack(np.meshgrid(*lengths, indexing="ij"), axis=-1).reshape(-1, 2), self.degree)
+        return kind_scales(np.stack(np.meshgrid(*lengths, indexing="ij"), axis=-1).reshape(-1, 2), self.basis)
 
     def edge_nodes(self, edge: Edge) -> Integers:
         """Return the nodes of an edge, or of a part of one, in the order of the running coordinate."""

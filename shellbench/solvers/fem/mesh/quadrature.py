@@ -12,7 +12,7 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import Refdom
 
 from shellbench.problems.shell.question.places import Edge
-from shellbench.solvers.fem.mesh.mesh import Degree, Derivative, TensorMesh, gauss_rule, kind_scales, tabulate
+from shellbench.solvers.fem.mesh.mesh import Basis, Derivative, TensorMesh, gauss_rule, kind_scales, tabulate
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -39,11 +39,11 @@ class Quadrature:
         return _quadrature(mesh.grid.refdom, order)
 
     @cached_property
-    def table(self) -> Callable[[tuple[Derivative, ...], Degree], Array]:
-        """(n orders, functions) derivatives of the unit cell's basis, by order (fast) and by degree: made once."""
+    def table(self) -> Callable[[tuple[Derivative, ...], Basis], Array]:
+        """(n orders, functions) derivatives of the unit cell's basis, by order (fast) and by basis: made once."""
 
-        def tabulated(orders: tuple[Derivative, ...], degree: Degree) -> Array:
-            tables = [tabulate(self.points, d, degree).reshape(len(self.points), -1) for d in orders]
+        def tabulated(orders: tuple[Derivative, ...], basis: Basis) -> Array:
+            tables = [tabulate(self.points, d, basis).reshape(len(self.points), -1) for d in orders]
             return np.stack(tables, axis=1).reshape(-1, tables[0].shape[-1])
 
         return cache(tabulated)
@@ -103,4 +103,4 @@ def chunks(mesh: TensorMesh, size: int = CHUNK) -> Iterator[slice]:
 
 def basis_scales(mesh: TensorMesh, cells: slice) -> Array:
     """Return the factors (cells, 4, (p - 1)^2) from the unit cell's basis to the scaled degrees of freedom."""
-    return kind_scales(mesh.sizes[cells], mesh.degree)[:, None] / mesh.node_scales[mesh.nodes[cells]]
+    return kind_scales(mesh.sizes[cells], mesh.basis)[:, None] / mesh.node_scales[mesh.nodes[cells]]

@@ -222,7 +222,7 @@ class MotionSolution(ShellSolution):
 def basis_at(mesh: TensorMesh, points: Array) -> csr_matrix:
     """Return the matrix from the coefficients (nodes * kinds, ...) of a field to its values at points (n, 2)."""
     nodes, unit, sizes = mesh.locate(points)
-    values = tabulate(unit, (0, 0), mesh.degree) * kind_scales(sizes, mesh.degree)[:, None]
+    values = tabulate(unit, (0, 0), mesh.basis) * kind_scales(sizes, mesh.basis)[:, None]
     kinds = len(mesh.kinds)
     columns = nodes[..., None] * kinds + np.arange(kinds)
     starts = np.arange(len(points) + 1) * columns[0].size
