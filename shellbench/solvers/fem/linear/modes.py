@@ -59,7 +59,7 @@ from shellbench.solvers.fem.mechanics.rigid_motions import determinate_pins, nod
 from shellbench.solvers.fem.mechanics.solution import FemSolution
 from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.grading import shell_size
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CORNERS, KINDS, TensorMesh, present_functions, tabulate
+from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CORNERS, CUBIC, KINDS, TensorMesh, present_functions, tabulate
 from shellbench.solvers.fem.mesh.quadrature import Quadrature, basis_scales, chunks
 
 Array = NDArray[np.float64]

@@ -25,6 +25,7 @@ from shellbench.solvers.fem.mechanics.kinematics import DERIVATIVES, Midsurface,
 from shellbench.solvers.fem.mesh.mesh import (
     COMPONENTS,
     CORNERS,
+    CUBIC,
     KINDS,
     Derivative,
     TensorMesh,

@@ -21,7 +21,7 @@ from shellbench.solvers.fem.linear.equilibrium import Equilibrium, check_balance
 from shellbench.solvers.fem.mechanics.loads import Loading
 from shellbench.solvers.fem.mechanics.solution import FemSolution, mean_rigid_motion
 from shellbench.solvers.fem.mesh.bubbles import interpolated
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS, Derivative, TensorMesh
+from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CUBIC, KINDS, Derivative, TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.path.buckling import following_steps
 from shellbench.solvers.fem.path.contact_at_finite_strain import carried_pressure
