@@ -153,6 +153,9 @@ class Shell(Problem):
                 del data["material"][name]
         if data["material"]["bending_poissons_ratio"] is None:
             del data["material"]["bending_poissons_ratio"]
+        for quantity in data["quantities"]:
+            if quantity.get("fold_side", "") is None:
+                del quantity["fold_side"]
         for name in ("folds", "hinges"):  # left out for the same reason
             if not data["surface"].get(name, True):
                 del data["surface"][name]

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from shellbench.problems.shell.field import DisplacementField
 from shellbench.problems.shell.quantities.quantity import ShellQuantity
 from shellbench.problems.shell.question.conditions import Places
+from shellbench.problems.shell.question.folds import ASIDE, Fold
 from shellbench.problems.shell.question.loads import PointLoad
 from shellbench.problems.shell.question.places import Edge, Point
 
@@ -38,10 +39,13 @@ class ResultantQuantity(ShellQuantity):
     ----------
     on
         Its places: corners and named points, or edges and parts of them.
+    fold_side
+        At points on a fold, the side on which it is taken: that of the smaller coordinate is "before".
     """
 
     series: ClassVar[Literal["motion", "path", ""]] = ""
     on: Places
+    fold_side: Literal["before", "after"] | None = None
 
     @property
     def places(self) -> tuple[str, ...]:
@@ -56,6 +60,14 @@ class ResultantQuantity(ShellQuantity):
         if kinds not in ({Point}, {Edge}):
             raise ValueError(f"quantity '{self.name}' needs points, or edges: 'on' is {list(self.on)}")
         domain = shell.surface.domain
+        on_fold = {name for name in self.on if isinstance(shell.places[name], Point) and self._folds_at(shell, name)}
+        if on_fold and self.fold_side is None:
+            raise ValueError(
+                f"quantity '{self.name}' is on '{min(on_fold)}', which lies on a fold: fold_side must be 'before' or"
+                " 'after', since forces and moments differ there"
+            )
+        if self.fold_side is not None and on_fold != set(self.on):
+            raise ValueError(f"quantity '{self.name}' has a fold_side, but not all of its places are points on folds")
         for what, name in _forced_points(shell):
             forced = domain.wrap(shell.places[name].xi)
             for place in (shell.places[on] for on in self.on):
@@ -78,6 +90,13 @@ class ResultantQuantity(ShellQuantity):
                 return place.name, (round(share[0]), round(share[1]))
         return None
 
+    @staticmethod
+    def _folds_at(shell: Any, name: str) -> list[Fold]:
+        """Return the folds on which a point lies."""
+        domain, xi = shell.surface.domain, shell.places[name].xi
+        size = domain.size
+        return [f for f in shell.surface.fold_lines if abs(domain.wrap(xi)[f.axis] - f.at) <= NEAR * size[f.axis]]
+
     def check_motion(self, shell: Any, constant: bool) -> None:
         """Raise ValueError: only shells at rest have it."""
         raise ValueError(f"quantity '{self.name}' belongs to a case without [dynamics]")
@@ -86,7 +105,13 @@ class ResultantQuantity(ShellQuantity):
         """Return points (n, 2) and weights (n,) of its mean."""
         places = [shell.places[name] for name in self.on]
         if isinstance(places[0], Point):
-            return np.array([place.xi for place in places]), np.full(len(places), 1 / len(places))
+            points = np.array([place.xi for place in places])
+            for row, name in zip(points, self.on if self.fold_side else (), strict=False):
+                for fold in self._folds_at(shell, name):
+                    row[fold.axis] += (-NEAR if self.fold_side == "before" else NEAR) * shell.surface.domain.size[
+                        fold.axis
+                    ]
+            return points, np.full(len(places), 1 / len(places))
         rules = [along_edge(shell, edge) for edge in places]
         weights = np.concatenate([w for _, w in rules])
         return np.concatenate([points for points, _ in rules]), weights / weights.sum()

@@ -45,6 +45,7 @@ Bending = Literal["clamped", "supported", "free", "mirrored"]
 SMOOTH = 2.0  # real part up to which exponents are sought: from there on the element converges at its own rate
 # Rate of the energy that grading restores. A higher one would cost cells inside, and digits at the corner.
 GRADED_RATE = 3.0
+FOLD_END = 0.6  # taken for where a fold ends; three plates' clamped corner, as on a Z-section, converges so
 STEEPEST = 6.0  # grading: from here on the finest meshes gain nothing, and cells at the corner lose digits
 INFINITE = 1.0  # below it moments or forces are infinite
 WHOLE = 1e-5  # distance of an exponent from a whole number that is rounding of a double root
@@ -311,7 +312,7 @@ class Singularities:
     @classmethod
     def of_case(cls, case: Case) -> Singularities:
         """Find all singularities of a case."""
-        return cls(corner_exponents(case), break_exponents(case))
+        return cls(corner_exponents(case), {**break_exponents(case), **dict(_fold_ends(case))})
 
     @property
     def edge_gradings(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -337,6 +338,16 @@ class Singularities:
         """Rate, in the mesh size, at which the energy converges on meshes that are graded so."""
         exponents = [*self.corners.values(), *self.breaks.values()]
         return min((2 * s * _grading(s) for s in exponents), default=ASYMPTOTIC)
+
+
+def _fold_ends(case: Case) -> Iterator[tuple[tuple[int, Side, float], float]]:
+    """Yield the ends of folds on edges that a support holds, but not as a mirror, or that a load acts on."""
+    loaded = {name for load in case.loads if isinstance(load, EdgeLoad) for name in load.on}
+    held = {name for support in case.supports if not support.symmetry for name in support.on}
+    for fold, side in product(case.surface.fold_lines, SIDES):
+        edge = _edge(case, 1 - fold.axis, side)
+        if edge.name in loaded | held:
+            yield (edge.axis, side, fold.at), FOLD_END
 
 
 def _grading(exponent: float) -> float:
