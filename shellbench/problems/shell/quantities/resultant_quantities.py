@@ -106,11 +106,10 @@ class ResultantQuantity(ShellQuantity):
         places = [shell.places[name] for name in self.on]
         if isinstance(places[0], Point):
             points = np.array([place.xi for place in places])
+            shift = 4 * ASIDE * (-1 if self.fold_side == "before" else 1)
             for row, name in zip(points, self.on if self.fold_side else (), strict=False):
                 for fold in self._folds_at(shell, name):
-                    row[fold.axis] += (-NEAR if self.fold_side == "before" else NEAR) * shell.surface.domain.size[
-                        fold.axis
-                    ]
+                    row[fold.axis] += shift * shell.surface.domain.size[fold.axis]
             return points, np.full(len(places), 1 / len(places))
         rules = [along_edge(shell, edge) for edge in places]
         weights = np.concatenate([w for _, w in rules])
