@@ -141,6 +141,14 @@ class Expression:
         part._evaluate = _evaluation(tree, lines)
         return part
 
+    def copied_tree(self) -> ast.expr:
+        """Return the tree of the formula, to be changed."""
+        return ast.parse(self.text.strip(), mode="eval").body
+
+    def of_tree(self, tree: ast.expr) -> Expression:
+        """Return the formula of a tree, with the same names."""
+        return Expression(ast.unparse(tree), self._variables, self._constants, self._piecewise)
+
     @property
     def quoted(self) -> str:
         """The formula, as far as a sentence quotes it."""

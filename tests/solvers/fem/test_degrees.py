@@ -15,7 +15,7 @@ from shellbench.solvers.fem.mechanics.rigid_motions import nodal_rigid_motions
 from shellbench.solvers.fem.mechanics.solution import FemSolution
 from shellbench.solvers.fem.mesh.bubbles import interpolated
 from shellbench.solvers.fem.mesh.grading import graded_mesh
-from shellbench.solvers.fem.mesh.mesh import SAME, axis_functions, kinds_of, present_functions, tabulate
+from shellbench.solvers.fem.mesh.mesh import SAME, Basis, axis_functions, kinds_of, present_functions, tabulate
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.solver import FemSettings, FemSolver, takes_bubbles
 from tests.solvers.fem.shells import EVERY_EDGE, SURFACES, shell
@@ -57,9 +57,9 @@ def test_bubbles_and_their_slopes_vanish_at_both_ends(degree):
 
 @pytest.mark.parametrize("degree", EVERY)
 def test_a_cell_has_the_square_of_degree_and_one_functions(degree):
-    table = tabulate(np.random.default_rng(0).uniform(size=(80, 2)), (0, 0), degree).reshape(80, -1)
-    present = present_functions(degree)
-    assert table.shape[1] == 4 * len(kinds_of(degree))
+    table = tabulate(np.random.default_rng(0).uniform(size=(80, 2)), (0, 0), Basis(degree)).reshape(80, -1)
+    present = present_functions(Basis(degree))
+    assert table.shape[1] == 4 * len(kinds_of(Basis(degree)))
     assert np.array_equal(np.flatnonzero(np.abs(table).max(axis=0) > 1e-9 * np.abs(table).max()), present)
     assert np.linalg.matrix_rank(table[:, present]) == (degree + 1) ** 2
 

@@ -91,7 +91,7 @@ def features_of(case: Any) -> tuple[Feature, ...]:
     """Return the formulas of a case that vary anywhere, with their divisions."""
     end = case.dynamics.until if case.dynamics is not None else 1.0 if case.linear else case.path.until
     found = []
-    for of, what, role, edge, formulas, measure in _formulas(case):
+    for (of, what, role, edge, formulas, measure), box in _in_boxes(case):
         if all(f.constant for f in formulas):
             continue
         times = sorted({end, ON_THE_WAY * end} if case.dynamics is not None and _on_time(formulas) else {end})
@@ -99,8 +99,18 @@ def features_of(case: Any) -> tuple[Feature, ...]:
         whole = all(part == (f,) for part, f in zip(parts, formulas, strict=True))
         together = [formulas] if whole else [[part] for each in parts for part in each]
         groups = [(each, t) for t in times for each in together]
-        found.append(Feature(of, what, role, edge, divided(groups, _box(case, edge), measure, case.kinks)))
+        found.append(Feature(of, what, role, edge, divided(groups, box, measure, case.kinks)))
     return tuple(found)
+
+
+def _in_boxes(case: Any) -> Iterator[tuple[Formulas, Box]]:
+    """Yield the formulas of a case with the rectangles in which they vary: a folded surface has one for each piece."""
+    surface = case.surface
+    for entry in _formulas(case):
+        if entry[0] is surface and surface.fold_lines:
+            yield from (((*entry[:4], piece.formulas, entry[5]), piece.box) for piece in surface.pieces)
+        else:
+            yield entry, _box(case, entry[3])
 
 
 def _on_time(formulas: Sequence[Expression]) -> bool:

@@ -10,13 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shellbench.problems.branches import branch_at
 from shellbench.problems.expression import Expression, derivatives_of
 from shellbench.problems.features import NAMES
-from shellbench.problems.smoothness import jump_between
+from shellbench.problems.smoothness import jump_between, rough_place
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
@@ -74,8 +76,8 @@ def kink_line(formulas: Sequence[Expression], sides: tuple[Array, Array], box: t
 
 
 def folds_of(
-    rigid: Mapping[str, Sequence[float]],
-    hinged: Mapping[str, Sequence[float]],
+    rigid: Mapping[Any, Sequence[float]],
+    hinged: Mapping[Any, Sequence[float]],
     lower: Pair,
     upper: Pair,
     angles: Sequence[str],
@@ -117,6 +119,61 @@ def strips(lower: Pair, upper: Pair, folds: Sequence[Fold]) -> list[tuple[Pair, 
     stops = [*(at - 2 * ASIDE * size for at in inside), upper[axis]]
     other = (lower[1 - axis], upper[1 - axis])
     return [((a, b), other) if axis == 0 else (other, (a, b)) for a, b in zip(starts, stops, strict=True)]
+
+
+def why_rough(
+    formulas: Sequence[Expression], lower: Pair, upper: Pair, angles: tuple[bool, bool], folds: Sequence[Fold]
+) -> str | None:
+    """Return one clause about a kink that is no fold, with the line to write if it could be one, or None."""
+    boxes = strips(lower, upper, folds)
+    box, found = next(((box, f) for box in boxes if (f := rough_place(formulas, box))), (None, None))
+    if box is None or found is None:
+        return None
+    at, sides, order = found
+    shown = ", ".join(f"{np.degrees(c) if angle else c:.6g}" for c, angle in zip(at, angles, strict=True))
+    x = derivatives_of(formulas, np.array(sides), 1)
+    turns = [np.arctan2(np.linalg.norm(np.cross(*x[key])), x[key][0] @ x[key][1]) for key in ((1, 0), (0, 1))]
+    angle = f"tangent turns by {np.degrees(max(turns)):.3g} degrees"
+    what = ("position jumps", angle, "curvature jumps")[order]
+    remedy = "a midsurface has a tangent and a curvature without jumps, however its formulas are written"
+    if order and (line := kink_line(formulas, sides, box)) is not None:
+        axis = int(np.argmax(np.abs(sides[1] - sides[0])))
+        line = float(np.degrees(line)) if angles[axis] else line
+        remedy = f"if the shell has a fold there, declare it in [surface]: folds = {{ xi{axis + 1} = [{line:.12g}] }}"
+    return f"the surface has a kink at (xi1, xi2) = ({shown}), where its {what}: {remedy}"
+
+
+@dataclass(frozen=True)
+class Piece:
+    """The part of a surface between two folds: its box ((low, up), (low, up)) and its formulas without kinks."""
+
+    box: tuple[Pair, Pair]
+    formulas: tuple[Expression, ...]
+
+
+def pieces(formulas: Sequence[Expression], lower: Pair, upper: Pair, folds: Sequence[Fold]) -> tuple[Piece, ...]:
+    """Return the parts of a surface, each with the branches that its piecewise formulas take in its middle."""
+    found = []
+    for box in strips(lower, upper, folds):
+        middle = np.mean(box, axis=1)
+        found.append(Piece(box, tuple(branch_at(formula, middle) for formula in formulas)))
+    return tuple(found)
+
+
+def derivatives_by_piece(
+    parts: Sequence[Piece], folds: Sequence[Fold], points: Array, order: int
+) -> dict[tuple[int, int], Array]:
+    """Return the derivatives (i, j) -> (..., 3) at points (..., 2); on a fold those of the side of larger xi."""
+    axis = folds[0].axis
+    size = parts[-1].box[axis][1] - parts[0].box[axis][0]
+    inside = [fold.at - ASIDE * size for fold in folds][-len(parts) + 1 or len(folds) :]  # a seam is no end of a part
+    number = np.searchsorted(inside, points[..., axis], side="right")
+    found = {(i, total - i): np.empty((*points.shape[:-1], 3)) for total in range(order + 1) for i in range(total + 1)}
+    for own, part in enumerate(parts):
+        there = number == own
+        for key, values in derivatives_of(part.formulas, points[there], order).items():
+            found[key][there] = values
+    return found
 
 
 def position_jumps(formulas: Sequence[Expression], lower: Pair, upper: Pair, folds: Sequence[Fold]) -> str | None:

@@ -17,8 +17,15 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from shellbench.problems.expression import Expression, derivatives_of
-from shellbench.problems.shell.question.folds import ASIDE, Fold, beside, folds_of, kink_line, position_jumps, strips
-from shellbench.problems.smoothness import rough_place
+from shellbench.problems.shell.question.folds import (
+    Fold,
+    Piece,
+    derivatives_by_piece,
+    folds_of,
+    pieces,
+    position_jumps,
+    why_rough,
+)
 from shellbench.protocol.schema import LARGEST, SMALLEST, Finite, Flag, Model, Positive
 
 Array = NDArray[np.float64]
@@ -164,6 +171,11 @@ class AnalyticSurface(Model):
         """The three formulas, read."""
         return tuple(Expression(text, COORDINATES, self.named_constants, piecewise=True) for text in self.formulas)
 
+    @cached_property
+    def pieces(self) -> tuple[Piece, ...]:
+        """The parts between folds."""
+        return pieces(self.expressions, self.domain.lower, self.domain.upper, self.fold_lines)
+
     def derivatives(self, points: ArrayLike, order: int = 2) -> dict[tuple[int, int], Array]:
         """Return exact partial derivatives of the position.
 
@@ -180,9 +192,8 @@ class AnalyticSurface(Model):
             (i, j) -> (..., 3), metres per unit of xi1**i xi2**j; (0, 0) is the position. On a fold, they are those of
             the side of the larger coordinate.
         """
-        for fold in self.fold_lines:
-            if np.any(np.abs(np.asarray(points)[..., fold.axis] - fold.at) <= ASIDE * self.domain.size[fold.axis]):
-                points = beside(np.asarray(points), fold.axis, fold.at, self.domain.size[fold.axis], 1)
+        if self.fold_lines:
+            return derivatives_by_piece(self.pieces, self.fold_lines, np.asarray(points, dtype=float), order)
         return derivatives_of(self.expressions, points, order)
 
     def position(self, points: ArrayLike) -> Array:
@@ -200,9 +211,11 @@ class AnalyticSurface(Model):
         if not np.all(np.abs(x[0, 0]) <= LARGEST):
             raise ValueError(f"the surface is not finite, or above {LARGEST:g}, on the domain")
         if isinstance(self, ExpressionSurface):  # the named kinds and fitted meshes are smooth
-            if torn := position_jumps(self.expressions, self.domain.lower, self.domain.upper, self.fold_lines):
+            lower, upper = self.domain.lower, self.domain.upper
+            if torn := position_jumps(self.expressions, lower, upper, self.fold_lines):
                 raise ValueError(torn)
-            self._check_smoothness()
+            if rough := why_rough(self.expressions, lower, upper, self.domain.angle, self.fold_lines):
+                raise ValueError(rough)
         if not all(np.all(np.abs(value) <= LARGEST) for value in x.values()):
             raise ValueError(f"the surface or its derivatives are not finite, or above {LARGEST:g}, on the domain")
         a1, a2 = x[1, 0], x[0, 1]
@@ -221,27 +234,6 @@ class AnalyticSurface(Model):
             )
         self._check_closure(x)
         return self
-
-    def _check_smoothness(self) -> None:
-        domain = self.domain
-        boxes = strips(domain.lower, domain.upper, self.fold_lines)
-        box, found = next(((box, f) for box in boxes if (f := rough_place(self.expressions, box))), (None, None))
-        if box is None or found is None:
-            return
-        at, sides, order = found
-        shown = ", ".join(f"{np.degrees(c) if angle else c:.6g}" for c, angle in zip(at, domain.angle, strict=True))
-        x = self.derivatives(np.array(sides), order=1)
-        turns = [np.arctan2(np.linalg.norm(np.cross(*x[key])), x[key][0] @ x[key][1]) for key in ((1, 0), (0, 1))]
-        angle = f"tangent turns by {np.degrees(max(turns)):.3g} degrees"
-        what = ("position jumps", angle, "curvature jumps")[order]
-        remedy = "a midsurface has a tangent and a curvature without jumps, however its formulas are written"
-        if order and (line := kink_line(self.expressions, sides, box)) is not None:
-            axis = int(np.argmax(np.abs(sides[1] - sides[0])))
-            line = np.degrees(line) if domain.angle[axis] else line
-            remedy = (
-                f"if the shell has a fold there, declare it in [surface]: folds = {{ xi{axis + 1} = [{line:.12g}] }}"
-            )
-        raise ValueError(f"the surface has a kink at (xi1, xi2) = ({shown}), where its {what}: {remedy}")
 
     def _pole(self, areas: Array) -> Array | None:
         """Return a point (2,) where |a1 x a2| vanishes, from its values on the grid; None if there is none."""

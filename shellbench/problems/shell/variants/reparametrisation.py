@@ -311,7 +311,12 @@ class _Reparametrisation:
         if sign < 0:
             raise InputError("a resultant changes its sign with the normal of these coordinates")
         other = {"11": "22", "22": "11", "1": "2", "2": "1"} if exchanged else {}
-        return {"component": other.get(component, component)}
+        found = {"component": other.get(component, component)}
+        if quantity.get("fold_side"):
+            sides = ("before", "after")
+            reversed_ = chart.formulas[self.case.surface.fold_lines[0].axis].startswith("-")
+            found["fold_side"] = sides[(quantity["fold_side"] == "after") ^ reversed_]
+        return found
 
     def _orthogonal(self) -> bool:
         """Return True if the coordinate lines of the case meet at right angles everywhere."""

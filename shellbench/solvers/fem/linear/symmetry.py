@@ -27,8 +27,8 @@ from shellbench.problems.shell.symmetry.mirror_frame import in_frame_of_mirrors
 from shellbench.problems.shell.symmetry.symmetry import Part
 from shellbench.solvers.fem.linear.equilibrium import Equilibrium
 from shellbench.solvers.fem.mechanics import bubble_conditions
-from shellbench.solvers.fem.mechanics.constraints import support_nodes
 from shellbench.solvers.fem.mechanics.loads import EDGE_GAUSS_POINTS
+from shellbench.solvers.fem.mechanics.sharing import support_nodes
 from shellbench.solvers.fem.mesh.mesh import TensorMesh, gauss_rule
 
 Array = NDArray[np.float64]

@@ -29,9 +29,9 @@ from shellbench.problems.shell.question.conditions import COMPONENTS, LOCAL, Sup
 from shellbench.problems.shell.question.places import Edge, Place, Whole
 from shellbench.solvers.fem.algebra.block_matrix import NODE_DOFS
 from shellbench.solvers.fem.mechanics.bubble_conditions import Motion, bubble_conditions, motion_at
-from shellbench.solvers.fem.mechanics.fold_conditions import fold_conditions, sides, support_nodes, with_jumps
+from shellbench.solvers.fem.mechanics.fold_conditions import fold_conditions, sides, with_jumps
 from shellbench.solvers.fem.mechanics.kinematics import Midsurface, local_axes
-from shellbench.solvers.fem.mechanics.sharing import RANK_TOLERANCE, Conditions
+from shellbench.solvers.fem.mechanics.sharing import RANK_TOLERANCE, Conditions, support_nodes
 from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.mesh import CUBIC, KINDS, ROUNDING, SAME, Derivative, TensorMesh
 

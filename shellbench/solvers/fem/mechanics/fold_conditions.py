@@ -22,7 +22,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.conditions import COMPONENTS
 from shellbench.problems.shell.question.folds import ASIDE, Fold
 from shellbench.problems.shell.question.places import Edge, Place, Point
-from shellbench.solvers.fem.mechanics.sharing import Conditions
+from shellbench.solvers.fem.mechanics.sharing import Conditions, support_nodes
 from shellbench.solvers.fem.mesh.mesh import CUBIC, JUMP, SAME, Derivative, TensorMesh
 
 Array = NDArray[np.float64]
@@ -30,17 +30,6 @@ Integers = NDArray[np.int64]
 
 NOBODY = -1  # number of the support that states a fold's conditions
 SAMPLES = 17  # points along a fold at which coordinate lines are compared
-
-
-def support_nodes(mesh: TensorMesh, place: Place) -> Integers:
-    """Return the nodes (n,) of a place."""
-    match place:
-        case Edge():
-            return mesh.edge_nodes(place)
-        case Point():
-            return np.array([mesh.node_at(place.xi)])
-        case _:
-            return np.arange(mesh.node_count)
 
 
 def sides(mesh: TensorMesh, place: Place) -> Iterator[tuple[Array, int]]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.shell.question.conditions import COMPONENTS
-from shellbench.problems.shell.question.places import Edge
+from shellbench.problems.shell.question.places import Edge, Place, Point
 from shellbench.solvers.fem.mesh.mesh import TensorMesh
 
 Array = NDArray[np.float64]
@@ -52,6 +52,17 @@ class Conditions:
     values: Array
     acting: Flags
     edge: Edge | None
+
+
+def support_nodes(mesh: TensorMesh, place: Place) -> Integers:
+    """Return the nodes (n,) of a place."""
+    match place:
+        case Edge():
+            return mesh.edge_nodes(place)
+        case Point():
+            return np.array([mesh.node_at(place.xi)])
+        case _:
+            return np.arange(mesh.node_count)
 
 
 @dataclass(frozen=True)

@@ -278,7 +278,7 @@ class TensorMesh:
         """(nodes,) mask of the nodes on folds."""
         moved = [self.lower_sides(axis) != line for axis, line in enumerate(self.lines)]
         first, second = (mask[:count] for mask, count in zip(moved, self.shape, strict=True))
-        return (first[:, None] | second).ravel()
+        return np.asarray((first[:, None] | second).ravel())
 
     @cached_property
     def carried(self) -> NDArray[np.bool_]:
