@@ -341,9 +341,9 @@ class Singularities:
 
 
 def _fold_ends(case: Case) -> Iterator[tuple[tuple[int, Side, float], float]]:
-    """Yield the ends of folds on edges that a support holds, but not as a mirror, or that a load acts on."""
+    """Yield the ends of folds on edges that are clamped or loaded; at diaphragms and mirrors all is smooth."""
     loaded = {name for load in case.loads if isinstance(load, EdgeLoad) for name in load.on}
-    held = {name for support in case.supports if not support.symmetry for name in support.on}
+    held = {name for support in case.supports if support.clamped for name in support.on}
     for fold, side in product(case.surface.fold_lines, SIDES):
         edge = _edge(case, 1 - fold.axis, side)
         if edge.name in loaded | held:
