@@ -59,7 +59,7 @@ NEARBY = 1e-7
 
 
 @dataclass(frozen=True)
-class Rim:
+class EdgeConditions:
     """Conditions of supports on an edge at a corner.
 
     Attributes
@@ -101,12 +101,14 @@ def bending_exponent(
 
 
 @lru_cache(maxsize=256)
-def membrane_exponent(angle: float, first: Rim, second: Rim, poissons_ratio: float, most: float = SMOOTH) -> float:
+def membrane_exponent(
+    angle: float, first: EdgeConditions, second: EdgeConditions, poissons_ratio: float, most: float = SMOOTH
+) -> float:
     """Return the least real part of s in u = r^s (U, V) at a corner of this angle, rad; `most` if beyond."""
     nu = poissons_ratio
     kolosov = (3 - nu) / (1 + nu)  # of plane stress
 
-    def rows(s: Complex, theta: float, rim: Rim) -> Complex:
+    def rows(s: Complex, theta: float, rim: EdgeConditions) -> Complex:
         # Kolosov and Muskhelishvili: 2 G (u + i v) = k phi - z conj(phi') - conj(psi), phi and psi multiples of z^s.
         f = _trigonometric(s, theta)
         less, more = kolosov - s, kolosov + s
@@ -181,10 +183,10 @@ def break_exponents(case: Case) -> dict[tuple[int, Side, float], float]:
 
     The keys are the axis and the side of the edge, and the running coordinate.
     """
-    return dict(_breaks(case))
+    return dict(_exponents_at_breaks(case))
 
 
-def _breaks(case: Case) -> Iterator[tuple[tuple[int, Side, float], float]]:
+def _exponents_at_breaks(case: Case) -> Iterator[tuple[tuple[int, Side, float], float]]:
     # A point within an edge is a corner of angle pi, with one rim on either side.
     domain = case.surface.domain
     edges = [place for _, place in case.supported_places() if isinstance(place, Edge)]
@@ -195,16 +197,18 @@ def _breaks(case: Case) -> Iterator[tuple[tuple[int, Side, float], float]]:
         if not inside and not seam:
             continue
         edge = Edge("", axis, side)
-        surface = Midsurface.at(case.surface.derivatives(edge.points(domain, np.array([at])), order=2))
+        surface = Midsurface.from_derivatives(case.surface.derivatives(edge.points(domain, np.array([at])), order=2))
         tangent = surface.base[0, running] / np.linalg.norm(surface.base[0, running])
         across = surface.base[0, axis] * (1.0 if side == "min" else -1.0)  # inward
         normal = np.cross(tangent, across)
         normal /= np.linalg.norm(normal)
         rims = [
-            _rim(_supports_beside(case, edge, at + sign * NEARBY * domain.size[running]), sign * tangent, normal)
+            _edge_conditions(
+                _supports_beside(case, edge, at + sign * NEARBY * domain.size[running]), sign * tangent, normal
+            )
             for sign in (1.0, -1.0)
         ]
-        found = _exponent(case, excited(case), np.pi, rims[0], rims[1])
+        found = _exponent(case, may_bend_and_stretch(case), np.pi, rims[0], rims[1])
         if found < INFINITE:
             yield (axis, side, at), found
 
@@ -221,8 +225,10 @@ def _supports_beside(case: Case, edge: Edge, running: float) -> list[Support]:
     ]
 
 
-def _exponent(case: Case, acting: tuple[bool, bool], angle: float, first: Rim, second: Rim) -> float:
-    """Return the least exponent between two rims, of the fields that loads can excite: `acting`, see `excited`."""
+def _exponent(
+    case: Case, acting: tuple[bool, bool], angle: float, first: EdgeConditions, second: EdgeConditions
+) -> float:
+    """Return the least exponent between two edges, of the fields that loads excite: see `may_bend_and_stretch`."""
     across, within = acting
     nu, nu_of_bending = case.material.poissons_ratios
     found = INFINITE
@@ -237,15 +243,15 @@ def corner_exponents(case: Case) -> dict[tuple[Side, Side], float]:
     """Return the least exponent at each corner (side of xi1, side of xi2) where moments or forces are infinite."""
     if any(case.surface.domain.periodic):
         return {}
-    return dict(_corners(case))
+    return dict(_exponents_at_corners(case))
 
 
-def _corners(case: Case) -> Iterator[tuple[tuple[Side, Side], float]]:
-    domain, acting = case.surface.domain, excited(case)
+def _exponents_at_corners(case: Case) -> Iterator[tuple[tuple[Side, Side], float]]:
+    domain, acting = case.surface.domain, may_bend_and_stretch(case)
     for sides in product(SIDES, SIDES):
         edges = [_edge(case, axis, side) for axis, side in enumerate(sides)]
         corner = np.array([[edge.coordinate(domain) for edge in edges]])
-        surface = Midsurface.at(case.surface.derivatives(corner, order=2))
+        surface = Midsurface.from_derivatives(case.surface.derivatives(corner, order=2))
         # Both edges as seen from the corner: the edge xi1 = const runs along a2, inward.
         inward = [1.0 if side == "min" else -1.0 for side in sides]
         along = [inward[1] * surface.base[0, 1], inward[0] * surface.base[0, 0]]
@@ -260,7 +266,7 @@ def _corners(case: Case) -> Iterator[tuple[tuple[Side, Side], float]]:
             corner[0, 1 - edge.axis] + inward[1 - edge.axis] * NEARBY * domain.size[1 - edge.axis] for edge in edges
         )
         first, second = (
-            _rim(_supports_beside(case, edge, float(at)), tangent, normal)
+            _edge_conditions(_supports_beside(case, edge, float(at)), tangent, normal)
             for edge, at, tangent in zip(edges, beside, along, strict=True)
         )
         found = _exponent(case, acting, angle, first, second)
@@ -274,10 +280,10 @@ def _edge(case: Case, axis: int, side: Side) -> Edge:
     return edge
 
 
-def _rim(supports: list[Support], tangent: Array, normal: Array) -> Rim:
+def _edge_conditions(supports: list[Support], tangent: Array, normal: Array) -> EdgeConditions:
     """Return the conditions of supports on an edge with this tangent, away from the corner, and this surface normal."""
     if not supports:
-        return Rim()
+        return EdgeConditions()
     axes = dict(zip((*COMPONENTS, *LOCAL), (*np.eye(3), tangent, np.cross(normal, tangent), normal), strict=True))
     held = np.array([axes[name] for s in supports for name in s.held])
     slope = any(s.holds_slope for s in supports)
@@ -290,7 +296,7 @@ def _rim(supports: list[Support], tangent: Array, normal: Array) -> Rim:
     _, values, inside = np.linalg.svd(inside) if len(inside) else (None, np.zeros(0), np.zeros((0, 3)))
     inside = inside[: np.count_nonzero(values**2 > ALONG)]
     angle = float(np.arctan2(inside[0] @ np.cross(normal, tangent), inside[0] @ tangent)) if len(inside) == 1 else 0.0
-    return Rim(bending, (min(len(inside), 2), round(angle % np.pi, 12)))
+    return EdgeConditions(bending, (min(len(inside), 2), round(angle % np.pi, 12)))
 
 
 @dataclass(frozen=True)
@@ -343,10 +349,10 @@ def _grading(exponent: float) -> float:
     return min(GRADED_RATE / (2 * exponent), STEEPEST)
 
 
-def excited(case: Case) -> tuple[bool, bool]:
+def may_bend_and_stretch(case: Case) -> tuple[bool, bool]:
     """Return two flags: True if the case may bend, True if it may stretch. On a plate, not every load does both."""
     domain = case.surface.domain
-    normals = Midsurface.at(case.surface.derivatives(domain.grid(5, 5).reshape(-1, 2), order=2)).normal
+    normals = Midsurface.from_derivatives(case.surface.derivatives(domain.grid(5, 5).reshape(-1, 2), order=2)).normal
     if np.ptp(normals, axis=0).max() > ROUNDING or any(s.motion is not None for s in case.supports):
         return True, True
     if case.modal:
