@@ -34,7 +34,7 @@ from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS
 from shellbench.solvers.fem.path.finite_state import FiniteState, HeldDirection, TangentFactor, solve_on_free
 from shellbench.solvers.fem.path.newton import equilibrium, move_supports
 from shellbench.solvers.fem.path.problem import FiniteProblem
-from shellbench.solvers.stepping.control import CUT, EASY, GROWTH, Illinois, NotConvergedError, PathEndsError, landing
+from shellbench.solvers.stepping.control import CUT, EASY, GROWTH, Illinois, NotConvergedError, PathEndsError, step_end
 
 Array = NDArray[np.float64]
 
@@ -85,7 +85,7 @@ def following_steps(
     state, step, buckled = problem.rest_state(), first, False
     for mark in marks:
         while state.t < mark:
-            target = landing(state.t, mark, step)
+            target = step_end(state.t, mark, step)
             try:
                 found = buckling.equilibrium(state, target, holding=buckled)
                 stable = found.stable
@@ -203,7 +203,7 @@ class Buckling:
         root = Illinois(self._least_stiffness(below), self._least_stiffness(above))
         while high - low.t > BRACKET * high:
             # The trial is beside the root, where the tangent is singular, toward the farther end.
-            share = root.share
+            share = root.trial_share
             trial = low.t + share * (high - low.t) + math.copysign(BRACKET / 4 * high, 0.5 - share)
             try:
                 middle = self.equilibrium(low, trial)

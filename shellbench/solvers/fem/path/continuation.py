@@ -40,7 +40,7 @@ from shellbench.solvers.stepping.control import (
     NotConvergedError,
     PathEndsError,
     checked_rate,
-    same,
+    equal_marks,
 )
 from shellbench.solvers.stepping.paths import Marks
 
@@ -199,7 +199,7 @@ def arc_length_steps(
         while leading and not planned and np.sum(row_of_arc * (leading[0].q + astray)) <= along:
             leading.popleft()
         station = leading[0] if leading and not planned else None
-        on_mark = station is not None and same(station.value, landings.waiting[0])
+        on_mark = station is not None and equal_marks(station.value, landings.waiting[0])
         if station is None:
             arc = planned[0] if planned else arc
             change = sign * arc / size(drift)
@@ -236,7 +236,7 @@ def arc_length_steps(
             continue
         path.check_branch(found, sign_found * first > 0)
         reached = landings.waiting[0] if on_mark else float(np.sum(row * found.q))
-        yield from landings.passed(state, value, found, reached)
+        yield from landings.states_passed(state, value, found, reached)
         if not landings.waiting:
             return
         if station is not None:

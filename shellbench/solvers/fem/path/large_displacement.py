@@ -36,8 +36,8 @@ from shellbench.solvers.fem.path.continuation import (
 from shellbench.solvers.fem.path.finite_state import FiniteState
 from shellbench.solvers.fem.path.newton import equilibrium
 from shellbench.solvers.fem.path.problem import FiniteProblem
-from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError, same, state_at
-from shellbench.solvers.stepping.paths import over_edit
+from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError, equal_marks, number_of_state
+from shellbench.solvers.stepping.paths import follow_edit
 
 Array = NDArray[np.float64]
 
@@ -275,8 +275,8 @@ def _states_over_edit(
     states: list[FiniteState] = []
     try:
         for t in case.states:
-            q = _interpolated(mesh, earlier, earlier.states[state_at(earlier.states, t)])
-            found, iterations = over_edit(partial(found_at, t), q)
+            q = _interpolated(mesh, earlier, earlier.states[number_of_state(earlier.states, t)])
+            found, iterations = follow_edit(partial(found_at, t), q)
             states.append(replace(found, iterations=iterations))
     except PathEndsError:
         yield from load_steps(problem, case.states, *lengths)
@@ -303,7 +303,7 @@ def _states_to_keep(case: Case, marks: Sequence[float], complete: bool) -> list[
     kept = []
     for mark in case.states:
         # The path lands on marks up to rounding. On a path that turns, the first passage counts.
-        there = [k for k, value in enumerate(marks) if same(value, mark)]
+        there = [k for k, value in enumerate(marks) if equal_marks(value, mark)]
         kept += there[:1]
     if not complete and len(marks) - 1 not in kept:
         kept.append(len(marks) - 1)
