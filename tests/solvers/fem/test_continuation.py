@@ -166,7 +166,7 @@ def test_limit_points_do_not_depend_on_the_length_of_steps(thick):
     coarse = list(displacement_steps(problem, row, THICK_MARKS, THICK_END, 1 / 12))
     assert len(coarse) < 0.7 * len(states)
     for number in (1, 2):
-        (load, at), (other, there) = (curve(row, found).turning("load", number) for found in (states, coarse))
+        (load, at), (other, there) = (curve(row, found).turning_point("load", number) for found in (states, coarse))
         assert other == pytest.approx(load, rel=1e-4)
         assert there == pytest.approx(at, rel=1e-3)
 
@@ -271,7 +271,7 @@ def test_turning_points_by_arc_length_do_not_depend_on_the_length_of_steps(thin)
     assert len(states) < 0.6 * len(fine)
     for of in ("load", "displacement"):
         for number in (1, 2):
-            (load, at), (other, there) = (curve(row, found).turning(of, number) for found in (states, fine))
+            (load, at), (other, there) = (curve(row, found).turning_point(of, number) for found in (states, fine))
             exact, loose = (load / other, at / there) if of == "load" else (at / there, load / other)
             assert exact == pytest.approx(1, abs=1e-8)
             assert loose == pytest.approx(1, abs=3e-5)
@@ -296,7 +296,7 @@ def test_states_on_a_coarser_mesh_lead_along_the_path_on_a_finer_one(monkeypatch
         assert np.allclose(one, other, rtol=0, atol=1e-7 * np.abs(other).max())
     ours, others = (Curve.of(found.history, "deflection") for found in (led, alone))
     for own, of in enumerate(("load", "displacement")):
-        found, expected = ours.turning(of, 1), others.turning(of, 1)
+        found, expected = ours.turning_point(of, 1), others.turning_point(of, 1)
         assert found[own] == pytest.approx(expected[own], rel=1e-6)
         assert found[1 - own] == pytest.approx(expected[1 - own], rel=1e-3)  # where something else has its extremum
     assert few < 0.8 * many

@@ -29,7 +29,7 @@ from shellbench.problems.shell.quantities.measure import measure
 from shellbench.problems.shell.question.places import Point
 from shellbench.problems.shell.question.surface import Domain
 from shellbench.problems.shell.records.series import frames, reached
-from shellbench.protocol.history import FrameRateStep, PrecisionStep, ResolutionStep, StateEnergies, finite
+from shellbench.protocol.history import FrameRateStep, PrecisionStep, ResolutionStep, StateEnergies, finite_or_none
 
 Array = NDArray[np.float64]
 
@@ -241,7 +241,7 @@ def quantities_of(solution: DisplacementField, case: Shell, known: Mapping[str, 
         if quantity.of_field:
             with contextlib.suppress(*UNREACHED):
                 value = known[quantity.name] if quantity.name in known else measure(solution, quantity)
-                if finite(value) is not None:
+                if finite_or_none(value) is not None:
                     found[quantity.name] = value
     return found
 

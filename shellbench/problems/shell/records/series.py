@@ -24,7 +24,7 @@ from shellbench.problems.shell.posed.course import is_constant
 from shellbench.problems.shell.posed.shell import Shell
 from shellbench.problems.shell.quantities.measure import measure
 from shellbench.problems.shell.quantities.quantities import EnergyQuantity, MotionEnergy, QuantityModel
-from shellbench.protocol.history import Series, finite
+from shellbench.protocol.history import Series, finite_or_none
 
 Array = NDArray[np.float64]
 
@@ -174,7 +174,7 @@ def series_of(solution: DisplacementField, case: Shell) -> tuple[Series, ...]:
             if value is None:
                 with contextlib.suppress(*REFUSED):
                     value = measure(snapshot, one.quantity.model_copy(update={"at": mark}))
-            if (figure := finite(value)) is not None:
+            if (figure := finite_or_none(value)) is not None:
                 points[one.name][mark] = figure
     return tuple(
         Series(
