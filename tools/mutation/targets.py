@@ -252,7 +252,7 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
     ),
     (
         "shell.posed.mirrors",
-        r"Sight\..*|mirror_of|_.*|point_forces",
+        r"ComparisonPoints\..*|mirror_of|_.*|point_forces",
         CHOICE,
         FOLDS + "; how points, places and supports are mirrored is mechanics",
     ),

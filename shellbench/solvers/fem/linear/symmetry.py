@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.posed.mirrors import Ends, Mirror, Sight, mirror_of, mirrored_supports
+from shellbench.problems.shell.posed.mirrors import ComparisonPoints, Ends, Mirror, mirror_of, mirrored_supports
 from shellbench.problems.shell.question.conditions import COMPONENTS
 from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.problems.shell.question.surface import Domain
@@ -280,7 +280,7 @@ class _CaseOnMesh:
         runs = [self._points(axis, line, cells), self.runs[1 - axis]]
         first, second = runs if axis == 0 else runs[::-1]
         points = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
-        sight = Sight(points, self.along, order=2, rounding=SYMMETRIC).and_narrow(self.case)
+        sight = ComparisonPoints(points, self.along, order=2, rounding=SYMMETRIC).with_narrow_cells(self.case)
         mirror = mirror_of(self.case, axis, float(self.mesh.lines[axis][line]), sight)
         return mirror if mirror is not None and mirrored_supports(self.case, mirror) is not None else None
 

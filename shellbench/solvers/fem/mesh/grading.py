@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.question.features import quickness
+from shellbench.problems.shell.question.features import quickness_in_words
 from shellbench.problems.shell.question.loads import PointLoad
 from shellbench.problems.shell.question.places import Edge, Point
 from shellbench.solvers.fem.mesh.mesh import CUBIC, ROUNDING, SAME, Degree, TensorMesh
@@ -164,7 +164,7 @@ def why_unresolved(case: Case, mesh: TensorMesh) -> str | None:
             cells = np.diff(line)[np.clip(np.searchsorted(line, middles) - 1, 0, len(line) - 2)]
             needed = (division.high - division.low)[there, axis]
             if np.any(cells > COARSE * needed):
-                return f"{feature.what} {quickness(case, feature, axis)}, and the mesh does not resolve it"
+                return f"{feature.what} {quickness_in_words(case, feature, axis)}, and the mesh does not resolve it"
     return None
 
 
