@@ -37,7 +37,7 @@ def at_rest(patch):
 
 def glued(patch):
     """Points that have touched an obstacle stay in contact for good."""
-    patch.setattr(touching.ObstacleContact, "contact_at", stuck(touching.ObstacleContact.contact_at))
+    patch.setattr(touching.Obstacles, "contact_at", stuck(touching.Obstacles.contact_at))
 
 
 def stuck(asked):
@@ -102,9 +102,8 @@ def test_the_stiffness_of_an_obstacle_is_the_derivative_of_its_forces():
     problem = FiniteProblem.on_mesh(case, mesh, Quadrature.of_order(mesh, 5))
     random = np.random.default_rng(0)
     q, step = (size * random.standard_normal((4, 12)) for size in (0.02, 1e-6))
-    pressing = touching.ObstacleContact(
-        points, 1.0, np.full(len(points.points), 1e3), np.ones(len(points.points), dtype=bool)
-    )
+    every = np.ones(len(points.points), dtype=bool)
+    pressing = touching.Obstacles(points, 1.0, 1e3 * every, every)
     matrix = problem.energy.tangent(problem.energy.deform(q))
     before = matrix.blocks.copy()
     pressing.add_stiffness(matrix, pressing.contact_at(q))

@@ -32,7 +32,7 @@ def linear_normal(patch):
 
     def linear(cls, reference, gradients):
         found = original(cls, reference, gradients)
-        rise = (found.normal_variation @ gradients[:, :2].reshape(-1, 6, 1))[..., 0]
+        rise = (found.normal_change @ gradients[:, :2].reshape(-1, 6, 1))[..., 0]
         return replace(found, rise=rise)
 
     patch.setattr(kinematics.Deformation, "from_gradients", classmethod(linear))

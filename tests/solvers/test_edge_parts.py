@@ -7,12 +7,7 @@ from derivations.partly_clamped_plate import partly_clamped_plate
 from shellbench.bench.catalogue import catalog
 from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.solvers.cst.solver import CstSolver
-from shellbench.solvers.fem.mechanics.corners import (
-    EdgeConditions,
-    bending_exponent,
-    break_exponents,
-    membrane_exponent,
-)
+from shellbench.solvers.fem.mechanics.corners import Rim, bending_exponent, break_exponents, membrane_exponent
 from shellbench.solvers.fem.mesh.grading import graded_mesh
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from shellbench.solvers.ndf.published_solver import PublishedSolver
@@ -49,9 +44,7 @@ def solved(case, **settings):
 def test_moments_are_infinite_as_an_inverse_square_root_where_supports_change(kinds):
     # Williams (1952), table for an angle of 180 degrees
     assert bending_exponent(np.pi, *kinds, 0.3) == pytest.approx(0.5, abs=1e-9)
-    assert membrane_exponent(np.pi, EdgeConditions(held=(2, 0.0)), EdgeConditions(), 0.3) == pytest.approx(
-        0.5, abs=1e-9
-    )
+    assert membrane_exponent(np.pi, Rim(held=(2, 0.0)), Rim(), 0.3) == pytest.approx(0.5, abs=1e-9)
 
 
 def test_a_partly_clamped_plate_is_as_its_dual_series_says():

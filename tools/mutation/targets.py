@@ -134,7 +134,7 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
     ("fem.algebra.eigenpairs", r".*", EQUATION, "a block Lanczos method"),
     (
         "fem.algebra.direct_solve",
-        r"solve_reduced|_refine_by_strains|_conjugate_gradients|_quotient|_cosine|_ratio|_factorise_by_.*|factorised",
+        r"solve_reduced|_refine|_conjugate_gradients|_quotient|_cosine|_ratio|_factorise_by_.*|factorised",
         EQUATION,
         "iterative refinement, and factorisations",
     ),

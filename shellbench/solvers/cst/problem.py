@@ -20,7 +20,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.posed.rigid import rigid_modes
 from shellbench.problems.shell.question.conditions import RIGID_MOTIONS, Support
 from shellbench.problems.shell.question.places import Edge, Place, Point, Whole
-from shellbench.solvers.cst.contact import ObstaclePenalty
+from shellbench.solvers.cst.contact import Obstacles
 from shellbench.solvers.cst.elastic import Elastic, Loading, Pattern
 from shellbench.solvers.cst.mesh import TriangleMesh
 
@@ -189,11 +189,11 @@ class TriangleProblem:
         """Return the forces (v, 3) that hold triangles, hinges and springs in a displacement, N."""
         return self.elastic.gradient(displacement) + self.loading.springs * displacement
 
-    def obstacles_at(self, at: float, dt: float) -> ObstaclePenalty | None:
+    def obstacles_at(self, at: float, dt: float) -> Obstacles | None:
         """Return the obstacles at the end of a step in time dt, s, or None if there are none."""
         if not self.case.obstacles:
             return None
-        return ObstaclePenalty.in_step(self.case, self.mesh.points, self.loading.mass, at, dt)
+        return Obstacles.in_step(self.case, self.mesh.points, self.loading.mass, at, dt)
 
     def strain_energy(self, displacement: Array) -> float:
         """Return the energy of triangles, hinges and springs, J."""
@@ -239,7 +239,7 @@ def minimise(
     target: Array,
     smallest: float,
     most: int,
-    pressing: ObstaclePenalty | None = None,
+    pressing: Obstacles | None = None,
 ) -> Minimum:
     """Minimise W(u) - f.u + 1/2 sum of m_i |u_i - target_i|^2 over the free vertices by Newton's method.
 
@@ -310,9 +310,7 @@ def minimise(
     raise SolveFailure(f"Newton's method did not converge in {most} steps")
 
 
-def _newton_step(
-    problem: TriangleProblem, u: Array, g: Array, diagonal: Array, pressing: ObstaclePenalty | None
-) -> Array:
+def _newton_step(problem: TriangleProblem, u: Array, g: Array, diagonal: Array, pressing: Obstacles | None) -> Array:
     # LU, not Cholesky: it takes an indefinite matrix; the step is checked to be downhill and convex along itself. The
     # textbook shifts the whole matrix until Cholesky succeeds. Here a definite matrix, made element by element,
     # replaces the exact one if that fails.

@@ -66,13 +66,13 @@ class CstSolution(ShellSolution):
         before, length = after - 1, float(self.marks[after] - self.marks[after - 1])
         return before, after, (mark - float(self.marks[before])) / length
 
-    def _interpolate_in_time(self, at: float | None, of: Callable[[int], Array]) -> Array:
+    def _in_time(self, at: float | None, of: Callable[[int], Array]) -> Array:
         before, after, weight = self._frames_around(at)
         return of(before) if weight == 0 else (1 - weight) * of(before) + weight * of(after)
 
     def vertices(self, at: float | None = None) -> Array:
         """Return the displacements (v, 3) of the vertices at a mark, or between two times."""
-        return self._interpolate_in_time(at, lambda k: np.asarray(self.frames[..., k]))
+        return self._in_time(at, lambda k: np.asarray(self.frames[..., k]))
 
     def _velocities_of_step(self, k: int) -> Array:
         """Return the velocities (v, 3) of the step that ended at frame k: backward Euler's own."""
@@ -80,19 +80,19 @@ class CstSolution(ShellSolution):
             return np.zeros(self.frames.shape[:2])
         return np.asarray((self.frames[..., k] - self.frames[..., k - 1]) / (self.marks[k] - self.marks[k - 1]))
 
-    def _interpolate_in_space(self, vertices: Array, xi: Array) -> Array:
+    def _in_space(self, vertices: Array, xi: Array) -> Array:
         triangle, weights = self.mesh.locate(xi)
         return np.asarray(np.einsum("na,nac->nc", weights, vertices[self.mesh.triangles[triangle]]))
 
     def displacement_at(self, xi: Array, at: float | None) -> Array:
         """Return the displacement (N, 3) at points (N, 2)."""
-        return self._interpolate_in_space(self.vertices(at), xi)
+        return self._in_space(self.vertices(at), xi)
 
     def velocity_at(self, xi: Array, at: float | None) -> Array:
         """Return the velocity (N, 3) at points (N, 2): that of the step at its end, linear in between."""
         if self.case.dynamics is None:
             return super().velocity_at(xi, at)
-        return self._interpolate_in_space(self._interpolate_in_time(at, self._velocities_of_step), xi)
+        return self._in_space(self._in_time(at, self._velocities_of_step), xi)
 
     @cached_property
     def _strains(self) -> Callable[[float | None], tuple[Array, Array]]:
@@ -133,7 +133,7 @@ class CstSolution(ShellSolution):
 
         They hold and move its vertices as prescribed: internal forces and inertia less loads.
         """
-        forces = self.problem.supports.share_of_forces(number) * self._interpolate_in_time(at, self._support_forces)
+        forces = self.problem.supports.share_of_forces(number) * self._in_time(at, self._support_forces)
         arms = self.problem.elastic.rest - centre
         if not self.case.linear:
             arms = arms + self.vertices(at)
@@ -141,9 +141,7 @@ class CstSolution(ShellSolution):
 
     def touch(self, at: float | None = None) -> Touch:
         """Return the contact forces of obstacles on the vertices."""
-        return touch_at_vertices(
-            self.case, self.mesh.points, self.mesh.steps, self._interpolate_in_time(at, self._contact_forces)
-        )
+        return touch_at_vertices(self.case, self.mesh.points, self.mesh.steps, self._in_time(at, self._contact_forces))
 
     def _contact_forces(self, k: int) -> Array:
         u, dt = self.frames[..., k], float(self.marks[1] - self.marks[0]) if len(self.marks) > 1 else 1.0

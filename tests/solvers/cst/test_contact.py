@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shellbench.errors import InputError
-from shellbench.solvers.cst.contact import STIFFNESS, ObstaclePenalty
+from shellbench.solvers.cst.contact import STIFFNESS, Obstacles
 from shellbench.solvers.cst.solver import CstSolver
 from tests.problems.shell.stated_shells import plate
 from tests.solvers.cst.shells import CLOTH, cloth
@@ -28,7 +28,7 @@ def test_forces_are_the_slope_of_the_energy_and_the_tangent_that_of_forces():
     points = rng.uniform(0.2, 0.6, (20, 2))
     slope = {"kind": "plane", "centre": [0.4, 0.4, -0.8], "normal": [1, 2, 2]}
     for obstacle, down in ((BALL, 0.05), (slope, 0.8)):
-        pressing = ObstaclePenalty.in_step(cloth(obstacles=[obstacle]), points, np.ones(20), 0.0, 0.1)
+        pressing = Obstacles.in_step(cloth(obstacles=[obstacle]), points, np.ones(20), 0.0, 0.1)
         u, way = np.array([0, 0, -down]) + rng.normal(0, 0.02, (20, 3)), rng.normal(size=(20, 3))
         there = [pressing.energy(u + s * 1e-6 * way) for s in (-1, 1)]
         slope = (there[0] - there[1]) / 2e-6

@@ -188,7 +188,7 @@ def test_the_force_is_the_derivative_of_the_energy_beyond_buckling():
 def test_the_softest_mode_is_that_of_the_smallest_eigenvalue():
     shortening, _ = critical_column(True)
     problem = problem_of(column(True, 2 * shortening), (6, 2))
-    state = equilibrium(problem, problem.rest_state(), 0.9 * shortening)
+    state = equilibrium(problem, problem.at_rest(), 0.9 * shortening)
     buckling, ties = Buckling(problem), problem.ties(state.t)
     mode, stiffness = buckling.softest_mode(ties, buckling.stiffness(buckling.tangent(state), state.t))
     value, vector = smallest(problem, state, buckling.area)
@@ -249,7 +249,7 @@ def test_where_the_inertia_changes_the_smallest_eigenvalue_changes_sign(twisted)
     assert values[0] > 0 > values[1]
     far = smallest(problem, equilibrium(problem, critical, 0.9 * critical.t), area)[0]
     assert values[0] < 1e-2 * far
-    rest = smallest(problem, problem.rest_state(), area)[0]
+    rest = smallest(problem, problem.at_rest(), area)[0]
     assert Buckling(problem).softest_stiffness == pytest.approx(rest, rel=2e-2)
 
 

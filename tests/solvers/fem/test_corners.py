@@ -7,7 +7,7 @@ from scipy.optimize import brentq
 from shellbench.bench.catalogue import catalog
 from shellbench.solvers.fem.mechanics.corners import (
     SMOOTH,
-    EdgeConditions,
+    Rim,
     Singularities,
     bending_exponent,
     corner_exponents,
@@ -17,8 +17,8 @@ from shellbench.solvers.fem.mesh.convergence import ASYMPTOTIC
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.solvers.fem.shells import shell
 
-FREE, FIXED = EdgeConditions(), EdgeConditions(held=(2, 0.0))
-ALONG, ACROSS = EdgeConditions(held=(1, 0.0)), EdgeConditions(held=(1, np.pi / 2))
+FREE, FIXED = Rim(), Rim(held=(2, 0.0))
+ALONG, ACROSS = Rim(held=(1, 0.0)), Rim(held=(1, np.pi / 2))
 NU = 0.3
 
 

@@ -13,9 +13,8 @@ def found(values, count):
     size, random = len(values), np.random.default_rng(1)
     turn, _ = np.linalg.qr(random.normal(size=(size, size)))
     inverse = (turn * values) @ turn.T
-    return largest_eigenpairs(
-        lambda x: x, lambda x: inverse @ x, random.normal(size=(size, BLOCK)), count
-    ), turn / values @ turn.T
+    found = largest_eigenpairs(lambda x: x, lambda x: inverse @ x, random.normal(size=(size, BLOCK)), count)
+    return found, turn / values @ turn.T
 
 
 def test_both_copies_of_each_eigenvalue_are_found():

@@ -140,7 +140,7 @@ def test_rims_that_turn_together_cost_no_energy(axis):
     for cells in ((8, 2), (16, 2)):
         case = clamped("cylinder", ["xi2_min", "xi2_max"], turned(axis, "90*t"))
         problem = problem_of(case, cells)
-        state = problem.rest_state()
+        state = problem.at_rest()
         for t in (0.25, 0.5, 0.75, 1.0):
             state = equilibrium(problem, state, t)
             assert state.stable
@@ -161,7 +161,7 @@ def test_between_the_nodes_of_turned_rims_the_gap_closes_with_the_fourth_power()
     gaps = []
     for cells in ((12, 4), (24, 4)):
         problem = problem_of(case, cells)
-        state = problem.rest_state()
+        state = problem.at_rest()
         for t in (0.25, 0.5, 0.75, 1.0):
             state = equilibrium(problem, state, t)
         gaps.append(max(np.abs(clamp.deform_edge(state.q, 1.0).gap).max() for clamp in problem.clamps))
@@ -172,7 +172,7 @@ def test_a_rim_whose_normal_stays_behind_is_bent():
     """Complement the test above, which would pass without clamping: turned rims that keep their normals do cost energy."""
     case = clamped("cylinder", ["xi2_min", "xi2_max"], turned((1.0, 0.0, 0.0), "20*t"))
     problem = problem_of(case, (8, 2))
-    carried = equilibrium(problem, problem.rest_state(), 1.0)
+    carried = equilibrium(problem, problem.at_rest(), 1.0)
     left = {
         "supports": (
             case.supports[0].model_copy(update={"motion": Rotation(kind="rotation", axis=(1, 0, 0), angle=0)}),
@@ -212,13 +212,13 @@ def test_it_is_needed():
 
     def potential(cells):
         problem = problem_of(case, cells)
-        state = equilibrium(problem, problem.rest_state(), 1.0)
+        state = equilibrium(problem, problem.at_rest(), 1.0)
         assert state.stable
         return problem.potential(state)
 
     def tied(cells):
         problem = replace(problem_of(case, cells), clamps=())
-        return problem.potential(equilibrium(problem, problem.rest_state(), 1.0))
+        return problem.potential(equilibrium(problem, problem.at_rest(), 1.0))
 
     fine = potential((20, 10))
     errors, without = ([abs(of((n, n)) / fine - 1) for n in (4, 8)] for of in (potential, tied))

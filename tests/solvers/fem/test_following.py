@@ -140,7 +140,7 @@ def test_steps_are_solved_with_the_whole_tangent():
     case = catalog.named_case("cantilever_pressure")
     mesh = graded_mesh(case, (8, 2), 1.0)
     problem = FiniteProblem.on_mesh(case, mesh, Quadrature.of_order(mesh, 7))
-    state = equilibrium(problem, problem.rest_state(), 0.1)
+    state = equilibrium(problem, problem.at_rest(), 0.1)
     ties = problem.ties(0.1)
     right = np.where(ties.free, random_displacement(mesh), 0.0)
     found = state.factor.solve(right[..., None])[..., 0]
@@ -156,7 +156,7 @@ def test_newtons_method_converges_quadratically():
     case = catalog.named_case("cantilever_pressure")
     mesh = graded_mesh(case, (8, 1), 1.0)
     problem = FiniteProblem.on_mesh(case, mesh, Quadrature.of_order(mesh, 7))
-    state = equilibrium(problem, equilibrium(problem, problem.rest_state(), 0.2), 0.4, tolerance=1e-20)
+    state = equilibrium(problem, equilibrium(problem, problem.at_rest(), 0.2), 0.4, tolerance=1e-20)
     first, second, third = state.residuals[-4:-1]
     assert third < 1e-4 < first
     assert np.log(third / second) < 1.5 * np.log(second / first)

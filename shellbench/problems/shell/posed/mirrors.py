@@ -90,7 +90,7 @@ class ComparisonPoints:
         )
         return replace(self, points=points, along=(first, second))
 
-    def equal_to_rounding(self, one: Array, other: Array, scale: float | None = None) -> bool:
+    def equal(self, one: Array, other: Array, scale: float | None = None) -> bool:
         """Return True if two arrays differ by rounding only, relative to `scale` or else their largest magnitude."""
         if scale is None:
             scale = max(float(np.abs(one).max(initial=0.0)), float(np.abs(other).max(initial=0.0)))
@@ -148,21 +148,21 @@ def mirror_of(case: Shell, axis: int, at: float, sight: ComparisonPoints) -> Mir
     if case.edge_parts:  # which are not looked at
         return None
     chosen = (np.arange(FIRST_LOOK) * GOLDEN % 1 * len(sight.points)).astype(int)
-    if _reflected_in(*_derivatives_at_images(case, axis, at, sight.points[chosen], 0), 2 * sight.rounding) is None:
+    if _reflected_in(*_image_derivatives(case, axis, at, sight.points[chosen], 0), 2 * sight.rounding) is None:
         return None
     here, there = _points_and_images(case, axis, at, sight.points)
-    x, image = _derivatives_at_images(case, axis, at, sight.points, sight.order)
+    x, image = _image_derivatives(case, axis, at, sight.points, sight.order)
     plane = _reflected_in(x, image, sight.rounding)
     if plane is None:
         return None
     mirror = Mirror(axis, at, *plane)
     for key in x.keys() - {(0, 0)}:
-        if not sight.equal_to_rounding(image[key], (-1) ** key[axis] * mirror.signs * x[key]):
+        if not sight.equal(image[key], (-1) ** key[axis] * mirror.signs * x[key]):
             return None
     if not _stiffness_agrees(case, here, there, sight):
         return None
     for t in _compared_times(case):
-        if not sight.equal_to_rounding(load_density(case, there, t), mirror.signs * load_density(case, here, t)):
+        if not sight.equal(load_density(case, there, t), mirror.signs * load_density(case, here, t)):
             return None
         if not (_edge_loads_agree(case, mirror, sight, t) and _point_loads_agree(case, mirror, sight, t)):
             return None
@@ -178,9 +178,7 @@ def _points_and_images(case: Shell, axis: int, at: float, points: Array) -> tupl
     return domain.wrap(points), domain.wrap(Mirror(axis, at, 0).image(points))
 
 
-def _derivatives_at_images(
-    case: Shell, axis: int, at: float, points: Array, order: int
-) -> tuple[Derivatives, Derivatives]:
+def _image_derivatives(case: Shell, axis: int, at: float, points: Array, order: int) -> tuple[Derivatives, Derivatives]:
     """Return the surface's derivatives at points, and at their images."""
     here, there = _points_and_images(case, axis, at, points)
     return case.surface.derivatives(here, order), case.surface.derivatives(there, order)
@@ -203,16 +201,14 @@ def _stiffness_agrees(case: Shell, here: Array, there: Array, sight: ComparisonP
         return True
     constants = case.surface.named_constants
     factors = (case.material.factors(points, constants) for points in (here, there))
-    return all(sight.equal_to_rounding(one, other) for one, other in zip(*factors, strict=True))
+    return all(sight.equal(one, other) for one, other in zip(*factors, strict=True))
 
 
 def _compared_times(case: Shell) -> tuple[float, ...]:
     return case.states if case.linear else (*case.states, ON_THE_WAY * case.path.until)
 
 
-def _edge_points_and_images(
-    domain: Domain, edge: Edge, mirror: Mirror, sight: ComparisonPoints
-) -> tuple[Array, Edge, Array]:
+def _edge_images(domain: Domain, edge: Edge, mirror: Mirror, sight: ComparisonPoints) -> tuple[Array, Edge, Array]:
     """Return points (n, 2) of an edge, the edge's image, and theirs on it."""
     points, image = edge.points(domain, sight.along[1 - edge.axis]), mirror.place(edge)
     assert isinstance(image, Edge)
@@ -223,13 +219,10 @@ def _edge_loads_agree(case: Shell, mirror: Mirror, sight: ComparisonPoints, t: f
     if not any(isinstance(load, EdgeLoad | MomentLoad) for load in case.loads):
         return True
     for edge in (place for place in case.places.values() if isinstance(place, Edge)):
-        points, image, images = _edge_points_and_images(case.surface.domain, edge, mirror, sight)
+        points, image, images = _edge_images(case.surface.domain, edge, mirror, sight)
         here, there = _edge_densities(case, edge, points, t), _edge_densities(case, image, images, t)
         # a moment is an axial vector
-        if not (
-            sight.equal_to_rounding(there[0], mirror.signs * here[0])
-            and sight.equal_to_rounding(there[1], -mirror.signs * here[1])
-        ):
+        if not (sight.equal(there[0], mirror.signs * here[0]) and sight.equal(there[1], -mirror.signs * here[1])):
             return False
     return True
 
@@ -270,7 +263,7 @@ def _point_loads_agree(case: Shell, mirror: Mirror, sight: ComparisonPoints, t: 
         there = (force for xi, force in forces if _points_coincide(case.surface.domain, xi, point, sight.rounding))
         return np.asarray(sum(there, start=np.zeros(3)))
 
-    return all(sight.equal_to_rounding(at(mirror.image(xi)), mirror.signs * at(xi), scale) for xi, _ in forces)
+    return all(sight.equal(at(mirror.image(xi)), mirror.signs * at(xi), scale) for xi, _ in forces)
 
 
 def _points_coincide(domain: Domain, one: ArrayLike, other: ArrayLike, slack: float) -> bool:
@@ -305,13 +298,13 @@ def _supports_agree(case: Shell, mirror: Mirror, sight: ComparisonPoints) -> boo
 
 def _motions_agree(case: Shell, mirror: Mirror, sight: ComparisonPoints, place: Place, image: Place, t: float) -> bool:
     if isinstance(place, Edge):
-        points, _, images = _edge_points_and_images(case.surface.domain, place, mirror, sight)
+        points, _, images = _edge_images(case.surface.domain, place, mirror, sight)
     else:
         assert isinstance(place, Point)
         assert isinstance(image, Point)
         points, images = np.array([place.xi]), np.array([image.xi])
     here, there = (_motion_of_place(case, *on, t, sight.order) for on in ((place, points), (image, images)))
-    return all(sight.equal_to_rounding((-1) ** key[mirror.axis] * there[key], mirror.signs * here[key]) for key in here)
+    return all(sight.equal((-1) ** key[mirror.axis] * there[key], mirror.signs * here[key]) for key in here)
 
 
 def _motion_of_place(case: Shell, place: Place, points: Array, t: float, order: int) -> dict[tuple[int, int], Array]:

@@ -84,7 +84,7 @@ def check_point_actions(case: Shell) -> None:
         return
     for quantity in case.quantities:
         for pull in _unlimited_pulls(case, mark_of(case, quantity)):
-            if pull.steep and _change_per_metre(case, quantity, pull, None):
+            if pull.steep and _value_change(case, quantity, pull, None):
                 how, way = (
                     ("at a single point", "ask for the theory kirchhoff-love-linear")
                     if pull.spot.shears
@@ -103,15 +103,13 @@ def drifts(case: Shell, solution: Any) -> dict[str, float]:
         return {}
     found = {}
     for quantity in case.quantities:
-        moved = sum(
-            p.drift * _change_per_metre(case, quantity, p, solution) for p in _unlimited_pulls(case, quantity.at)
-        )
+        moved = sum(p.drift * _value_change(case, quantity, p, solution) for p in _unlimited_pulls(case, quantity.at))
         for support, spot, lean in leaning_supports(case):
             # The point yields along the midsurface by a drift, and along the support's own direction by its share.
             force = lean * float(np.linalg.norm(solution.reaction(support.name, at=quantity.at)[0]))
             yielding = Pull(spot, force, steep=False)
             of_place = isinstance(quantity, DisplacementQuantity | PositionQuantity | LargestDisplacement)
-            moved += yielding.drift * (lean if of_place else _change_per_metre(case, quantity, yielding, solution))
+            moved += yielding.drift * (lean if of_place else _value_change(case, quantity, yielding, solution))
         if moved:
             found[quantity.name] = moved
     return found
@@ -123,7 +121,7 @@ def remark(case: Shell) -> str:
         return ""
     words = []
     for pull in {p.spot.name: p for q in case.quantities for p in _unlimited_pulls(case, q.at)}.values():
-        names = [q.name for q in case.quantities if _change_per_metre(case, q, pull, None)]
+        names = [q.name for q in case.quantities if _value_change(case, q, pull, None)]
         if names:
             words.append(
                 f"the force at '{pull.spot.name}' leans from the normal, so that {', '.join(names)} drift without"
@@ -144,7 +142,7 @@ def _may_drift(case: Shell) -> bool:
     return case.linear and not case.modal and not case.prescribed
 
 
-def _change_per_metre(case: Shell, quantity: ShellQuantity, pull: Pull, solution: Any) -> float:
+def _value_change(case: Shell, quantity: ShellQuantity, pull: Pull, solution: Any) -> float:
     """Return the change of a value for each metre that a point moves; 0 if the value has a limit.
 
     The largest displacement takes part along the direction in which the point has moved, if that is known. The energy

@@ -94,11 +94,7 @@ def kept_fields(solution: DisplacementField, case: Shell) -> dict[str, NDArray[A
         states = states_at(solution, case, xi)
         stacked = np.array(list(states.values()), dtype=PICTURE_TYPE).reshape(-1, *displacement.shape)
         fields |= {"marks": np.array(list(states)), "displacements": stacked}
-    return (
-        fields
-        | _arrays_or_none(lambda: energy_densities(solution, xi))
-        | _arrays_or_none(lambda: probe_fields(solution, case))
-    )
+    return fields | _arrays(lambda: energy_densities(solution, xi)) | _arrays(lambda: probe_fields(solution, case))
 
 
 def energy_densities(solution: DisplacementField, xi: Array) -> dict[str, NDArray[Any]]:
@@ -109,7 +105,7 @@ def energy_densities(solution: DisplacementField, xi: Array) -> dict[str, NDArra
     return {name: density for name, density in found.items() if np.all(np.isfinite(density))}
 
 
-def _arrays_or_none(ask: Callable[[], dict[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
+def _arrays(ask: Callable[[], dict[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
     """Return the arrays that a call on the solution gives; none if it fails."""
     try:
         return ask()

@@ -84,7 +84,5 @@ def _sum(part: Part, matrix: CellMatrices, ranks: Integers, cells: Sequence[int]
     dense = np.zeros((size, size))
     flat = dense.reshape(-1)
     for cell, place in zip(cells, places_in_front(part, ranks[cells]), strict=True):
-        flat[(place[:, None] * size + place).ravel()] += matrix.matrix_of_cell(
-            cell
-        ).ravel()  # no place occurs twice in a cell
+        flat[(place[:, None] * size + place).ravel()] += matrix.of_cell(cell).ravel()  # no place occurs twice in a cell
     return dense

@@ -39,7 +39,7 @@ class CellMatrices:
     changed: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     instead: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
 
-    def matrix_of_cell(self, cell: int) -> Array:
+    def of_cell(self, cell: int) -> Array:
         """Return the matrix (f, f) of a cell."""
         place = int(np.searchsorted(self.changed, cell))
         own = place < len(self.changed) and self.changed[place] == cell
@@ -53,7 +53,7 @@ class CellMatrices:
         changed = np.union1d(self.changed, cells)
         instead = np.empty((len(changed), *self.blocks.shape[1:]))
         for place, cell in enumerate(changed):
-            instead[place] = self.matrix_of_cell(int(cell))
+            instead[place] = self.of_cell(int(cell))
         return replace(self, changed=changed, instead=instead)
 
     @property

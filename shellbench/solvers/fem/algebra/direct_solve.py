@@ -159,7 +159,7 @@ def solve_reduced(
         relative = _ratio(left, right)
         lost = False
         if careful and correction > much:
-            unknowns, correction, noise, lost = _refine_by_strains(careful, backward, unknowns, much)
+            unknowns, correction, noise, lost = _refine(careful, backward, unknowns, much)
     except MemoryError:
         raise SolveFailure(f"the factorisation of {right[..., 0].size} unknowns does not fit into memory") from None
     except NotPositiveDefiniteError:
@@ -182,9 +182,7 @@ def solve_reduced(
     return answer
 
 
-def _refine_by_strains(
-    careful: StrainSystem, backward: Solve, unknowns: Array, much: float
-) -> tuple[Array, float, float, bool]:
+def _refine(careful: StrainSystem, backward: Solve, unknowns: Array, much: float) -> tuple[Array, float, float, bool]:
     """Return the answer refined by strains, its last correction, the correction's energy, and True if it is lost."""
     before, last = math.inf, np.zeros_like(unknowns)  # the first step corrects K: it may exceed the last one by K
     for _ in range(CAREFUL_REFINEMENTS):

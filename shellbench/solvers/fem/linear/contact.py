@@ -95,12 +95,7 @@ def solve_contact(
         u, pressed = np.zeros((len(area), COMPONENTS)), None
         softness = points.penalty_factors()
     else:
-        q, u, pressed, softness = (
-            None,
-            near.displacement(points.points),
-            points.nearest_to_pressed(near.touch()),
-            np.zeros(0),
-        )
+        q, u, pressed, softness = None, near.displacement(points.points), points.pressed_near(near.touch()), np.zeros(0)
     pressure = np.zeros(len(area))
     for step in range(MOST_MULTIPLIERS):
         gap, normal = gaps(points.case, points.points, u, t)

@@ -84,35 +84,31 @@ class _Modes:
         return self.case.quantities[0].kind == "frequency"
 
     @cached_property
-    def rigid_motions(self) -> Array:
+    def motions(self) -> Array:
         """(6, n): free rigid motions."""
         return free_motions(self.case)
 
     @cached_property
     def ties(self) -> Ties:
         ties = support_ties(self.case, self.mesh, (FULL_LOAD,))
-        if self.vibrates or not self.rigid_motions.size:
+        if self.vibrates or not self.motions.size:
             return ties
         # Stresses do no work on a translation: held or not, it changes no buckling load.
-        return ties.with_pins(
-            *determinate_pins(ties.nodes, nodal_rigid_motions(self.case, self.mesh) @ self.rigid_motions)
-        )
+        return ties.with_pins(*determinate_pins(ties.nodes, nodal_rigid_motions(self.case, self.mesh) @ self.motions))
 
     @cached_property
-    def shell_stiffness(self) -> Matrix:
+    def stiffness(self) -> Matrix:
         """The stiffness of the shell alone."""
         return stiffness(self.mesh, self.case.surface, self.case.material, self.quadrature)
 
     @cached_property
-    def support_stiffness(self) -> Matrix | None:
+    def support_terms(self) -> Matrix | None:
         """Stiffness of springs, and of clamps between nodes; None without any."""
         clamps = list(clamped_edges(self.case, self.mesh, (FULL_LOAD,)))
         if not clamps and not self.case.springs:
             return None
-        springs = (
-            spring_blocks(self.case, self.mesh) if self.case.springs else np.zeros_like(self.shell_stiffness.blocks)
-        )
-        matrix = replace(self.shell_stiffness, blocks=springs)
+        springs = spring_blocks(self.case, self.mesh) if self.case.springs else np.zeros_like(self.stiffness.blocks)
+        matrix = replace(self.stiffness, blocks=springs)
         for clamp in clamps:
             clamp.add_to(matrix)
         return matrix
@@ -133,9 +129,9 @@ class _Modes:
         loaded = solve(self.case, self.mesh, (FULL_LOAD,), order, self.method).solution
         return geometric_stiffness(loaded, self.quadrature)
 
-    def sum_of_matrices(self, *matrices: Matrix | None) -> Matrix:
+    def total(self, *matrices: Matrix | None) -> Matrix:
         blocks = [matrix.blocks for matrix in matrices if matrix is not None]
-        return replace(self.shell_stiffness, blocks=sum(blocks[1:], start=blocks[0]))
+        return replace(self.stiffness, blocks=sum(blocks[1:], start=blocks[0]))
 
     def reduced(self, matrix: Matrix) -> Matrix:
         return self.ties.reduce_cells(matrix) if isinstance(matrix, CellMatrices) else self.ties.reduce(matrix)
@@ -143,7 +139,7 @@ class _Modes:
     @cached_property
     def shift(self) -> float:
         """Shift of the squared angular frequencies of a shell that may move freely, 1/s^2."""
-        if not self.vibrates or not self.rigid_motions.size:
+        if not self.vibrates or not self.motions.size:
             return 0.0
         material, size = self.case.material, shell_size(self.case)
         return SHIFT * material.bending_stiffness / (material.areal_density * size**4)
@@ -155,18 +151,15 @@ class _Modes:
         # 3. Apply Rayleigh-Ritz to these modes, with energies from strains, which have less rounding than K as a
         #    matrix.
         # 4. Remove the rigid motions: in vibration they are the first modes, at zero.
-        first = len(self.rigid_motions.T) if self.vibrates else 0
+        first = len(self.motions.T) if self.vibrates else 0
         if self.vibrates:
             ahead, geometric = self.mass, self.geometric
             shift = replace(self.mass, blocks=self.shift * self.mass.blocks) if self.shift else None
-            stiff = self.sum_of_matrices(self.shell_stiffness, self.support_stiffness, geometric, shift)
+            stiff = self.total(self.stiffness, self.support_terms, geometric, shift)
         else:
             geometric = self.geometric
             assert geometric is not None  # a case that asks for buckling loads has loads
-            ahead, stiff = (
-                replace(geometric, blocks=-geometric.blocks),
-                self.sum_of_matrices(self.shell_stiffness, self.support_stiffness),
-            )
+            ahead, stiff = replace(geometric, blocks=-geometric.blocks), self.total(self.stiffness, self.support_terms)
         try:
             backward = factorised(self.reduced(stiff), self.mesh, self.method)
         except NotPositiveDefiniteError:
@@ -194,7 +187,7 @@ class _Modes:
         modes = self.ties.to_nodal(vectors.reshape(shape))
         roots = root_operators(self.mesh, self.case.surface, self.case.material, self.quadrature)
         energy = _products_of_modes(modes, InternalForces(self.mesh, self.quadrature, roots)(modes))
-        for matrix in (self.support_stiffness, geometric if self.vibrates else None):
+        for matrix in (self.support_terms, geometric if self.vibrates else None):
             if matrix is not None:
                 energy += _products_of_modes(modes, matrix @ modes)
         # Sort by mu again, which is finite whatever the energy of rigid motions.
@@ -263,7 +256,7 @@ def geometric_stiffness(loaded: FemSolution, quadrature: Quadrature) -> Matrix:
     for cells in cell_portions(mesh):
         points, weights = quadrature.on_cells(mesh, cells)
         flat = points.reshape(-1, 2)
-        reference = Midsurface.from_derivatives(case.surface.derivatives(flat, order=2))
+        reference = Midsurface.from_position(case.surface.derivatives(flat, order=2))
         gradients = derivatives_on_cells(mesh, cells, quadrature, loaded.coefficients)[..., 0]
         operator = np.swapaxes(strain_operator(reference), -1, -2).reshape(len(flat), 6, GRADIENT)
         strains = (operator @ gradients.reshape(len(flat), GRADIENT, 1)).reshape(-1, 2, 3, 1)

@@ -175,7 +175,7 @@ def _root_operator(
 ) -> Array:
     points, weights = quadrature.on_cells(mesh, cells)
     count, per_cell = weights.shape
-    geometry = Midsurface.from_derivatives(surface.derivatives(points.reshape(-1, 2), order=2))
+    geometry = Midsurface.from_position(surface.derivatives(points.reshape(-1, 2), order=2))
     moduli = stiffness_moduli(surface, material, points.reshape(-1, 2))
     operator = stress_root_operator(geometry, material, moduli)
     sizes = np.repeat(mesh.sizes[cells], per_cell, axis=0)
@@ -233,7 +233,7 @@ def _cell_products(
     for cells in cell_portions(mesh):
         points, weights = quadrature.on_cells(mesh, cells)
         flat = points.reshape(-1, 2)
-        area = Midsurface.from_derivatives(surface.derivatives(flat, order=2)).area * weights.ravel()
+        area = Midsurface.from_position(surface.derivatives(flat, order=2)).area * weights.ravel()
         share = (density(flat) * area[:, None]).reshape(*weights.shape, COMPONENTS)
         scales = basis_scales(mesh, cells).reshape(len(weights), -1)[:, present]
         scalar = (np.swapaxes(share, 1, 2) @ products).reshape(-1, COMPONENTS, len(present), len(present))

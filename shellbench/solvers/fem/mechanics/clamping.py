@@ -104,7 +104,7 @@ class ClampedEdge:
         if constant_normal(case, mesh, edge) is not None:
             return None
         rule = EdgeRule.on_edge(mesh, edge, GAUSS_POINTS)
-        surface = Midsurface.from_derivatives(case.surface.derivatives(rule.points, order=2))
+        surface = Midsurface.from_position(case.surface.derivatives(rule.points, order=2))
         outward = outward_conormal(surface, edge)
         parts = np.einsum("pai,pi->pa", surface.base, outward)  # n_a
         raised = np.einsum("pab,pb->pa", surface.contravariant_metric, parts)  # n^a
@@ -255,7 +255,7 @@ class FiniteClamp:
         if constant_normal(case, mesh, edge) is not None:
             return None
         rule = EdgeRule.on_edge(mesh, edge, GAUSS_POINTS)
-        surface = Midsurface.from_derivatives(case.surface.derivatives(rule.points, order=2))
+        surface = Midsurface.from_position(case.surface.derivatives(rule.points, order=2))
         parts = np.einsum("pai,pi->pa", surface.base, outward_conormal(surface, edge))  # n_a
         raised = np.einsum("pab,pb->pa", surface.contravariant_metric, parts)
         pairs = np.stack([parts[:, 0] ** 2, parts[:, 1] ** 2, parts[:, 0] * parts[:, 1]], axis=-1)
@@ -276,18 +276,16 @@ class FiniteClamp:
             spring=GAMMA * bending / height,
         )
 
-    def deform_edge(self, q: Array, t: float) -> _DeformedClamp:
+    def deform_edge(self, q: Array, t: float) -> _MovedClamp:
         """Deform the edge; the support's normals have turned as at the load factor or time t."""
         local = q.reshape(-1, COMPONENTS, len(KINDS))[self.nodes]  # (c, 4, 3, 4)
         local = np.swapaxes(local, 1, 2).reshape(len(self.nodes), 1, LOCAL, 1)
         gradients = (self.rows @ local).reshape(-1, len(DERIVATIVES), COMPONENTS)
-        return _DeformedClamp(
-            self, Deformation.from_gradients(self.reference, gradients), self.case.turn(self.support, t)
-        )
+        return _MovedClamp(self, Deformation.from_gradients(self.reference, gradients), self.case.turn(self.support, t))
 
 
 @dataclass(frozen=True)
-class _DeformedClamp:
+class _MovedClamp:
     clamp: FiniteClamp
     deformation: Deformation
     turn: Array

@@ -79,7 +79,7 @@ def support_conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) ->
                 x = case.surface.derivatives(mesh.domain.wrap(points), order=2)
                 turn = case.turn(support, states[-1])  # at finite strain there is one state at a time
                 slope = (
-                    _mirror_conditions(edge, x, support, len(mesh.kinds))
+                    _mirror_condition(edge, x, support, len(mesh.kinds))
                     if support.symmetry
                     else _slope_conditions(edge, x, support, motion, turn, len(mesh.kinds))
                 )
@@ -171,7 +171,7 @@ def why_no_mirror(case: Case) -> str | None:
         if support.symmetry is None or not isinstance(place, Edge):
             continue
         points = place.samples(case.surface.domain, MIRROR_SAMPLES)
-        surface = Midsurface.from_derivatives(case.surface.derivatives(case.surface.domain.wrap(points), order=2))
+        surface = Midsurface.from_position(case.surface.derivatives(case.surface.domain.wrap(points), order=2))
         across = COMPONENTS.index(support.held[0])
         base = surface.base / np.linalg.norm(surface.base, axis=-1, keepdims=True)
         # The edge lies in the plane, and the shell crosses it at right angles: only the coordinate lines are wrong.
@@ -181,9 +181,7 @@ def why_no_mirror(case: Case) -> str | None:
     return None
 
 
-def _mirror_conditions(
-    edge: Edge, x: Mapping[Derivative, Array], support: Support, carried: int
-) -> tuple[Array, Array]:
+def _mirror_condition(edge: Edge, x: Mapping[Derivative, Array], support: Support, carried: int) -> tuple[Array, Array]:
     """Make a field its own mirror image: components in the plane of symmetry have no derivative across it.
 
     This holds the slope, and is also the natural condition of the membrane shear. A part of a symmetric mesh therefore

@@ -72,7 +72,7 @@ class ContactPoints:
         for cells in cell_portions(mesh):
             at, weights = rule.on_cells(mesh, cells)
             flat = at.reshape(-1, 2)
-            surface = Midsurface.from_derivatives(case.surface.derivatives(flat, order=2))
+            surface = Midsurface.from_position(case.surface.derivatives(flat, order=2))
             bending = stiffness_moduli(case.surface, case.material, flat)[:, 1].reshape(weights.shape)
             area = surface.area.reshape(weights.shape)
             sides = np.linalg.norm(surface.base, axis=-1).reshape(*weights.shape, 2) * mesh.sizes[cells][:, None]
@@ -135,7 +135,7 @@ class ContactPoints:
         _, nearest = cKDTree(touch.points / self.mesh.domain.size).query(self.points / self.mesh.domain.size)
         return np.asarray(nearest)
 
-    def nearest_to_pressed(self, touch: Touch) -> Flags:
+    def pressed_near(self, touch: Touch) -> Flags:
         """Return a mask (c m,) of the points that are nearest to pressed points of another mesh."""
         return np.asarray(np.any(touch.forces[self.nearest_points_of(touch)] != 0, axis=-1))
 

@@ -59,7 +59,7 @@ NEARBY = 1e-7
 
 
 @dataclass(frozen=True)
-class EdgeConditions:
+class Rim:
     """Conditions of supports on an edge at a corner.
 
     Attributes
@@ -101,14 +101,12 @@ def bending_exponent(
 
 
 @lru_cache(maxsize=256)
-def membrane_exponent(
-    angle: float, first: EdgeConditions, second: EdgeConditions, poissons_ratio: float, most: float = SMOOTH
-) -> float:
+def membrane_exponent(angle: float, first: Rim, second: Rim, poissons_ratio: float, most: float = SMOOTH) -> float:
     """Return the least real part of s in u = r^s (U, V) at a corner of this angle, rad; `most` if beyond."""
     nu = poissons_ratio
     kolosov = (3 - nu) / (1 + nu)  # of plane stress
 
-    def rows(s: Complex, theta: float, rim: EdgeConditions) -> Complex:
+    def rows(s: Complex, theta: float, rim: Rim) -> Complex:
         # Kolosov and Muskhelishvili: 2 G (u + i v) = k phi - z conj(phi') - conj(psi), phi and psi multiples of z^s.
         f = _trigonometric(s, theta)
         less, more = kolosov - s, kolosov + s
@@ -197,15 +195,13 @@ def _exponents_at_breaks(case: Case) -> Iterator[tuple[tuple[int, Side, float], 
         if not inside and not seam:
             continue
         edge = Edge("", axis, side)
-        surface = Midsurface.from_derivatives(case.surface.derivatives(edge.points(domain, np.array([at])), order=2))
+        surface = Midsurface.from_position(case.surface.derivatives(edge.points(domain, np.array([at])), order=2))
         tangent = surface.base[0, running] / np.linalg.norm(surface.base[0, running])
         across = surface.base[0, axis] * (1.0 if side == "min" else -1.0)  # inward
         normal = np.cross(tangent, across)
         normal /= np.linalg.norm(normal)
         rims = [
-            _edge_conditions(
-                _supports_beside(case, edge, at + sign * NEARBY * domain.size[running]), sign * tangent, normal
-            )
+            _rim(_supports_beside(case, edge, at + sign * NEARBY * domain.size[running]), sign * tangent, normal)
             for sign in (1.0, -1.0)
         ]
         found = _exponent(case, may_bend_and_stretch(case), np.pi, rims[0], rims[1])
@@ -225,10 +221,8 @@ def _supports_beside(case: Case, edge: Edge, running: float) -> list[Support]:
     ]
 
 
-def _exponent(
-    case: Case, acting: tuple[bool, bool], angle: float, first: EdgeConditions, second: EdgeConditions
-) -> float:
-    """Return the least exponent between two edges, of the fields that loads excite: see `may_bend_and_stretch`."""
+def _exponent(case: Case, acting: tuple[bool, bool], angle: float, first: Rim, second: Rim) -> float:
+    """Return the least exponent between two rims, of the fields that loads excite: see `may_bend_and_stretch`."""
     across, within = acting
     nu, nu_of_bending = case.material.poissons_ratios
     found = INFINITE
@@ -251,7 +245,7 @@ def _exponents_at_corners(case: Case) -> Iterator[tuple[tuple[Side, Side], float
     for sides in product(SIDES, SIDES):
         edges = [_edge(case, axis, side) for axis, side in enumerate(sides)]
         corner = np.array([[edge.coordinate(domain) for edge in edges]])
-        surface = Midsurface.from_derivatives(case.surface.derivatives(corner, order=2))
+        surface = Midsurface.from_position(case.surface.derivatives(corner, order=2))
         # Both edges as seen from the corner: the edge xi1 = const runs along a2, inward.
         inward = [1.0 if side == "min" else -1.0 for side in sides]
         along = [inward[1] * surface.base[0, 1], inward[0] * surface.base[0, 0]]
@@ -266,7 +260,7 @@ def _exponents_at_corners(case: Case) -> Iterator[tuple[tuple[Side, Side], float
             corner[0, 1 - edge.axis] + inward[1 - edge.axis] * NEARBY * domain.size[1 - edge.axis] for edge in edges
         )
         first, second = (
-            _edge_conditions(_supports_beside(case, edge, float(at)), tangent, normal)
+            _rim(_supports_beside(case, edge, float(at)), tangent, normal)
             for edge, at, tangent in zip(edges, beside, along, strict=True)
         )
         found = _exponent(case, acting, angle, first, second)
@@ -280,10 +274,10 @@ def _edge(case: Case, axis: int, side: Side) -> Edge:
     return edge
 
 
-def _edge_conditions(supports: list[Support], tangent: Array, normal: Array) -> EdgeConditions:
+def _rim(supports: list[Support], tangent: Array, normal: Array) -> Rim:
     """Return the conditions of supports on an edge with this tangent, away from the corner, and this surface normal."""
     if not supports:
-        return EdgeConditions()
+        return Rim()
     axes = dict(zip((*COMPONENTS, *LOCAL), (*np.eye(3), tangent, np.cross(normal, tangent), normal), strict=True))
     held = np.array([axes[name] for s in supports for name in s.held])
     slope = any(s.holds_slope for s in supports)
@@ -296,7 +290,7 @@ def _edge_conditions(supports: list[Support], tangent: Array, normal: Array) -> 
     _, values, inside = np.linalg.svd(inside) if len(inside) else (None, np.zeros(0), np.zeros((0, 3)))
     inside = inside[: np.count_nonzero(values**2 > ALONG)]
     angle = float(np.arctan2(inside[0] @ np.cross(normal, tangent), inside[0] @ tangent)) if len(inside) == 1 else 0.0
-    return EdgeConditions(bending, (min(len(inside), 2), round(angle % np.pi, 12)))
+    return Rim(bending, (min(len(inside), 2), round(angle % np.pi, 12)))
 
 
 @dataclass(frozen=True)
@@ -352,7 +346,7 @@ def _grading(exponent: float) -> float:
 def may_bend_and_stretch(case: Case) -> tuple[bool, bool]:
     """Return two flags: True if the case may bend, True if it may stretch. On a plate, not every load does both."""
     domain = case.surface.domain
-    normals = Midsurface.from_derivatives(case.surface.derivatives(domain.grid(5, 5).reshape(-1, 2), order=2)).normal
+    normals = Midsurface.from_position(case.surface.derivatives(domain.grid(5, 5).reshape(-1, 2), order=2)).normal
     if np.ptp(normals, axis=0).max() > ROUNDING or any(s.motion is not None for s in case.supports):
         return True, True
     if case.modal:

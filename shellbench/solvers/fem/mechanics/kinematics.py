@@ -101,7 +101,7 @@ class Midsurface:
     area: Array
 
     @classmethod
-    def from_derivatives(cls, x: Mapping[Derivative, Array]) -> Midsurface:
+    def from_position(cls, x: Mapping[Derivative, Array]) -> Midsurface:
         """Compute it from the derivatives (n, 3) of the position up to order 2."""
         base = np.stack([x[1, 0], x[0, 1]], axis=-2)
         product = cross(x[1, 0], x[0, 1])
@@ -331,13 +331,13 @@ class Deformation:
         return np.concatenate([-cross_matrix(a2), cross_matrix(a1)], axis=-1)
 
     @cached_property
-    def normal_variation(self) -> Array:
+    def normal_change(self) -> Array:
         """(n, 3, 6) dn as a linear map of du,1 and du,2."""
         n, spread = self.current.normal, self._base_variation
         tangential = spread - n[:, :, None] * (n[:, None] @ spread)
         return np.asarray(tangential / self.current.area[:, None, None])
 
-    def second_normal_variation(self, vectors: Array) -> Array:
+    def second_normal_change(self, vectors: Array) -> Array:
         """Return vectors . d2n (n, 6, 6) as symmetric forms of du,1 and du,2, for vectors (n, 3)."""
         # With s = n . dg / j and p = v . dn one product gives -(v . n) dn . dn - p s - s p. The part of d2g, of
         # du,1 x du,2, is added to it.
@@ -345,11 +345,11 @@ class Deformation:
         along = np.einsum("nc,nc->n", vectors, n)[:, None]
         tangential = vectors - along * n
         rates = np.empty((len(n), 5, 6))
-        rates[:, :3] = self.normal_variation
+        rates[:, :3] = self.normal_change
         rates[:, 3:4] = (n / area[:, None])[:, None] @ self._base_variation
-        rates[:, 4:] = tangential[:, None] @ self.normal_variation
+        rates[:, 4:] = tangential[:, None] @ self.normal_change
         others = np.empty_like(rates)
-        others[:, :3] = -along[:, :, None] * self.normal_variation
+        others[:, :3] = -along[:, :, None] * self.normal_change
         others[:, 3], others[:, 4] = -rates[:, 4], -rates[:, 3]
         form = np.swapaxes(rates, 1, 2) @ others
         across = cross_matrix(tangential / area[:, None])
@@ -373,13 +373,13 @@ class Deformation:
         membrane, bending = resultants[:, :3], resultants[:, 3:]
         form = np.zeros((len(resultants), GRADIENT, GRADIENT))
         pulled = np.einsum("nk,nkc->nc", bending, self.current.second)
-        form[:, FIRST, FIRST] = -self.second_normal_variation(pulled)
+        form[:, FIRST, FIRST] = -self.second_normal_change(pulled)
         tensor = np.empty((len(form), 2, 2))
         tensor[:, 0, 0], tensor[:, 1, 1] = membrane[:, 0], membrane[:, 1]
         tensor[:, 0, 1] = tensor[:, 1, 0] = membrane[:, 2] / 2
         for c in range(3):  # components of u do not mix
             form[:, c : FIRST.stop : 3, c : FIRST.stop : 3] += tensor
-        coupling = (bending[:, :, None, None] * self.normal_variation[:, None]).reshape(len(form), -1, FIRST.stop)
+        coupling = (bending[:, :, None, None] * self.normal_change[:, None]).reshape(len(form), -1, FIRST.stop)
         form[:, FIRST.stop :, FIRST] = -coupling
         form[:, FIRST, FIRST.stop :] = -np.swapaxes(coupling, 1, 2)
         return form

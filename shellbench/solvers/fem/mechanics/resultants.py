@@ -74,11 +74,9 @@ def why_infinite(case: Case, quantity: ResultantQuantity) -> str | None:
 def resultants(solution: FemSolution, name: str, points: Array, at: float | None) -> Array:
     """Return recovered resultants at points (n, 2): see `shellbench.problems.shell.field.RESULTANTS`."""
     part = int(name != "membrane_force")
-    portions = [
-        _recover_on_patches(solution, part, points[k : k + AT_ONCE], at) for k in range(0, len(points), AT_ONCE)
-    ]
+    portions = [_recover(solution, part, points[k : k + AT_ONCE], at) for k in range(0, len(points), AT_ONCE)]
     found = np.concatenate(portions) if portions else np.zeros((0, 3, 3))
-    surface = Midsurface.from_derivatives(solution.case.surface.derivatives(solution.mesh.domain.wrap(points), order=2))
+    surface = Midsurface.from_position(solution.case.surface.derivatives(solution.mesh.domain.wrap(points), order=2))
     if name == "shear_force":
         return np.asarray(np.einsum("na,nai->ni", _divergence(surface, found), _frame_components(surface)))
     return components_in_frame(surface, found[:, 0])
@@ -87,7 +85,7 @@ def resultants(solution: FemSolution, name: str, points: Array, at: float | None
 def contravariant_resultants(solution: FemSolution, part: int, points: Array, at: float | None) -> Array:
     """Return n^ab (part 0) or m^ab (1) directly from the strains, (n, 3): 11, 22, 12, at points (n, 2)."""
     wrapped = solution.mesh.domain.wrap(points)
-    surface = Midsurface.from_derivatives(solution.case.surface.derivatives(wrapped, order=2))
+    surface = Midsurface.from_position(solution.case.surface.derivatives(wrapped, order=2))
     gradients = np.stack([solution.derivative(points, d, at) for d in GRADIENTS], axis=-1)
     rows = strain_operator(surface)[:, 3 * part : 3 * part + 3].reshape(len(points), 3, -1)
     strains = (rows @ gradients.reshape(len(points), -1, 1))[..., 0]
@@ -129,7 +127,7 @@ def _divergence(surface: Midsurface, found: Array) -> Array:
     return np.asarray(slopes + turned)
 
 
-def _recover_on_patches(solution: FemSolution, part: int, points: Array, at: float | None) -> Array:
+def _recover(solution: FemSolution, part: int, points: Array, at: float | None) -> Array:
     """Return t^ab at points (n, 2) and its slopes along both coordinates, (n, 3, 3): by derivative and component."""
     breaks = [break_coordinates(solution.case, axis) for axis in (0, 1)]
     sides = [

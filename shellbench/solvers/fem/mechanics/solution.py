@@ -176,7 +176,7 @@ class FemSolution(ShellSolution):
 
         `gradients` (n, 5, 3) are the derivatives of the displacement in the order of `DERIVATIVES`.
         """
-        surface = Midsurface.from_derivatives(self.case.surface.derivatives(self.mesh.domain.wrap(points), order=2))
+        surface = Midsurface.from_position(self.case.surface.derivatives(self.mesh.domain.wrap(points), order=2))
         strains = self._strained(surface, gradients).reshape(-1, 2, 3)
         material = self.case.material
         stiffness = stiffness_moduli(self.case.surface, material, self.mesh.domain.wrap(points))
@@ -195,7 +195,7 @@ class FemSolution(ShellSolution):
         quadrature, total = Quadrature.of_order(self.mesh, self.quadrature_order), 0.0
         for cells in self._cells():
             points, weights = quadrature.on_cells(self.mesh, cells)
-            surface = Midsurface.from_derivatives(self.case.surface.derivatives(points.reshape(-1, 2), order=2))
+            surface = Midsurface.from_position(self.case.surface.derivatives(points.reshape(-1, 2), order=2))
             total += float(weights.ravel() @ surface.area)
         return total * self.images[0] * self.images[1]
 
@@ -235,7 +235,7 @@ class FemSolution(ShellSolution):
         for cells in self._cells():
             points, weights = quadrature.on_cells(self.mesh, cells)
             flat = points.reshape(-1, 2)
-            surface = Midsurface.from_derivatives(case.surface.derivatives(flat, order=2))
+            surface = Midsurface.from_position(case.surface.derivatives(flat, order=2))
             share = stiffness_moduli(case.surface, case.material, flat) * (weights.ravel() * surface.area)[:, None]
             stiffness = elasticities(surface, case.material) * share[:, :, None, None]
             rule.append((cells, surface.with_points_fastest(), points_fastest(stiffness)))

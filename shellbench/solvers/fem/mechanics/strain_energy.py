@@ -117,7 +117,7 @@ class StrainEnergy:
             cells = slice(start, min(start + CELLS, count))
             points, weights = self.quadrature.on_cells(mesh, cells)
             moduli = stiffness_moduli(self.surface, self.material, points.reshape(-1, 2))
-            reference = Midsurface.from_derivatives(self.surface.derivatives(points.reshape(-1, 2), order=2))
+            reference = Midsurface.from_position(self.surface.derivatives(points.reshape(-1, 2), order=2))
             share = (weights.ravel() * reference.area)[:, None, None, None]
             tensor = elasticities(reference, self.material)
             sizes = mesh.sizes[cells]
@@ -169,7 +169,7 @@ class StrainEnergy:
             stresses.append(stress)
         return StrainedMesh(float(energies[0]), float(energies[1]), forces, tuple(deformations), tuple(stresses))
 
-    def energy_parts(self, q: Array) -> tuple[float, float]:
+    def parts(self, q: Array) -> tuple[float, float]:
         """Return the membrane and the bending part of the strain energy, J, at half the cost of `deform`."""
         energies = np.zeros(2)
         for portion in self.portions:

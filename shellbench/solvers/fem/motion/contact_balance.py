@@ -34,7 +34,7 @@ APART, SLIPS, STICKS = 0, 1, 2
 
 
 @dataclass
-class LocalCompliance:
+class Delassus:
     """A compliance of w points in local axes, and the last factorised part of it.
 
     Attributes
@@ -50,7 +50,7 @@ class LocalCompliance:
     _factored: tuple[bytes, Array, Array] | None = None
 
     @classmethod
-    def from_compliance(cls, compliance: Array, normal: Array, rough: bool) -> LocalCompliance:
+    def from_compliance(cls, compliance: Array, normal: Array, rough: bool) -> Delassus:
         """Turn a compliance (w, 3, w, 3) into axes of normals (w, 3)."""
         axes = normal[:, None]
         if rough:
@@ -113,14 +113,12 @@ class Balance:
     gap: Array
     slip: Array
     least: float
-    kept: LocalCompliance | None = None
+    kept: Delassus | None = None
 
     @cached_property
-    def local_compliance(self) -> LocalCompliance:
+    def local_compliance(self) -> Delassus:
         """The compliance along normals and, with friction, across them."""
-        return self.kept or LocalCompliance.from_compliance(
-            self.compliance, self.normal, bool(np.any(self.friction > 0))
-        )
+        return self.kept or Delassus.from_compliance(self.compliance, self.normal, bool(np.any(self.friction > 0)))
 
     def forces(self, before: Array) -> Array:
         """Return the forces (w, 3), N; NotConvergedError if none are found. `before` (w, 3) are a first guess."""

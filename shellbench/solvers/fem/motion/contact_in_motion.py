@@ -34,7 +34,7 @@ from shellbench.solvers.fem.mechanics.contact_points import REACH
 from shellbench.solvers.fem.mechanics.kinematics import Midsurface
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS, ROUNDING, TensorMesh, gauss_rule, tabulate
 from shellbench.solvers.fem.mesh.quadrature import basis_scales
-from shellbench.solvers.fem.motion.contact_balance import Balance, LocalCompliance
+from shellbench.solvers.fem.motion.contact_balance import Balance, Delassus
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -104,7 +104,7 @@ class TouchingPoints:
             np.stack(np.meshgrid(*pair, indexing="ij"), axis=-1).reshape(-1, 2) for pair in ((x, y), (v, w))
         )
         points = mesh.domain.wrap(mesh.origins[cells] + unit * mesh.sizes[cells])
-        base = Midsurface.from_derivatives(case.surface.derivatives(points, order=2)).base
+        base = Midsurface.from_position(case.surface.derivatives(points, order=2)).base
         sides = np.linalg.norm(base, axis=-1).reshape(-1, 2) * mesh.sizes[cells]
         values = (tabulate(unit, (0, 0)) * basis_scales(mesh, slice(None))[cells]).reshape(len(cells), -1)
         # row: a point's component; column: node, component, kind
@@ -155,12 +155,12 @@ class Compliance:
     solve: Solve
     chosen: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     matrix: Array = field(default_factory=lambda: np.zeros((0, COMPONENTS, 0, COMPONENTS)))
-    _framed: LocalCompliance | None = None
+    _framed: Delassus | None = None
 
-    def in_axes(self, normal: Array, rough: bool) -> LocalCompliance:
+    def in_axes(self, normal: Array, rough: bool) -> Delassus:
         """Return the matrix in axes of normals (w, 3): the last ones as long as these are the same."""
         if self._framed is None or not np.array_equal(self._framed.axes[:, 0], normal):
-            self._framed = LocalCompliance.from_compliance(self.matrix, normal, rough)
+            self._framed = Delassus.from_compliance(self.matrix, normal, rough)
         return self._framed
 
     def add_points(self, more: Integers) -> None:
@@ -184,7 +184,7 @@ class Compliance:
 
 
 @dataclass(frozen=True)
-class ContactIteration:
+class StepPush:
     """Contact in an iteration: forces (n, 3), N, and their part in the equation of the step's unknown.
 
     That part is `nodal` (nodes, 12), and `rubbing` (nodes, 12) of friction alone. `weight`, N, multiplies the depths in
@@ -227,9 +227,7 @@ class StepContact:
         """Return the depths (n,) of points in obstacles at the step's end, m."""
         return np.maximum(-self.gap(u)[0], 0.0)
 
-    def push_out(
-        self, u: Array, step: Array, compliance: Compliance, share: float, whole: float
-    ) -> tuple[Array, Array]:
+    def repel(self, u: Array, step: Array, compliance: Compliance, share: float, whole: float) -> tuple[Array, Array]:
         """Return the forces (n, 3), N, that keep points out of obstacles, taken as planes, and the step with them.
 
         Parameters

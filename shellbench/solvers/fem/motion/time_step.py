@@ -33,13 +33,7 @@ from shellbench.solvers.fem.mechanics.assembly import mass_matrix, spring_matrix
 from shellbench.solvers.fem.mechanics.contact_points import CLOSED
 from shellbench.solvers.fem.mechanics.strain_energy import StrainedMesh
 from shellbench.solvers.fem.mechanics.ties import Ties
-from shellbench.solvers.fem.motion.contact_in_motion import (
-    STEEPER,
-    Compliance,
-    ContactIteration,
-    StepContact,
-    TouchingPoints,
-)
+from shellbench.solvers.fem.motion.contact_in_motion import STEEPER, Compliance, StepContact, StepPush, TouchingPoints
 from shellbench.solvers.fem.motion.generalised_alpha import Instant, Scheme
 from shellbench.solvers.fem.path.finite_state import solve_on_free
 from shellbench.solvers.fem.path.problem import FiniteProblem
@@ -63,7 +57,7 @@ SHORTEST_SEARCH = 2.0**-10  # of the Newton step
 
 
 @dataclass
-class _KeptTangent:
+class _Tangent:
     """A factorised tangent, used as long as it converges quickly; for one length of step, without obstacles."""
 
     factor: Factor | None = None
@@ -77,7 +71,7 @@ class MovingShell:
 
     problem: FiniteProblem
     scheme: Scheme
-    _kept: _KeptTangent = field(default_factory=_KeptTangent)
+    _kept: _Tangent = field(default_factory=_Tangent)
 
     @cached_property
     def mass(self) -> BlockMatrix:
@@ -134,11 +128,9 @@ class MovingShell:
 
     def energies(self, instant: Instant) -> tuple[float, float]:
         """Return kinetic energy, and that of strains and springs, J."""
-        return self._kinetic_energy(instant.v), sum(self.problem.energy.energy_parts(instant.q)) + self._spring_energy(
-            instant.q
-        )
+        return self._kinetic(instant.v), sum(self.problem.energy.parts(instant.q)) + self._spring_energy(instant.q)
 
-    def _kinetic_energy(self, v: Array) -> float:
+    def _kinetic(self, v: Array) -> float:
         return 0.5 * float(np.sum(v * self.momentum(v)))
 
     def _spring_energy(self, q: Array) -> float:
@@ -173,9 +165,7 @@ class MovingShell:
             guess = guess + h / 2 * start.impulse
         guess = ties.particular[..., 0] + ties.to_nodal(ties.to_free(guess[..., None]))[..., 0]
         x = (1 - s.alpha_f) * guess + s.alpha_f * start.q
-        minimum = _StepPotential(
-            self, ties, middle, loads, target, weight, self._kinetic_energy(start.v), start.q, contact
-        )
+        minimum = _StepPotential(self, ties, middle, loads, target, weight, self._kinetic(start.v), start.q, contact)
         x, residual, forces, iterations = minimum.minimise(x, h)
         q = minimum.end_displacement(x)
         push = np.zeros_like(q)  # r of `contact_in_motion`
@@ -270,7 +260,7 @@ class _StepPotential:
                 kept.factor, kept.compliance = self._factorised(x, strained), None
                 before = np.inf
             step = solve_on_free(self.ties, kept.factor, residual)
-            touch = ContactIteration(np.zeros((0, 3)), np.zeros(x.shape), np.zeros(x.shape), 0.0)
+            touch = StepPush(np.zeros((0, 3)), np.zeros(x.shape), np.zeros(x.shape), 0.0)
             if self.contact is not None:
                 touch, step = self._contact_step(self.contact, x, step, kept)
             decrement = float(np.sum((residual + touch.nodal) * step))
@@ -297,9 +287,7 @@ class _StepPotential:
             before = decrement
         raise NotConvergedError
 
-    def _contact_step(
-        self, contact: StepContact, x: Array, step: Array, kept: _KeptTangent
-    ) -> tuple[ContactIteration, Array]:
+    def _contact_step(self, contact: StepContact, x: Array, step: Array, kept: _Tangent) -> tuple[StepPush, Array]:
         """Return the contact forces if a step would enter obstacles, and the step with these forces."""
         factor, ties = kept.factor, self.ties
         assert factor is not None
@@ -307,16 +295,14 @@ class _StepPotential:
             kept.compliance = Compliance(contact.points, lambda right: _solve_on_free(ties, factor, right))
         whole = 1 / (1 - self.shell.scheme.alpha_f)
         u = contact.points.displacement(self.end_displacement(x))
-        forces, step = contact.push_out(u, step, kept.compliance, self.impulse_factor, whole)
+        forces, step = contact.repel(u, step, kept.compliance, self.impulse_factor, whole)
         normal = contact.gap(u)[1]
         pressure = np.sum(forces * normal, axis=-1, keepdims=True)
         rubbing = self.impulse_factor * contact.points.nodal_forces(forces - pressure * normal)
         weight = STEEPER * self.impulse_factor / whole * float(pressure.max())
-        return ContactIteration(
-            forces, self.impulse_factor * contact.points.nodal_forces(forces), rubbing, weight
-        ), step
+        return StepPush(forces, self.impulse_factor * contact.points.nodal_forces(forces), rubbing, weight), step
 
-    def _contact_merit(self, x: Array, touch: ContactIteration) -> float:
+    def _contact_merit(self, x: Array, touch: StepPush) -> float:
         """Return the merit without the potential, J: depths in obstacles, and work against friction as a dead force."""
         if self.contact is None:
             return 0.0

@@ -82,7 +82,7 @@ def following_steps(
     # Textbooks switch branches at the critical point by its eigenvector. This needs an isolated, simple mode. Thin
     # shells buckle in clusters of modes, and the branch found may be unstable; a descent finds a minimum.
     buckling = Buckling(problem)
-    state, step, buckled = problem.rest_state(), first, False
+    state, step, buckled = problem.at_rest(), first, False
     for mark in marks:
         while state.t < mark:
             target = step_end(state.t, mark, step)
@@ -139,7 +139,7 @@ class Buckling:
     @cached_property
     def softest_stiffness(self) -> float:
         """Stiffness of the softest mode at rest, N/m^3."""
-        rest = self.problem.rest_state()
+        rest = self.problem.at_rest()
         if rest.factor is None:
             raise NotConvergedError
         return self.softest_mode(self.problem.ties(0.0), rest.factor)[1]

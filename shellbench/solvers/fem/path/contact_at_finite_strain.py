@@ -65,7 +65,7 @@ class ContactState:
 
 
 @dataclass(frozen=True)
-class ObstacleContact:
+class Obstacles:
     """Obstacles at a load factor; see the module's docstring.
 
     Attributes
@@ -94,7 +94,7 @@ class ObstacleContact:
         return self.points.penalty * (self.softer[0] if self.softer else 1.0)
 
     @classmethod
-    def from_pressure(cls, points: ContactPoints, t: float, pressure: Array | None) -> ObstacleContact:
+    def from_pressure(cls, points: ContactPoints, t: float, pressure: Array | None) -> Obstacles:
         """Begin with the pressures (n,) of another state and its points in contact, or else with a soft k."""
         if pressure is None or not np.any(pressure > 0):
             return cls(points, t, np.zeros(len(points.points)), None, tuple(points.penalty_factors()))
@@ -136,7 +136,7 @@ class ObstacleContact:
         terms = np.einsum("emij,emak,embl->eiakjbl", weighted, values, values, optimize=True)
         add_cell_matrices(matrix.blocks, points.mesh.nodes[cells], terms)
 
-    def next_round(self, pressed: ContactState) -> ObstacleContact:
+    def next_round(self, pressed: ContactState) -> Obstacles:
         """Take the pressures as multipliers."""
         return replace(self, multipliers=pressed.pressure)
 

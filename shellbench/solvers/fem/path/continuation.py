@@ -109,12 +109,10 @@ def load_steps(
 ) -> Iterator[FiniteState]:
     """Yield the states of equilibrium under load from rest, or from `start`; see `stepping.paths.load_steps`."""
     easy = EASY if problem.points is None else EASY_IN_CONTACT
-    yield from paths.load_steps(
-        partial(equilibrium, problem), start or problem.rest_state(), marks, first, shortest, easy
-    )
+    yield from paths.load_steps(partial(equilibrium, problem), start or problem.at_rest(), marks, first, shortest, easy)
 
 
-def displacement_row(problem: FiniteProblem, quantity: DisplacementQuantity) -> Array:
+def row_of(problem: FiniteProblem, quantity: DisplacementQuantity) -> Array:
     """Return the row (nodes, 12) whose product with q is a displacement quantity."""
     mesh, case = problem.mesh, problem.case
     places = [case.places[name] for name in quantity.points]
@@ -132,7 +130,7 @@ def displacement_steps(
     problem: FiniteProblem, row: Array, marks: Sequence[float], end: float, share: float = STEP_SHARE
 ) -> Iterator[FiniteState]:
     """Yield the states at increasing values of the displacement row . q; see `stepping.paths.displacement_steps`."""
-    path, rest = DisplacementControl(problem, row), problem.rest_state()
+    path, rest = DisplacementControl(problem, row), problem.at_rest()
     first = path.first_rate(problem.path_rate(rest))
     yield from paths.displacement_steps(path, rest, first, marks, end, share)
 
@@ -181,7 +179,7 @@ def arc_length_steps(
         sign = float(np.sign(np.sum(weights * (found.q - start.q) * drift)))
         return drift, sign, sign / size(drift) * np.array([1.0, np.sum(row * drift)])
 
-    state, value, path = problem.rest_state(), 0.0, DisplacementControl(problem, row)
+    state, value, path = problem.at_rest(), 0.0, DisplacementControl(problem, row)
     landings = Marks(path, marks, end)
     drift = problem.path_rate(state)
     first = path.first_rate(drift)

@@ -29,9 +29,9 @@ from shellbench.solvers.fem.path.continuation import (
     STEP_SHARE,
     Station,
     arc_length_steps,
-    displacement_row,
     displacement_steps,
     load_steps,
+    row_of,
 )
 from shellbench.solvers.fem.path.finite_state import FiniteState
 from shellbench.solvers.fem.path.newton import equilibrium
@@ -128,7 +128,7 @@ def solve(
     loose = free_motions(case)
     for t in () if not loose.size else case.states if case.path.quantity is None else (1.0,):
         check_balance(Loading.on_mesh(case, mesh, problem.quadrature, (t,)), loose)
-    quantities = {q.name: displacement_row(problem, q) for q in case.quantities if isinstance(q, DisplacementQuantity)}
+    quantities = {q.name: row_of(problem, q) for q in case.quantities if isinstance(q, DisplacementQuantity)}
     controlled = quantities.get(case.path.quantity or "")
     states: list[FiniteState] = []
     seconds: list[float] = []
@@ -159,9 +159,7 @@ def solve(
             phase="critical" if state.critical else "path",
             iterations=state.iterations,
         )
-        for number, (state, after, q) in enumerate(
-            zip(states, seconds, _without_rigid_motions(problem, states), strict=True)
-        )
+        for number, (state, after, q) in enumerate(zip(states, seconds, _without_motions(problem, states), strict=True))
     )
     kept = _states_to_keep(case, marks, complete=reason is None)
     kept = sorted({*kept, *(k for k, state in enumerate(states) if state.critical)})
@@ -226,7 +224,7 @@ def _path(
             elif trail is None:
                 yield from load_steps(problem, case.states, *lengths)
             elif trail.case != case:
-                yield from _states_over_edit(problem, trail, lengths)
+                yield from _over_edit(problem, trail, lengths)
             else:
                 yield from _correct_trail(problem, trail)
         case "displacement":
@@ -259,9 +257,7 @@ def _correct_trail(problem: FiniteProblem, trail: FemSolution) -> Iterator[Finit
         yield state
 
 
-def _states_over_edit(
-    problem: FiniteProblem, earlier: FemSolution, lengths: tuple[float, float]
-) -> Iterator[FiniteState]:
+def _over_edit(problem: FiniteProblem, earlier: FemSolution, lengths: tuple[float, float]) -> Iterator[FiniteState]:
     """Yield the asked states, starting from those of an earlier shell, or from rest if that fails."""
     case, mesh, rest = problem.case, problem.mesh, problem.undeformed_state()
 
@@ -314,7 +310,7 @@ def _unknown_count(problem: FiniteProblem) -> int:
     return int(np.count_nonzero(problem.ties(problem.case.path.until).free))
 
 
-def _without_rigid_motions(problem: FiniteProblem, states: Sequence[FiniteState]) -> list[Array]:
+def _without_motions(problem: FiniteProblem, states: Sequence[FiniteState]) -> list[Array]:
     """Return the displacements (nodes, 12) of states without free rigid motions."""
     loose, scales = free_motions(problem.case), problem.mesh.node_scales[:, None, :, None]
     if not loose.size:

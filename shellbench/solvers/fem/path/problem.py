@@ -30,7 +30,7 @@ from shellbench.solvers.fem.mechanics.strain_energy import StrainedMesh, StrainE
 from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
-from shellbench.solvers.fem.path.contact_at_finite_strain import ContactState, ObstacleContact
+from shellbench.solvers.fem.path.contact_at_finite_strain import ContactState, Obstacles
 from shellbench.solvers.fem.path.finite_state import FiniteState, TangentFactor, UnsymmetricFactor, solve_on_free
 from shellbench.solvers.fem.path.following import FollowingPressure
 from shellbench.solvers.stepping.control import NotConvergedError
@@ -86,9 +86,9 @@ class FiniteProblem:
             return None
         return ContactPoints.on_mesh(self.case, self.mesh)
 
-    def obstacle_contact(self, start: FiniteState, t: float) -> ObstacleContact | None:
+    def obstacle_contact(self, start: FiniteState, t: float) -> Obstacles | None:
         """Return the obstacles at a load factor, with the pressures of a state; None without obstacles."""
-        return None if self.points is None else ObstacleContact.from_pressure(self.points, t, start.pressure)
+        return None if self.points is None else Obstacles.from_pressure(self.points, t, start.pressure)
 
     @cached_property
     def ties(self) -> Callable[[float], Ties]:
@@ -128,7 +128,7 @@ class FiniteProblem:
         unit = at(1.0)
         return lambda t: t * unit
 
-    def rest_state(self) -> FiniteState:
+    def at_rest(self) -> FiniteState:
         """Return the unloaded state, with its tangent."""
         state = self.undeformed_state()
         try:
@@ -247,7 +247,7 @@ class FiniteProblem:
         t: float,
         strained: StrainedMesh,
         stresses: tuple[Array, ...],
-        contact: tuple[ObstacleContact, ContactState] | None = None,
+        contact: tuple[Obstacles, ContactState] | None = None,
     ) -> TangentFactor:
         """Return the factorised tangent on the free unknowns; NotPositiveDefiniteError if it is singular."""
         ties, matrix = self.ties(t), self.tangent(q, t, strained, stresses)
