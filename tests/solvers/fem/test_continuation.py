@@ -14,7 +14,7 @@ from shellbench.solvers.fem.mechanics.solution import FemSolution
 from shellbench.solvers.fem.mesh.grading import graded_mesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.path import large_displacement
-from shellbench.solvers.fem.path.continuation import arc_length_steps, displacement_steps, load_steps, row_of
+from shellbench.solvers.fem.path.continuation import arc_length_steps, displacement_steps, dof_row, load_steps
 from shellbench.solvers.fem.path.newton import equilibrium
 from shellbench.solvers.fem.path.problem import FiniteProblem
 from shellbench.solvers.stepping.control import PathEndsError
@@ -33,7 +33,7 @@ def problem_of(case, cells):
 
 def roof(name, cells=(4, 4)):
     problem = problem_of(catalog.named_case(name), cells)
-    return problem, row_of(problem, problem.case.quantity("deflection"))
+    return problem, dof_row(problem, problem.case.quantity("deflection"))
 
 
 def values(row, states):
@@ -84,7 +84,7 @@ def elastica(force, stiffness, length):
 def test_load_steps_of_a_strip_follow_the_elastica():
     case = catalog.named_case("cantilever_shear")
     problem = problem_of(case, (8, 1))
-    shortening, deflection = (row_of(problem, case.quantity(f"{name}_4")) for name in ("shortening", "deflection"))
+    shortening, deflection = (dof_row(problem, case.quantity(f"{name}_4")) for name in ("shortening", "deflection"))
     marks = (0.25, 0.5, 1.0)
     states = list(load_steps(problem, marks, 1 / 8, SHORTEST))
     stiffness = case.material.youngs_modulus * case.material.thickness**3 / 12
@@ -254,7 +254,7 @@ def test_arc_length_does_not_depend_on_the_unit_of_load(thin):
     (load,) = data["loads"]
     case = build_case(data | {"loads": [load | {"force": [0, 0, "-0.25*t"]}]}, "roof", "test")
     problem = problem_of(case, (3, 3))
-    states = list(arc_length_steps(problem, row_of(problem, case.quantity("deflection")), THIN_MARKS, THIN_END))
+    states = list(arc_length_steps(problem, dof_row(problem, case.quantity("deflection")), THIN_MARKS, THIN_END))
     assert len(states) == len(thin[2])
     factors = np.array([[ours.t, theirs.t] for ours, theirs in zip(states, thin[2], strict=True)])
     assert np.allclose(factors[:, 0], 1000 * factors[:, 1], rtol=0, atol=1e-3)
@@ -311,7 +311,7 @@ def test_the_functional_is_the_displacement_quantity():
         loads=[{"kind": "area", "vector": [0, 0, "t"]}],
     )  # fmt: skip
     problem = problem_of(case, (3, 3))
-    row = row_of(problem, case.primary)
+    row = dof_row(problem, case.primary)
     state = equilibrium(problem, problem.at_rest(), 0.5)
     mesh = problem.mesh
     coefficients = (state.q.reshape(-1, 3, 4) / mesh.node_scales[:, None, :])[..., None]

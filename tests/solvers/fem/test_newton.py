@@ -8,7 +8,7 @@ from shellbench.problems.shell.case import build_case
 from shellbench.solvers.fem.algebra.factor import factorise
 from shellbench.solvers.fem.mesh.grading import graded_mesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
-from shellbench.solvers.fem.path.continuation import row_of
+from shellbench.solvers.fem.path.continuation import dof_row
 from shellbench.solvers.fem.path.finite_state import Constraint
 from shellbench.solvers.fem.path.newton import equilibrium, state_on_path
 from shellbench.solvers.fem.path.problem import FiniteProblem
@@ -146,7 +146,7 @@ def test_the_supports_motion_is_the_first_step():
     state = problem.at_rest()
     for t in (0.5, 1.0, 3.0):
         state = equilibrium(problem, state, t)
-        assert float(np.sum(row_of(problem, case.quantity("deflection_4")) * state.q)) == pytest.approx(t, rel=1e-9)
+        assert float(np.sum(dof_row(problem, case.quantity("deflection_4")) * state.q)) == pytest.approx(t, rel=1e-9)
     ties = problem.ties(state.t)
     assert np.abs(ties.to_free(state.strained.forces[..., None])).max() <= 1e-8 * np.abs(state.strained.forces).max()
 
@@ -154,7 +154,7 @@ def test_the_supports_motion_is_the_first_step():
 def test_the_constraint_of_a_path_is_met_and_its_load_factor_found():
     name, cells, _ = ROOF
     problem = problem_of(name, cells)
-    row = row_of(problem, problem.case.quantity("deflection"))
+    row = dof_row(problem, problem.case.quantity("deflection"))
     rest = problem.at_rest()
     drift = problem.path_rate(rest)
     t = 2.0 / float(np.sum(row * drift))

@@ -112,7 +112,7 @@ def load_steps(
     yield from paths.load_steps(partial(equilibrium, problem), start or problem.at_rest(), marks, first, shortest, easy)
 
 
-def row_of(problem: FiniteProblem, quantity: DisplacementQuantity) -> Array:
+def dof_row(problem: FiniteProblem, quantity: DisplacementQuantity) -> Array:
     """Return the row (nodes, 12) whose product with q is a displacement quantity."""
     mesh, case = problem.mesh, problem.case
     places = [case.places[name] for name in quantity.points]

@@ -30,8 +30,8 @@ from shellbench.solvers.fem.path.continuation import (
     Station,
     arc_length_steps,
     displacement_steps,
+    dof_row,
     load_steps,
-    row_of,
 )
 from shellbench.solvers.fem.path.finite_state import FiniteState
 from shellbench.solvers.fem.path.newton import equilibrium
@@ -128,7 +128,7 @@ def solve(
     loose = free_motions(case)
     for t in () if not loose.size else case.states if case.path.quantity is None else (1.0,):
         check_balance(Loading.on_mesh(case, mesh, problem.quadrature, (t,)), loose)
-    quantities = {q.name: row_of(problem, q) for q in case.quantities if isinstance(q, DisplacementQuantity)}
+    quantities = {q.name: dof_row(problem, q) for q in case.quantities if isinstance(q, DisplacementQuantity)}
     controlled = quantities.get(case.path.quantity or "")
     states: list[FiniteState] = []
     seconds: list[float] = []
