@@ -142,13 +142,13 @@ def loads(change: Callable[[float], float], factor: float = 1.0) -> Callable[[py
 def reversed_inertia(patch: pytest.MonkeyPatch) -> None:
     """Let rho u'' = + dE/du - f: the sign of inertia that follows from the sum of kinetic and potential energy."""
     loads(lambda t: t, -1.0)(patch)
-    original = strain_energy.StrainEnergy.at
+    original = strain_energy.StrainEnergy.deform
 
     def negative(self, q):
         found = original(self, q)
         return replace(found, membrane=-found.membrane, bending=-found.bending, forces=-found.forces)
 
-    patch.setattr(strain_energy.StrainEnergy, "at", negative)
+    patch.setattr(strain_energy.StrainEnergy, "deform", negative)
     tangent = strain_energy.StrainEnergy.tangent
 
     def softening(self, *args):
@@ -161,13 +161,13 @@ def reversed_inertia(patch: pytest.MonkeyPatch) -> None:
 def free_slopes(patch: pytest.MonkeyPatch) -> None:
     """Forget that rims are clamped, at the nodes and between them."""
     patch.setattr(problem, "finite_clamps", lambda *args: ())
-    original = constraints._slope
+    original = constraints._slope_conditions
 
     def free(*args):
         rows, values = original(*args)
         return rows[:, :0], values[:, :0]
 
-    patch.setattr(constraints, "_slope", free)
+    patch.setattr(constraints, "_slope_conditions", free)
 
 
 def normals_left_behind(patch: pytest.MonkeyPatch) -> None:
@@ -176,14 +176,14 @@ def normals_left_behind(patch: pytest.MonkeyPatch) -> None:
 
 def first_component_leaks(patch: pytest.MonkeyPatch) -> None:
     """Hold one component less at every support."""
-    original = constraints._held
+    original = constraints._component_conditions
 
     def leaking(support, *args):
         rows, values = original(support, *args)
         count = len(rows[0]) // len(support.held)
         return rows[:, count:], values[:, count:]
 
-    patch.setattr(constraints, "_held", leaking)
+    patch.setattr(constraints, "_component_conditions", leaking)
 
 
 def wrong_poisson(patch: pytest.MonkeyPatch) -> None:

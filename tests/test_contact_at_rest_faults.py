@@ -37,7 +37,7 @@ def at_rest(patch):
 
 def glued(patch):
     """Points that have touched an obstacle stay in contact for good."""
-    patch.setattr(touching.Pressing, "at", stuck(touching.Pressing.at))
+    patch.setattr(touching.Obstacles, "contact_at", stuck(touching.Obstacles.contact_at))
 
 
 def stuck(asked):
@@ -55,7 +55,7 @@ def stuck(asked):
 def soft(patch):
     """An obstacle that never hardens, and whose gaps nobody looks at."""
     patch.setattr(ContactPoints, "penalty", property(lambda self: 1e-6 * self.stiffness.ravel()))
-    patch.setattr(touching.Pressed, "closed", property(lambda self: True))
+    patch.setattr(touching.ContactState, "gaps_are_closed", property(lambda self: True))
 
 
 def doubled(patch):
@@ -102,12 +102,13 @@ def test_the_stiffness_of_an_obstacle_is_the_derivative_of_its_forces():
     problem = FiniteProblem.on_mesh(case, mesh, Quadrature.of_order(mesh, 5))
     random = np.random.default_rng(0)
     q, step = (size * random.standard_normal((4, 12)) for size in (0.02, 1e-6))
-    pressing = touching.Pressing(points, 1.0, np.full(len(points.points), 1e3), np.ones(len(points.points), dtype=bool))
-    matrix = problem.energy.tangent(problem.energy.at(q))
+    every = np.ones(len(points.points), dtype=bool)
+    pressing = touching.Obstacles(points, 1.0, 1e3 * every, every)
+    matrix = problem.energy.tangent(problem.energy.deform(q))
     before = matrix.blocks.copy()
-    pressing.add_stiffness(matrix, pressing.at(q))
+    pressing.add_stiffness(matrix, pressing.contact_at(q))
     matrix.blocks[...] -= before
-    change = pressing.at(q - step).nodal - pressing.at(q + step).nodal
+    change = pressing.contact_at(q - step).nodal - pressing.contact_at(q + step).nodal
     assert (matrix @ (2 * step)[..., None])[..., 0] == pytest.approx(change, rel=1e-5, abs=1e-6 * np.abs(change).max())
 
 

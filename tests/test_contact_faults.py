@@ -49,11 +49,11 @@ def glued(patch):
     def stuck(self, q, pressure, stiff, active, most):
         every = self.gap(self.solve(self.matrix, self.forces)[0]) < 0
         pushed = ((pressure - stiff * self.offset) * self.points.areas.ravel() * every)[:, None] * self.normal
-        matrix = self.points.stiffened(self.matrix, self.normal, stiff * every)
-        found, answer = self.solve(matrix, self.forces + self.points.nodal(pushed))
+        matrix = self.points.with_penalty(self.matrix, self.normal, stiff * every)
+        found, answer = self.solve(matrix, self.forces + self.points.nodal_forces(pushed))
         return found, answer, True
 
-    patch.setattr(contact._Plane, "minimum", stuck)
+    patch.setattr(contact._ShellAbovePlanes, "minimise", stuck)
 
 
 def from_the_origin(patch):

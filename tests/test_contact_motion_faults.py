@@ -65,19 +65,19 @@ def glued(patch):
 
     def stuck(self, before):
         held = np.any(before != 0, axis=-1) | (self.gap < 0)
-        return self._balanced(np.where(held, SLIPS, APART), np.zeros_like(self.normal))
+        return self._forces_by_status(np.where(held, SLIPS, APART), np.zeros_like(self.normal))
 
     patch.setattr(Balance, "forces", stuck)
 
 
 def without_edges(patch):
     """Gaps are asked within cells only."""
-    given(contact_in_motion, "_rule", lambda first, last: (False, False))(patch)
+    given(contact_in_motion, "_rule_of_cell", lambda first, last: (False, False))(patch)
 
 
 def as_a_smooth_force(patch):
     """Impulses count as much as other forces do."""
-    patch.setattr(time_step._Minimum, "share", 1.0)
+    patch.setattr(time_step._StepPotential, "impulse_factor", 1.0)
 
 
 def without_impulse(patch):
@@ -107,7 +107,7 @@ def pulling_along(patch):
 
     def turned(self, before):
         forces = balanced(self, before)
-        return forces - 2 * self._along(forces)
+        return forces - 2 * self._tangential_parts(forces)
 
     patch.setattr(Balance, "forces", turned)
 

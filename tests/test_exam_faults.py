@@ -110,7 +110,7 @@ def energies_changed(solution, change):
 
 def no_turning_normal(patch):
     """Drop the derivative of the normal along a clamped edge."""
-    slope = constraints._slope
+    slope = constraints._slope_conditions
 
     def wrong(edge, x, *args):
         flat = {key: value if sum(key) < 2 else np.zeros_like(value) for key, value in x.items()}
@@ -118,7 +118,7 @@ def no_turning_normal(patch):
         rows[:, 1] = slope(edge, flat, *args)[0][:, 1]
         return rows, values
 
-    patch.setattr(constraints, "_slope", wrong)
+    patch.setattr(constraints, "_slope_conditions", wrong)
 
 
 def about_the_origin(patch):

@@ -111,28 +111,28 @@ def flipped_christoffel(rows):
 
 
 def only_three_edges(patch: pytest.MonkeyPatch) -> None:
-    original = constraints.conditions
-    patch.setattr(constraints, "conditions", lambda *args: list(original(*args))[:-1])
+    original = constraints.support_conditions
+    patch.setattr(constraints, "support_conditions", lambda *args: list(original(*args))[:-1])
 
 
 def leaking_slope(patch: pytest.MonkeyPatch) -> None:
-    original = constraints._slope
+    original = constraints._slope_conditions
 
     def leaking(*args):
         rows, values = original(*args)
         return rows[:, 1:], values[:, 1:]
 
-    patch.setattr(constraints, "_slope", leaking)
+    patch.setattr(constraints, "_slope_conditions", leaking)
 
 
 def clamped_too(patch: pytest.MonkeyPatch) -> None:
-    original = constraints.conditions
+    original = constraints.support_conditions
 
     def stiffer(case, mesh, states):
         supports = tuple(s.model_copy(update={"clamped": True}) for s in case.supports)
         return original(case.model_copy(update={"supports": supports}), mesh, states)
 
-    patch.setattr(constraints, "conditions", stiffer)
+    patch.setattr(constraints, "support_conditions", stiffer)
 
 
 def reduced_integration(patch: pytest.MonkeyPatch) -> None:

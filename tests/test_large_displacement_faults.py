@@ -32,7 +32,7 @@ def linear_normal(patch):
 
     def linear(cls, reference, gradients):
         found = original(cls, reference, gradients)
-        rise = (found.turning @ gradients[:, :2].reshape(-1, 6, 1))[..., 0]
+        rise = (found.normal_change @ gradients[:, :2].reshape(-1, 6, 1))[..., 0]
         return replace(found, rise=rise)
 
     patch.setattr(kinematics.Deformation, "from_gradients", classmethod(linear))
@@ -111,14 +111,14 @@ def dead_pressure(patch):
 
 def on_reference_area(patch):
     """Let the fem pressure follow the normal alone, and act per reference area."""
-    original = fem_following.FollowingPressure._base
+    original = fem_following.FollowingPressure._base_vectors
 
     def unstretched(self, portion, q):
         a1, a2 = original(self, portion, q)
         area = np.linalg.norm(np.cross(a1, a2), axis=-1)
         return a1 * (portion.reference.area / area)[:, None], a2
 
-    patch.setattr(fem_following.FollowingPressure, "_base", unstretched)
+    patch.setattr(fem_following.FollowingPressure, "_base_vectors", unstretched)
 
 
 FAULTS = [

@@ -33,31 +33,31 @@ def looping(n=60, scale=(1.0, 1.0)):
 def test_a_cubic_has_its_turning_points_and_no_more():
     for n, accuracy in ((20, 1e-3), (80, 1e-5)):
         curve = cubic(n)
-        assert curve.turning("load", 1) == pytest.approx((2.5, 1.0), rel=accuracy)
-        assert curve.turning("load", 2) == pytest.approx((2.0, 2.0), rel=accuracy)
+        assert curve.turning_point("load", 1) == pytest.approx((2.5, 1.0), rel=accuracy)
+        assert curve.turning_point("load", 2) == pytest.approx((2.0, 2.0), rel=accuracy)
         with pytest.raises(ValueError, match="has 2 turning points of the load, not 3"):
-            curve.turning("load", 3)
+            curve.turning_point("load", 3)
         with pytest.raises(ValueError, match="has 0 turning points of the displacement, not 1"):
-            curve.turning("displacement", 1)
+            curve.turning_point("displacement", 1)
 
 
 def test_a_snap_back_has_its_largest_displacement():
     curve = looping(120)
     s = 2 * np.pi / 3  # where d(s + 2 sin s) = 0
-    factor, displacement = curve.turning("displacement", 1)
+    factor, displacement = curve.turning_point("displacement", 1)
     assert displacement == pytest.approx(s + 2 * np.sin(s), rel=1e-5)
     assert factor == pytest.approx(np.sin(2 * s), rel=1e-3)
     later = 4 * np.pi / 3
-    assert curve.turning("displacement", 2)[1] == pytest.approx(later + 2 * np.sin(later), rel=1e-4)
+    assert curve.turning_point("displacement", 2)[1] == pytest.approx(later + 2 * np.sin(later), rel=1e-4)
     for number, s in enumerate((np.pi / 4, 3 * np.pi / 4, 5 * np.pi / 4), start=1):
-        factor, displacement = curve.turning("load", number)
+        factor, displacement = curve.turning_point("load", number)
         assert factor == pytest.approx(np.sin(2 * s), rel=1e-4)
         assert displacement == pytest.approx(s + 2 * np.sin(s), rel=1e-2)
 
 
 def test_an_extremum_converges_with_the_fourth_order():
     """A cubic spline's values; with third order at least its extremum's place."""
-    errors = [abs(cubic(n).turning("load", 1)[0] - 2.5) for n in (11, 22, 44)]
+    errors = [abs(cubic(n).turning_point("load", 1)[0] - 2.5) for n in (11, 22, 44)]
     assert errors[2] < errors[0]
     assert np.log2(errors[0] / errors[2]) / 2 > 3
 
@@ -102,8 +102,8 @@ def test_between_two_states_an_overshoot_of_the_spline_is_not_taken():
 def test_units_change_nothing_but_the_units(load_unit, displacement_unit):
     base, other = looping(30), looping(30, (load_unit, displacement_unit))
     for of in ("load", "displacement"):
-        t, w = base.turning(of, 1)
-        assert other.turning(of, 1) == pytest.approx((t * load_unit, w * displacement_unit), rel=1e-9)
+        t, w = base.turning_point(of, 1)
+        assert other.turning_point(of, 1) == pytest.approx((t * load_unit, w * displacement_unit), rel=1e-9)
     assert other.factor_at(2.2 * displacement_unit) == pytest.approx(base.factor_at(2.2) * load_unit, rel=1e-9)
 
 
@@ -120,7 +120,7 @@ def test_a_state_that_stands_twice_counts_once():
     repeated = np.repeat(np.arange(10), 2)
     curve = Curve.of(history(t[repeated], w[repeated]), "w")
     assert curve.factors.tolist() == [0.0, *t]
-    assert curve.turning("load", 1)[0] == pytest.approx(2.5, rel=0.05)
+    assert curve.turning_point("load", 1)[0] == pytest.approx(2.5, rel=0.05)
 
 
 @pytest.mark.parametrize("gap", [1e-13, 1e-11, 1e-9, 1e-7, 1e-5, 1e-3])
@@ -132,10 +132,10 @@ def test_states_next_to_each_other_turn_no_curve(gap):
         w = np.insert(w, beside, w[beside - 1] + 3 * gap)
         t = (w**3 - 4.5 * w**2 + 6 * w) * (1 + 1e-10 * rng.normal(size=len(w)))
         curve = Curve.of(history(t, w), "w")
-        assert curve.turning("load", 1)[0] == pytest.approx(2.5, rel=1e-4)
-        assert curve.turning("load", 2)[0] == pytest.approx(2.0, rel=1e-4)
+        assert curve.turning_point("load", 1)[0] == pytest.approx(2.5, rel=1e-4)
+        assert curve.turning_point("load", 2)[0] == pytest.approx(2.0, rel=1e-4)
         with pytest.raises(ValueError, match="has 2 turning points"):
-            curve.turning("load", 3)
+            curve.turning_point("load", 3)
         assert curve.factor_at(w[-1]) == t[-1]
 
 
@@ -162,7 +162,7 @@ def test_a_straight_path_turns_nowhere():
     curve = Curve(3 * w, w)
     for of in ("load", "displacement"):
         with pytest.raises(ValueError, match=f"has 0 turning points of the {of}, not 1"):
-            curve.turning(of, 1)
+            curve.turning_point(of, 1)
     assert curve.factor_at(1.234) == pytest.approx(3 * 1.234, rel=1e-12)
 
 
@@ -174,6 +174,6 @@ def test_a_path_that_only_loads_or_only_moves_is_a_curve():
 
 
 def test_a_denser_curve_never_loses_a_turning_point():
-    found = [cubic(n).turning("load", 1)[0] for n in (9, 18, 36, 72)]
+    found = [cubic(n).turning_point("load", 1)[0] for n in (9, 18, 36, 72)]
     errors = np.abs(np.array(found) - 2.5)
     assert all(later <= earlier for earlier, later in pairwise(errors))

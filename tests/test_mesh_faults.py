@@ -117,7 +117,7 @@ def seam_ignored(patch_):
 
 def stiff(patch_):
     """One span in each direction, however the surface curves."""
-    patch_.setattr(fit._Fitting, "chosen", lambda self: (1, 1))
+    patch_.setattr(fit._Fitting, "choose_spans", lambda self: (1, 1))
 
 
 @pytest.mark.long

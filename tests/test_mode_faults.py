@@ -16,13 +16,13 @@ def wrong_bending(patch):
 
 
 def counted_from_zero(patch):
-    original = fem._Modes.pairs
+    original = fem._Modes.eigenpairs
 
     def shifted(self, count):
         values, rounded, shapes = original(self, count + 1)
         return values[1:], rounded[1:], shapes[..., 1:]
 
-    patch.setattr(fem._Modes, "pairs", shifted)
+    patch.setattr(fem._Modes, "eigenpairs", shifted)
 
 
 def rigid_counted(patch):

@@ -67,12 +67,12 @@ def weighed_by_parameter(patch):
 
 
 FAULTS = (
-    Fault("a moment's sign", "fem", "resultants_plate", wrapped(fem, "contravariant", np.negative)),
+    Fault("a moment's sign", "fem", "resultants_plate", wrapped(fem, "contravariant_resultants", np.negative)),
     Fault("nu's coupling dropped", "fem", "resultants_plate", uncoupled),
     Fault("moments with the square of the thickness", "fem", "resultants_plate", square_of_thickness),
     Fault("twisting moment counted twice", "fem", "resultants_plate", lambda patch: patch.setattr(fem, "HALF", np.ones(3))),
     Fault("principal values exchanged", "fem", "resultants_plate", exchanged),
-    Fault("in the frame of the coordinates", "fem", "resultants_roof", lambda patch: patch.setattr(fem, "_along_frame", lambda surface: np.tile(np.eye(2), (len(surface.area), 1, 1)))),
+    Fault("in the frame of the coordinates", "fem", "resultants_roof", lambda patch: patch.setattr(fem, "_frame_components", lambda surface: np.tile(np.eye(2), (len(surface.area), 1, 1)))),
     Fault("shear without Christoffel's symbols", "fem", "resultants_paraboloid", lambda patch: patch.setattr(fem, "_divergence", lambda surface, found: without_christoffel(surface, found))),
     Fault("a moment's sign", "ndf-ritz", "resultants_plate", wrapped(ndf, "_full", lambda tensors: -tensors)),
     Fault("a local edge load turned inward", "ndf-ritz", "pulled_ring", turned_inward),

@@ -18,7 +18,7 @@ LARGEST_COUNT = 2**63 - 1  # largest count: 64 bits
 LONGEST_RUN = 1e10  # seconds: three centuries
 
 
-def finite(value: Any) -> float | None:
+def finite_or_none(value: Any) -> float | None:
     """Return a number; None if there is none, or if it is not finite or too large for a record.
 
     Raises

@@ -87,7 +87,7 @@ class Curve:
         root = next(r for r in shifted.roots(extrapolate=False) if spline.x[end - 1] <= r <= spline.x[end])
         return float(spline(root)[0])
 
-    def turning(self, of: Literal["load", "displacement"], number: int) -> tuple[float, float]:
+    def turning_point(self, of: Literal["load", "displacement"], number: int) -> tuple[float, float]:
         """Return load factor and displacement at the extremum of one of them, counted from 1.
 
         Raises

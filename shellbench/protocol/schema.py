@@ -62,7 +62,7 @@ def one_sentence(error: ValidationError, data: Any = None) -> str:
         a table.
     """
     problems = error.errors(include_url=False)
-    first = _first(problems)
+    first = _first_error(problems)
     kind, context = first["type"], first.get("ctx", {})
     field = _shown(_field(first["loc"], data, absent=kind == "missing"))
     models = _models_at(error.title, first["loc"][:-1] if kind == "extra_forbidden" else first["loc"])
@@ -90,14 +90,14 @@ def one_sentence(error: ValidationError, data: Any = None) -> str:
         return f"it is not valid JSON: {context.get('error', 'cut off')}"
     if kind == "union_tag_invalid":
         found = _shown(repr(context["tag"]))
-        return f"field '{_tag(field, context)}': found {found}, but {_either(context['expected_tags'])}{limits}"
+        return f"field '{_tag(field, context)}': found {found}, but {_choices(context['expected_tags'])}{limits}"
     found = _shown(_repr(first["input"]))
     of_union = [other for other in problems if other["loc"][:-1] == first["loc"][:-1]] if _is_member(first) else [first]
-    allowed = " or ".join(dict.fromkeys(_allowed(other["type"], other.get("ctx", {})) for other in of_union))
+    allowed = " or ".join(dict.fromkeys(_valid_values(other["type"], other.get("ctx", {})) for other in of_union))
     return f"field '{field}': found {found}, but it must be {allowed}" if field else f"it must be {allowed}"
 
 
-def _first(problems: list[Any]) -> Any:
+def _first_error(problems: list[Any]) -> Any:
     """Return the problem to report: unknown names come before missing ones, because they may be misspelt."""
     first = problems[0]
     if first["type"] != "missing":
@@ -195,13 +195,13 @@ def _tag(field: str, context: Mapping[str, Any]) -> str:
     return f"{field}.{name}" if field else name
 
 
-def _either(choices: str) -> str:
+def _choices(choices: str) -> str:
     """Return the valid choices of a field, quoted and with commas between them."""
     listed = choices.split(", ")
     return f"it must be {' or '.join(filter(None, (', '.join(listed[:-1]), listed[-1])))}"
 
 
-def _allowed(kind: str, context: Mapping[str, Any]) -> str:
+def _valid_values(kind: str, context: Mapping[str, Any]) -> str:
     """Return the description of a field's valid values, from the kind of the problem and its context."""
     if words := ALLOWED.get(kind):
         return words.format(**context)

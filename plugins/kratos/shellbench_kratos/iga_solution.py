@@ -273,7 +273,7 @@ class IgaSolution(ShellSolution):
             acting = held_by(self.part, number, mirrors, patch.shape)
             forces, arms = np.moveaxis(np.where(acting, lacking, 0.0), 0, -1), places
             for mirror in mirrors:
-                forces, arms = forces * mirror.signs, mirror.reflected(arms)
+                forces, arms = forces * mirror.signs, mirror.reflected_positions(arms)
             force += forces.sum(axis=(0, 1))
             moment += np.cross(arms - centre, forces).sum(axis=(0, 1))
         return force, moment

@@ -160,7 +160,7 @@ def controlled(part: Part) -> tuple[int, tuple[int, int], float] | None:
     load = case.loads[0]
     if not isinstance(load, PointLoad) or len(load.on) != 1 or quantity.points != load.on:
         return None
-    place = part.seen(case.places[load.on[0]])
+    place = part.place_on_part(case.places[load.on[0]])
     corner = corner_of(part.case, place.xi) if isinstance(place, Point) else None
     components = [c for c in range(3) if quantity.directions[0][c] != 0]
     acting = [c for c in range(3) if case.scalar(load.force[c], 1.0) != 0]

@@ -246,7 +246,7 @@ def solve(case: Case, settings: KratosIgaSettings, progress: ProgressCallback) -
 def knot_lines(part: Part, settings: KratosIgaSettings) -> Lines:
     """Return the knot lines of the part, closer together toward the ends of a coordinate where point loads act."""
     names = [name for load in part.whole.loads if isinstance(load, PointLoad) for name in load.on]
-    marked = [part.seen(part.whole.places[name]) for name in (*names, *part.whole.focus)]
+    marked = [part.place_on_part(part.whole.places[name]) for name in (*names, *part.whole.focus)]
     lines = []
     for axis in (0, 1):
         unit = np.linspace(0.0, 1.0, settings.cells[axis] + 1)

@@ -261,7 +261,7 @@ class ThinSolution(ShellSolution):
             share = held[number] / np.maximum(held.sum(axis=0), 1)  # supports that hold a node together bear it alike
             forces, couples, there = share * missing[:, :3], turned[number] * missing[:, 3:], places
             for mirror in mirrors:
-                there = mirror.reflected(there)
+                there = mirror.reflected_positions(there)
                 forces, couples = forces * mirror.signs, -couples * mirror.signs  # a moment is an axial vector
             total += forces.sum(axis=0)
             moment += (np.cross(there - centre, forces) + couples).sum(axis=0)

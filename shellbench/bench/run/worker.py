@@ -26,7 +26,7 @@ from shellbench.bench.store.settled import why_uncertain, with_drifts
 from shellbench.bench.store.task import Task
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Problem, Progress, Settings, Solution, Solver, answerable
-from shellbench.protocol.history import finite
+from shellbench.protocol.history import finite_or_none
 
 RECORD = "record.json"
 REFUSED = "refused.txt"
@@ -89,7 +89,7 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
         reason = "the solver returned None, which is no solution"
     seconds = time.perf_counter() - start
     if solution is not None and solution.history:  # for a solve that continued a checkpoint, its whole time
-        seconds = max(seconds, finite(solution.history[-1].seconds) or 0.0)
+        seconds = max(seconds, finite_or_none(solution.history[-1].seconds) or 0.0)
     result: dict[str, Any] = {
         "seconds": seconds,
         "declined": {name: shortened(why) for name, why in declined.items()},

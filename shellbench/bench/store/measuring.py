@@ -21,7 +21,7 @@ from shellbench.bench.plugins.kinds import find_kind
 from shellbench.bench.store.record import Measured
 from shellbench.errors import InputError, without_middle
 from shellbench.problem import Problem, Solution
-from shellbench.protocol.history import LARGEST_COUNT, HistoryStep, finite
+from shellbench.protocol.history import LARGEST_COUNT, HistoryStep, finite_or_none
 from shellbench.protocol.schema import LONGEST_VALUE, one_sentence
 
 FIELDS = "fields.npz"
@@ -84,7 +84,7 @@ def values_of(solution: Solution, case: Problem) -> tuple[dict[str, Measured], d
     for quantity in case.quantities:
         name = quantity.name
         try:
-            value = finite(quantity.measure(solution))
+            value = finite_or_none(quantity.measure(solution))
             if value is None:
                 lost[name] = ""
                 continue
@@ -107,7 +107,7 @@ def values_of(solution: Solution, case: Problem) -> tuple[dict[str, Measured], d
 def stated(value: Any) -> float | None:
     """Return a number that a solution states; None if it states none or a record can't keep it."""
     try:
-        return None if isinstance(value, str | bytes) else finite(value)
+        return None if isinstance(value, str | bytes) else finite_or_none(value)
     except (TypeError, ValueError):
         return None
 
@@ -168,7 +168,7 @@ def history_of(solution: Solution) -> tuple[HistoryStep, ...]:
     """Return the history for a record; it ends before a step whose energy is not finite."""
     kept: list[HistoryStep] = []
     for step in solution.history:
-        if finite(step.energy) is None:
+        if finite_or_none(step.energy) is None:
             break
         kept.append(
             HistoryStep(
@@ -177,8 +177,8 @@ def history_of(solution: Solution) -> tuple[HistoryStep, ...]:
                 energy=float(step.energy),
                 unknowns=int(step.unknowns),
                 at=float(step.at),
-                gap=finite(step.gap),
-                quantities={k: float(v) for k, v in step.quantities.items() if finite(v) is not None},
+                gap=finite_or_none(step.gap),
+                quantities={k: float(v) for k, v in step.quantities.items() if finite_or_none(v) is not None},
                 phase=step.phase,
                 iterations=None if step.iterations is None else int(step.iterations),
             )
@@ -196,9 +196,9 @@ def json_only(data: Any) -> Any:
         case np.ndarray() | np.generic():
             return json_only(data.tolist())
         case float():
-            return finite(data)
+            return finite_or_none(data)
         case int():
-            return data if abs(data) <= LARGEST_COUNT else finite(data)
+            return data if abs(data) <= LARGEST_COUNT else finite_or_none(data)
         case None | str():
             return data
         case _:

@@ -7,7 +7,7 @@ from typing import Literal
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.quantities import LoadQuantity, Unmarked
-from shellbench.problems.shell.question.features import narrowest
+from shellbench.problems.shell.question.features import why_too_narrow
 from shellbench.problems.shell.question.loads import AreaLoad, EdgeLoad, MomentLoad
 from shellbench.problems.shell.question.places import Edge
 
@@ -32,13 +32,13 @@ Beyond = Literal[
 
 def why_not_plain(case: Case, takes: frozenset[Beyond] = frozenset()) -> str | None:
     """Return the first property beyond the plainest shells that a solver does not take, as one clause, or None."""
-    found = next((words for beyond, words in _beyond_plain(case) if beyond not in takes), None)
-    if found is None and "narrow formulas" not in takes and (where := narrowest(case)) is not None:
+    found = next((words for beyond, words in _properties_beyond_plain(case) if beyond not in takes), None)
+    if found is None and "narrow formulas" not in takes and (where := why_too_narrow(case)) is not None:
         return f"{where}, and this solver may miss it between its points"
     return found
 
 
-def _beyond_plain(case: Case) -> Iterator[tuple[Beyond, str]]:
+def _properties_beyond_plain(case: Case) -> Iterator[tuple[Beyond, str]]:
     if case.theory == "naghdi-linear":
         yield "transverse shear", "its normals shear (naghdi-linear), and this solver's theory is Kirchhoff and Love's"
     if not case.material.uniform:

@@ -63,7 +63,7 @@ class Trace:
         points: list[Point] = []
         with contextlib.suppress(ValueError):  # there are no more, or too few states for a curve
             for number in range(1, len(self.marks)):
-                points.append(curve.turning("load", number))
+                points.append(curve.turning_point("load", number))
         return points
 
 

@@ -24,7 +24,7 @@ STIFFNESS = 100.0  # of the penalty, in units of mass over the squared step in t
 
 
 @dataclass(frozen=True)
-class Pressing:
+class Obstacles:
     """The obstacles of a case at one time.
 
     Attributes
@@ -43,7 +43,7 @@ class Pressing:
     at: float
 
     @classmethod
-    def in_step(cls, case: Case, points: Array, mass: Array, at: float, dt: float) -> Pressing:
+    def in_step(cls, case: Case, points: Array, mass: Array, at: float, dt: float) -> Obstacles:
         """Return the obstacles for a step in time dt, s, of vertices of mass (v,), kg."""
         return cls(case, points, STIFFNESS * mass / dt**2, at)
 

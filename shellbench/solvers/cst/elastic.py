@@ -55,23 +55,23 @@ class Elastic:
             return self.membrane.linear_strain(displacement)
         return self.membrane.strain(self.rest + displacement)
 
-    def folding(self, displacement: Array) -> Array:
+    def hinge_changes(self, displacement: Array) -> Array:
         """Return the change (h,) of the hinges' angles, radians."""
         if self.linear:
-            return self.hinges.linear_change(displacement)
-        return self.hinges.change(self.rest + displacement)
+            return self.hinges.linear_angle_change(displacement)
+        return self.hinges.angle_change(self.rest + displacement)
 
     def energies(self, displacement: Array) -> tuple[float, float]:
         """Return the membrane and the bending energy, J."""
         membrane = self.membrane.energy(self.strain(displacement)).sum()
-        return float(membrane), float(self.hinges.energy(self.folding(displacement)).sum())
+        return float(membrane), float(self.hinges.energy(self.hinge_changes(displacement)).sum())
 
     def gradient(self, displacement: Array) -> Array:
         """Return the derivative (v, 3) of the energy by the vertices: the forces that hold them so, N."""
         if self.linear:
             stress = self.strain(displacement) @ self.membrane.elasticity * self.membrane.areas[:, None]
             stretching = np.einsum("tsk,ts->tk", self.membrane.rest_operator, stress)
-            moment = 2 * self.hinges.stiffness * self.folding(displacement)
+            moment = 2 * self.hinges.stiffness * self.hinge_changes(displacement)
             bending = moment[:, None] * self.hinges.rest_gradient
         else:
             positions = self.rest + displacement
@@ -174,8 +174,8 @@ class Loading:
     def from_case(cls, case: Case, mesh: TriangleMesh, elastic: Elastic) -> Loading:
         """Lump areas and springs."""
         still = cls(case, mesh, elastic, np.zeros(mesh.vertex_count), np.zeros((mesh.vertex_count, 3)))
-        areas = still._lumped(np.ones((len(still._area_points()[0]), 1)))[:, 0]
-        springs = still._lumped(case.spring_stiffness(still._area_points()[0])) if case.springs else still.springs
+        areas = still._lump(np.ones((len(still._area_points()[0]), 1)))[:, 0]
+        springs = still._lump(case.spring_stiffness(still._area_points()[0])) if case.springs else still.springs
         return cls(case, mesh, elastic, areas, springs)
 
     @property
@@ -190,7 +190,7 @@ class Loading:
         points = np.einsum("qa,tak->tqk", bary, self.mesh.corners).reshape(-1, 2)
         return self.mesh.domain.wrap(points), bary, weights / weights.sum()
 
-    def _lumped(self, density: Array) -> Array:
+    def _lump(self, density: Array) -> Array:
         """Return the shares (v, k) of the vertices in densities (t q, k) per area."""
         _, bary, weights = self._area_points()
         membrane = self.elastic.membrane
@@ -217,10 +217,10 @@ class Loading:
                     across /= np.linalg.norm(across, axis=-1, keepdims=True)
                     density += self.case.formula(value).derivatives(points, 0, t)[0, 0][..., None] * across
                 case PointLoad() | EdgeLoad():
-                    total += self._placed(load, t)
-        return total + self._lumped(density)
+                    total += self._forces_at_places(load, t)
+        return total + self._lump(density)
 
-    def _placed(self, load: PointLoad | EdgeLoad, t: float) -> Array:
+    def _forces_at_places(self, load: PointLoad | EdgeLoad, t: float) -> Array:
         total = np.zeros((self.mesh.vertex_count, 3))
         for name in load.on:
             place = self.case.places[name]

@@ -143,17 +143,17 @@ class Membrane:
             values, axes = np.linalg.eigh(stress)
             stress = np.einsum("tak,tk,tbk->tab", axes, np.maximum(values, 0.0), axes)
         material = np.swapaxes(operator, 1, 2) @ (self.elasticity @ operator)
-        return np.asarray(self.areas[:, None, None] * material + self._turning(stress))
+        return np.asarray(self.areas[:, None, None] * material + self._stress_stiffness(stress))
 
-    def geometric(self, strain: Array) -> Array:
+    def geometric_stiffness(self, strain: Array) -> Array:
         """Return the part (t, 9, 9) of the second derivative that stresses have at rest, N/m, from strains (t, 3)."""
-        return self._turning((strain @ self.elasticity)[:, [[0, 2], [2, 1]]])
+        return self._stress_stiffness((strain @ self.elasticity)[:, [[0, 2], [2, 1]]])
 
-    def _turning(self, stress: Array) -> Array:
+    def _stress_stiffness(self, stress: Array) -> Array:
         geometric = np.einsum("t,tak,tkl,tbl->tab", self.areas, self.gradients, stress, self.gradients)
         return np.asarray(np.einsum("tab,ij->taibj", geometric, np.eye(3)).reshape(-1, 9, 9))
 
-    def covariant(self, strain: Array) -> Array:
+    def covariant_strain(self, strain: Array) -> Array:
         """Return strains (t, 3) as covariant components 11, 22, 12 in the surface's coordinates."""
         tensor = strain[:, [[0, 2], [2, 1]]] * np.array([[1, 0.5], [0.5, 1]])
         turned = np.einsum("tka,tkl,tlb->tab", self.scales, tensor, self.scales)
@@ -230,7 +230,7 @@ class Hinges:
         vertices, sides = mesh.hinges
         areas = membrane.areas[sides].sum(axis=1)
         if walls is not None:
-            rim, side = mesh.rim(walls.edges)
+            rim, side = mesh.rim_triangles(walls.edges)
             corner = len(rest) + np.arange(len(rim))
             vertices, sides = np.vstack([vertices, np.column_stack([rim, corner])]), np.vstack([sides, side])
             areas = np.append(areas, membrane.areas[side[:, 0]])
@@ -245,19 +245,19 @@ class Hinges:
     @cached_property
     def rest_angles(self) -> Array:
         """(h,) angles at rest."""
-        return fold(self.rest[self.vertices])
+        return fold_angle(self.rest[self.vertices])
 
     @cached_property
     def rest_gradient(self) -> Array:
         """(h, 12) derivative of the angles at rest."""
         return fold_gradient(self.rest[self.vertices])
 
-    def change(self, positions: Array) -> Array:
+    def angle_change(self, positions: Array) -> Array:
         """Return theta - theta0 (h,), radians, at vertex positions (v, 3); within half a turn."""
-        difference = fold(self.corners(positions)) - self.rest_angles
+        difference = fold_angle(self.corners(positions)) - self.rest_angles
         return np.asarray(np.mod(difference + np.pi, 2 * np.pi) - np.pi)
 
-    def linear_change(self, displacement: Array) -> Array:
+    def linear_angle_change(self, displacement: Array) -> Array:
         """Return the linearised change (h,) of the angles for vertex displacements (v, 3)."""
         moved = np.concatenate([displacement, np.zeros((len(self.rest) - len(displacement), 3))])[self.vertices]
         return np.asarray(np.sum(self.rest_gradient * moved.reshape(-1, 12), axis=1))
@@ -269,7 +269,7 @@ class Hinges:
     def gradient(self, positions: Array) -> Array:
         """Return the derivative (h, 12) of each hinge's energy by its vertices, N."""
         slope = fold_gradient(self.corners(positions))
-        return np.asarray((2 * self.stiffness * self.change(positions))[:, None] * slope)
+        return np.asarray((2 * self.stiffness * self.angle_change(positions))[:, None] * slope)
 
     def hessian(self, positions: Array, definite: bool = False) -> Array:
         """Return the second derivative (h, 12, 12), N/m; if it must be `definite`, its squares alone (Gauss-Newton)."""
@@ -278,7 +278,7 @@ class Hinges:
         blocks = 2 * self.stiffness[:, None, None] * slope[:, :, None] * slope[:, None, :]
         if definite:
             return np.asarray(blocks)
-        moment = 2 * self.stiffness * self.change(positions)
+        moment = 2 * self.stiffness * self.angle_change(positions)
         return np.asarray(blocks + moment[:, None, None] * fold_hessian(corners))
 
     def curvature(self, change: Array, membrane: Membrane) -> Array:
@@ -308,7 +308,7 @@ class Hinges:
         return total
 
 
-def fold(corners: Array) -> Array:
+def fold_angle(corners: Array) -> Array:
     """Return the angle (h,) from the first triangle's normal to the second's about the edge.
 
     Parameters
@@ -316,12 +316,12 @@ def fold(corners: Array) -> Array:
     corners
         (h, 4, 3) ends of the edges and the other corners of the first and second triangle.
     """
-    _, edge, n1, n2 = _parts(corners)
+    _, edge, n1, n2 = _edge_and_normals(corners)
     sine = np.sum(np.cross(n1, n2) * edge, axis=1) / np.linalg.norm(edge, axis=1)
     return np.asarray(np.arctan2(sine, np.sum(n1 * n2, axis=1)))
 
 
-def _parts(x: Array) -> tuple[Array, Array, Array, Array]:
+def _edge_and_normals(x: Array) -> tuple[Array, Array, Array, Array]:
     """Return the corners, the edge and both normals, as long as twice the area."""
     edge = x[:, 1] - x[:, 0]
     return x, edge, np.cross(edge, x[:, 2] - x[:, 0]), np.cross(x[:, 3] - x[:, 0], edge)
@@ -332,7 +332,7 @@ def fold_gradient(corners: Array) -> Array:
 
     The ends of the edge balance this, in the ratio of the heights' feet, so that translations do not change the angle.
     """
-    x, edge, n1, n2 = _parts(corners)
+    x, edge, n1, n2 = _edge_and_normals(corners)
     length = np.linalg.norm(edge, axis=1, keepdims=True)
     g2 = -length * n1 / np.sum(n1**2, axis=1, keepdims=True)
     g3 = -length * n2 / np.sum(n2**2, axis=1, keepdims=True)
@@ -342,7 +342,7 @@ def fold_gradient(corners: Array) -> Array:
 
 def fold_hessian(corners: Array) -> Array:
     """Return the second derivative (h, 12, 12) of the angle: the derivative of `fold_gradient`, term by term."""
-    x, edge, n1, n2 = _parts(corners)
+    x, edge, n1, n2 = _edge_and_normals(corners)
     squared = np.sum(edge**2, axis=1)
     length = np.sqrt(squared)
     d = np.eye(12).reshape(4, 3, 12)

@@ -105,14 +105,14 @@ class TriangleMesh:
         inside = topology.f2t[1] >= 0
         sides = np.asarray(topology.f2t[:, inside].T, dtype=np.int64)
         edge = topology.facets[:, inside].T
-        opposite = [self._corner_off(edge, sides[:, k]) for k in (0, 1)]
+        opposite = [self._corner_opposite(edge, sides[:, k]) for k in (0, 1)]
         corners = self.triangles[sides[:, 0]]
         start = np.argmax(corners == edge[:, :1], axis=1)
         along = corners[np.arange(len(edge)), (start + 1) % 3] == edge[:, 1]
         edge = np.where(along[:, None], edge, edge[:, ::-1])
         return np.asarray(np.column_stack([edge, *opposite]), dtype=np.int64), sides
 
-    def rim(self, edges: tuple[Edge, ...]) -> tuple[Integers, Integers]:
+    def rim_triangles(self, edges: tuple[Edge, ...]) -> tuple[Integers, Integers]:
         """Return the triangles on edges of the rectangle: corners (w, 3), those on the edge first, and numbers (w, 2).
 
         Corners go counter-clockwise, so that the surface lies to the left of its edge. Each number stands twice.
@@ -137,7 +137,7 @@ class TriangleMesh:
         places = self.domain.lower[running] + (np.arange(self.cells[running]) + 0.5) * self.steps[running]
         return edge.points(self.domain, places)
 
-    def _corner_off(self, edge: Integers, triangle: Integers) -> Integers:
+    def _corner_opposite(self, edge: Integers, triangle: Integers) -> Integers:
         corners = self.triangles[triangle]
         off = (corners != edge[:, :1]) & (corners != edge[:, 1:])
         return np.asarray(corners[np.arange(len(corners)), np.argmax(off, axis=1)])

@@ -16,7 +16,7 @@ from scipy.sparse import diags_array
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from shellbench.errors import SolveFailure
-from shellbench.solvers.cst.problem import TriangleProblem, factorised
+from shellbench.solvers.cst.problem import TriangleProblem, factorise
 
 Array = NDArray[np.float64]
 
@@ -38,12 +38,12 @@ def find_modes(problem: TriangleProblem, loaded: Array | None, count: int) -> tu
     if loaded is None:
         ahead = diags_array(np.repeat(problem.loading.mass, 3)[pattern.free]).tocsc()
     else:
-        blocks = -elastic.membrane.geometric(elastic.strain(loaded)).ravel()
+        blocks = -elastic.membrane.geometric_stiffness(elastic.strain(loaded)).ravel()
         ahead = pattern.matrix(np.append(blocks, np.zeros(len(elastic.entries[0]) - len(blocks))), none)
     size = stiffness.shape[0]
     if count >= size - 1:
         raise SolveFailure(f"the mesh has {size} unknowns, too few for mode {count}")
-    backward = LinearOperator(stiffness.shape, matvec=factorised(stiffness), dtype=float)
+    backward = LinearOperator(stiffness.shape, matvec=factorise(stiffness), dtype=float)
     start = np.random.default_rng(0).normal(size=size)
     try:
         found, vectors = eigsh(ahead, count, stiffness, which="LA", Minv=backward, v0=start)

@@ -20,7 +20,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.posed.rigid import rigid_modes
 from shellbench.problems.shell.question.conditions import RIGID_MOTIONS, Support
 from shellbench.problems.shell.question.places import Edge, Place, Point, Whole
-from shellbench.solvers.cst.contact import Pressing
+from shellbench.solvers.cst.contact import Obstacles
 from shellbench.solvers.cst.elastic import Elastic, Loading, Pattern
 from shellbench.solvers.cst.mesh import TriangleMesh
 
@@ -65,7 +65,7 @@ class Supports:
         """(v, 3) True if a support prescribes a displacement."""
         return np.asarray(self.holds.any(axis=0))
 
-    def share(self, number: int) -> Array:
+    def share_of_forces(self, number: int) -> Array:
         """Return the share (v, 3) of a support in the forces; supports that hold the same vertex have equal shares."""
         return np.asarray(self.holds[number] / np.maximum(self.holds.sum(axis=0), 1))
 
@@ -124,7 +124,7 @@ def vertices_of(place: Place, mesh: TriangleMesh) -> Integers:
 
 
 @dataclass(frozen=True)
-class Loose:
+class FreeMotions:
     """Free rigid motions: they are pinned while a case is solved, then removed in the mean over the area.
 
     Attributes
@@ -139,7 +139,7 @@ class Loose:
     pins: Integers
 
     @classmethod
-    def from_case(cls, case: Case, supports: Supports) -> Loose:
+    def from_case(cls, case: Case, supports: Supports) -> FreeMotions:
         """Choose the pins among the free unknowns."""
         names = [RIGID_MOTIONS.index(name) for name in case.remove_rigid_motions]
         modes = rigid_modes(case.surface, supports.mesh.points)[0, 0].reshape(-1, len(RIGID_MOTIONS))[:, names]
@@ -148,7 +148,7 @@ class Loose:
         _, _, order = qr(modes[supports.free].T, mode="economic", pivoting=True)
         return cls(modes, supports.free[np.sort(order[: len(names)])])
 
-    def removed(self, displacement: Array, areas: Array) -> Array:
+    def without_motions(self, displacement: Array, areas: Array) -> Array:
         """Return the displacement (v, 3) without its mean part along the motions, vertices weighed by areas (v,)."""
         weighted = self.motions * np.repeat(areas, 3)[:, None]
         part = np.linalg.solve(weighted.T @ self.motions, weighted.T @ displacement.ravel())
@@ -169,7 +169,7 @@ class TriangleProblem:
     elastic: Elastic
     loading: Loading
     supports: Supports
-    loose: Loose
+    loose: FreeMotions
 
     @classmethod
     def from_case(cls, case: Case, mesh: TriangleMesh) -> TriangleProblem:
@@ -177,7 +177,7 @@ class TriangleProblem:
         elastic = Elastic.from_case(case, mesh)
         supports = Supports.from_case(case, mesh)
         return cls(
-            case, mesh, elastic, Loading.from_case(case, mesh, elastic), supports, Loose.from_case(case, supports)
+            case, mesh, elastic, Loading.from_case(case, mesh, elastic), supports, FreeMotions.from_case(case, supports)
         )
 
     @cached_property
@@ -185,15 +185,15 @@ class TriangleProblem:
         """Pattern of the matrices of the unknowns that are neither held nor pinned."""
         return Pattern.from_elastic(self.elastic, np.setdiff1d(self.supports.free, self.loose.pins))
 
-    def internal(self, displacement: Array) -> Array:
+    def internal_forces(self, displacement: Array) -> Array:
         """Return the forces (v, 3) that hold triangles, hinges and springs in a displacement, N."""
         return self.elastic.gradient(displacement) + self.loading.springs * displacement
 
-    def pressing(self, at: float, dt: float) -> Pressing | None:
+    def obstacles_at(self, at: float, dt: float) -> Obstacles | None:
         """Return the obstacles at the end of a step in time dt, s, or None if there are none."""
         if not self.case.obstacles:
             return None
-        return Pressing.in_step(self.case, self.mesh.points, self.loading.mass, at, dt)
+        return Obstacles.in_step(self.case, self.mesh.points, self.loading.mass, at, dt)
 
     def strain_energy(self, displacement: Array) -> float:
         """Return the energy of triangles, hinges and springs, J."""
@@ -219,7 +219,7 @@ class Minimum:
     correction: float
 
 
-def factorised(matrix: csc_array) -> Callable[[Array], Array]:
+def factorise(matrix: csc_array) -> Callable[[Array], Array]:
     """Factorise a symmetric matrix; SolveFailure if it is singular."""
     try:
         options = {"SymmetricMode": True}
@@ -239,11 +239,11 @@ def minimise(
     target: Array,
     smallest: float,
     most: int,
-    pressing: Pressing | None = None,
+    pressing: Obstacles | None = None,
 ) -> Minimum:
     """Minimise W(u) - f.u + 1/2 sum of m_i |u_i - target_i|^2 over the free vertices by Newton's method.
 
-    Obstacles, if any are `pressing`, add the energy of their penalty.
+    Obstacles, if there are any (`pressing`), add the energy of their penalty.
 
     The exact second derivative is used if its step leads downhill and is convex along itself, else a positive definite
     one; each step is halved until it brings a decrease (Armijo).
@@ -288,7 +288,7 @@ def minimise(
     u = start.copy()
     value, scale = energy(u)
     for iteration in range(1, most + 1):
-        gradient = problem.internal(u) - force + inertia[:, None] * (u - target)
+        gradient = problem.internal_forces(u) - force + inertia[:, None] * (u - target)
         if pressing:
             gradient -= pressing.forces(u)
         g = gradient.ravel()[pattern.free]
@@ -310,7 +310,7 @@ def minimise(
     raise SolveFailure(f"Newton's method did not converge in {most} steps")
 
 
-def _newton_step(problem: TriangleProblem, u: Array, g: Array, diagonal: Array, pressing: Pressing | None) -> Array:
+def _newton_step(problem: TriangleProblem, u: Array, g: Array, diagonal: Array, pressing: Obstacles | None) -> Array:
     # LU, not Cholesky: it takes an indefinite matrix; the step is checked to be downhill and convex along itself. The
     # textbook shifts the whole matrix until Cholesky succeeds. Here a definite matrix, made element by element,
     # replaces the exact one if that fails.
@@ -319,7 +319,7 @@ def _newton_step(problem: TriangleProblem, u: Array, g: Array, diagonal: Array, 
         if pressing:
             matrix = matrix + pressing.tangent(u, problem.pattern.free)
         try:
-            step = -factorised(matrix)(g)
+            step = -factorise(matrix)(g)
         except SolveFailure:
             if definite:
                 raise

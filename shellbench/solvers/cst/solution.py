@@ -52,7 +52,7 @@ class CstSolution(ShellSolution):
         """The case on the mesh, made again when strains, energies or forces are needed."""
         return TriangleProblem.from_case(self.case, self.mesh)
 
-    def _span(self, at: float | None) -> tuple[int, int, float]:
+    def _frames_around(self, at: float | None) -> tuple[int, int, float]:
         """Return the frames before and after a mark, and the weight of the second; InputError for a wrong mark."""
         if self.case.dynamics is None:
             number = state_number(self.case, self.marks, at)
@@ -66,33 +66,33 @@ class CstSolution(ShellSolution):
         before, length = after - 1, float(self.marks[after] - self.marks[after - 1])
         return before, after, (mark - float(self.marks[before])) / length
 
-    def _between(self, at: float | None, of: Callable[[int], Array]) -> Array:
-        before, after, weight = self._span(at)
+    def _in_time(self, at: float | None, of: Callable[[int], Array]) -> Array:
+        before, after, weight = self._frames_around(at)
         return of(before) if weight == 0 else (1 - weight) * of(before) + weight * of(after)
 
     def vertices(self, at: float | None = None) -> Array:
         """Return the displacements (v, 3) of the vertices at a mark, or between two times."""
-        return self._between(at, lambda k: np.asarray(self.frames[..., k]))
+        return self._in_time(at, lambda k: np.asarray(self.frames[..., k]))
 
-    def _rate(self, k: int) -> Array:
+    def _velocities_of_step(self, k: int) -> Array:
         """Return the velocities (v, 3) of the step that ended at frame k: backward Euler's own."""
         if k == 0:
             return np.zeros(self.frames.shape[:2])
         return np.asarray((self.frames[..., k] - self.frames[..., k - 1]) / (self.marks[k] - self.marks[k - 1]))
 
-    def _interpolated(self, vertices: Array, xi: Array) -> Array:
+    def _in_space(self, vertices: Array, xi: Array) -> Array:
         triangle, weights = self.mesh.locate(xi)
         return np.asarray(np.einsum("na,nac->nc", weights, vertices[self.mesh.triangles[triangle]]))
 
     def displacement_at(self, xi: Array, at: float | None) -> Array:
         """Return the displacement (N, 3) at points (N, 2)."""
-        return self._interpolated(self.vertices(at), xi)
+        return self._in_space(self.vertices(at), xi)
 
     def velocity_at(self, xi: Array, at: float | None) -> Array:
         """Return the velocity (N, 3) at points (N, 2): that of the step at its end, linear in between."""
         if self.case.dynamics is None:
             return super().velocity_at(xi, at)
-        return self._interpolated(self._between(at, self._rate), xi)
+        return self._in_space(self._in_time(at, self._velocities_of_step), xi)
 
     @cached_property
     def _strains(self) -> Callable[[float | None], tuple[Array, Array]]:
@@ -100,7 +100,7 @@ class CstSolution(ShellSolution):
 
         def strains(at: float | None) -> tuple[Array, Array]:
             u = self.vertices(at)
-            return self.problem.elastic.strain(u), self.problem.elastic.folding(u)
+            return self.problem.elastic.strain(u), self.problem.elastic.hinge_changes(u)
 
         return lru_cache(maxsize=RECENT)(strains)
 
@@ -115,9 +115,9 @@ class CstSolution(ShellSolution):
         membrane, hinges = self.problem.elastic.membrane, self.problem.elastic.hinges
         match name:
             case "membrane_strain":
-                values = membrane.covariant(strain)
+                values = membrane.covariant_strain(strain)
             case "bending_strain":
-                values = membrane.covariant(hinges.curvature(change, membrane))
+                values = membrane.covariant_strain(hinges.curvature(change, membrane))
             case "membrane_energy_density":
                 values = membrane.energy(strain) / membrane.areas
             case _:
@@ -133,7 +133,7 @@ class CstSolution(ShellSolution):
 
         They hold and move its vertices as prescribed: internal forces and inertia less loads.
         """
-        forces = self.problem.supports.share(number) * self._between(at, self._unbalanced)
+        forces = self.problem.supports.share_of_forces(number) * self._in_time(at, self._support_forces)
         arms = self.problem.elastic.rest - centre
         if not self.case.linear:
             arms = arms + self.vertices(at)
@@ -141,20 +141,20 @@ class CstSolution(ShellSolution):
 
     def touch(self, at: float | None = None) -> Touch:
         """Return the contact forces of obstacles on the vertices."""
-        return touch_at_vertices(self.case, self.mesh.points, self.mesh.steps, self._between(at, self._pressed))
+        return touch_at_vertices(self.case, self.mesh.points, self.mesh.steps, self._in_time(at, self._contact_forces))
 
-    def _pressed(self, k: int) -> Array:
+    def _contact_forces(self, k: int) -> Array:
         u, dt = self.frames[..., k], float(self.marks[1] - self.marks[0]) if len(self.marks) > 1 else 1.0
-        pressing = self.problem.pressing(float(self.marks[k]), dt)
+        pressing = self.problem.obstacles_at(float(self.marks[k]), dt)
         return pressing.forces(u) if pressing else np.zeros_like(u)
 
-    def _unbalanced(self, k: int) -> Array:
-        forces = self.problem.internal(self.frames[..., k]) - self.problem.loading.forces(float(self.marks[k]))
+    def _support_forces(self, k: int) -> Array:
+        forces = self.problem.internal_forces(self.frames[..., k]) - self.problem.loading.forces(float(self.marks[k]))
         if self.case.obstacles:
-            forces = forces - self._pressed(k)
+            forces = forces - self._contact_forces(k)
         if self.case.dynamics is None or k == 0:
             return forces
-        gained = (self._rate(k) - self._rate(k - 1)) / (self.marks[k] - self.marks[k - 1])
+        gained = (self._velocities_of_step(k) - self._velocities_of_step(k - 1)) / (self.marks[k] - self.marks[k - 1])
         return np.asarray(forces + self.problem.loading.mass[:, None] * gained)
 
     def kept(self) -> tuple[Words, Arrays]:

@@ -32,7 +32,7 @@ class CstSolver(ShellSolver):
 
     def declines(self, case: Case) -> str | None:
         """Return the reason that the solver declines this case, as one clause, or None if it takes it."""
-        return reason(case)
+        return why_declined(case)
 
     def answer(
         self, case: Case, settings: CstSettings, start: Solution | Path | None, progress: ProgressCallback
@@ -76,7 +76,7 @@ def _why_no_modes(case: Case) -> str | None:
     return None
 
 
-def reason(case: Case) -> str | None:
+def why_declined(case: Case) -> str | None:
     """Return the reason that the solver declines a case, as one clause; None if it takes it."""
     if refusal := why_not_plain(case, frozenset({"modes", "contact"})):
         return refusal

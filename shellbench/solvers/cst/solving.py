@@ -26,7 +26,7 @@ from shellbench.problems.shell.question.places import Point
 from shellbench.problems.shell.records.history import Log, displacements, failing_with, with_answer_first
 from shellbench.solvers.cst.mesh import FEWEST_PERIODIC, TriangleMesh
 from shellbench.solvers.cst.modes import find_modes
-from shellbench.solvers.cst.problem import TriangleProblem, factorised, minimise
+from shellbench.solvers.cst.problem import TriangleProblem, factorise, minimise
 from shellbench.solvers.cst.settings import CstSettings
 from shellbench.solvers.cst.solution import CstSolution
 
@@ -55,7 +55,7 @@ def usual_cells(case: Case) -> tuple[int, int]:
 
 
 @dataclass
-class _Course:
+class _SolveState:
     """State of a solve so far: marks, frames, diagnostics and log."""
 
     problem: TriangleProblem
@@ -107,14 +107,14 @@ class _Course:
 def solve(case: Case, chosen: CstSettings, progress: ProgressCallback) -> CstSolution:
     """Solve a case; see `shellbench.solvers.cst.solver.CstSolver`."""
     with ThreadpoolController().select(internal_api="openblas").limit(limits=1):  # the matrices are small
-        course: _Course | None = None
+        course: _SolveState | None = None
         log = Log(case, progress)
         with failing_with(lambda: course.partial() if course else None, "the mesh"):
-            course = _Course(TriangleProblem.from_case(case, mesh_of(case, chosen)), chosen, log)
+            course = _SolveState(TriangleProblem.from_case(case, mesh_of_settings(case, chosen)), chosen, log)
             return _solve(course)
 
 
-def mesh_of(case: Case, settings: CstSettings) -> TriangleMesh:
+def mesh_of_settings(case: Case, settings: CstSettings) -> TriangleMesh:
     """Return the mesh of the settings; InputError if it is impossible."""
     cells = settings.cells or usual_cells(case)
     if min(cells) < 1 or max(cells) > MOST_CELLS:
@@ -128,7 +128,7 @@ def mesh_of(case: Case, settings: CstSettings) -> TriangleMesh:
         raise InputError(f"field 'cells': {error}") from None
 
 
-def _solve(course: _Course) -> CstSolution:
+def _solve(course: _SolveState) -> CstSolution:
     case, problem, settings = course.problem.case, course.problem, course.settings
     if case.dynamics is not None:
         steps = step_count(case.dynamics.until, settings.time_step or TIME_STEP)
@@ -147,7 +147,7 @@ def _solve(course: _Course) -> CstSolution:
     return with_answer_first(course.solution(), course.log.began)
 
 
-def _solve_modes(course: _Course) -> CstSolution:
+def _solve_modes(course: _SolveState) -> CstSolution:
     case, problem = course.problem.case, course.problem
     vibrates = case.quantities[0].kind == "frequency"
     loaded = None if vibrates else solve_linear(problem, (1.0,))[0].displacement
@@ -202,14 +202,14 @@ def solve_linear(problem: TriangleProblem, states: tuple[float, ...]) -> list[Tr
     """
     free = problem.pattern.free
     rest = np.zeros_like(problem.elastic.rest)
-    solve = factorised(
+    solve = factorise(
         problem.pattern.matrix(problem.elastic.tangent_values(rest), problem.loading.springs.ravel()[free])
     )
     found = []
     for t in states:
         force, u = problem.loading.forces(t), problem.supports.prescribe(rest, t)
         for _ in range(1 + REFINEMENTS):
-            u.ravel()[free] += solve((force - problem.internal(u)).ravel()[free])
+            u.ravel()[free] += solve((force - problem.internal_forces(u)).ravel()[free])
         found.append(_state(problem, t, u, force, 1))
     return found
 
@@ -256,7 +256,7 @@ def follow_path(
 
 
 def _state(problem: TriangleProblem, t: float, u: Array, force: Array, iterations: int) -> TriangleState:
-    internal = problem.internal(u)
+    internal = problem.internal_forces(u)
     gap = (internal - force).ravel()
     acting = float(np.abs(force).sum())
     moved = problem.loading.case.material.membrane_stiffness * float(np.abs(u).max(initial=0.0))
@@ -264,7 +264,7 @@ def _state(problem: TriangleProblem, t: float, u: Array, force: Array, iteration
     if np.abs(gap[problem.loose.pins]).max(initial=0.0) > BALANCE * scale:
         raise SolveFailure("the loads are not in balance, and nothing holds the shell")
     if len(problem.loose.pins):
-        u = problem.loose.removed(u, problem.loading.areas)
+        u = problem.loose.without_motions(u, problem.loading.areas)
     energy = problem.strain_energy(u) - float(np.sum(force * u))
     return TriangleState(t, u, energy, iterations, float(np.abs(gap[problem.pattern.free]).max(initial=0.0)) / scale)
 
@@ -337,7 +337,7 @@ def march(problem: TriangleProblem, until: float, steps: int, tolerance: float, 
         t = until * number / steps
         force = problem.loading.forces(t) if steady is None else steady
         target = u + dt * v
-        start, pressing = problem.supports.prescribe(target, t), problem.pressing(t, dt)
+        start, pressing = problem.supports.prescribe(target, t), problem.obstacles_at(t, dt)
         try:
             found = minimise(problem, start, force, inertia, target, tolerance * size, MOST_TIME_STEPS, pressing)
         except SolveFailure as failure:
@@ -345,7 +345,9 @@ def march(problem: TriangleProblem, until: float, steps: int, tolerance: float, 
         moved = found.displacement - u
         if pressing:
             force = force + pressing.forces(found.displacement)
-        reaction = problem.internal(found.displacement) - force + inertia[:, None] * (found.displacement - target)
+        reaction = (
+            problem.internal_forces(found.displacement) - force + inertia[:, None] * (found.displacement - target)
+        )
         work += float(np.sum(force * moved) + np.sum((reaction * moved)[held]))
         u, v = found.displacement, moved / dt
         energy = problem.strain_energy(u) + float(np.sum(mass[:, None] * v**2)) / 2 - work

@@ -74,7 +74,7 @@ class RepeatedSolution(ConditionedAnswer):
 
 
 @dataclass(frozen=True)
-class _One:
+class _Answer:
     """The answer to one material: displacement and its uncertainty, m, degrees of freedom, seconds, energy, J."""
 
     value: float
@@ -93,7 +93,7 @@ def solve(
     values, derivatives = np.full(count, NOT_ASKED), np.full((count, len(Material._fields)), NOT_ASKED)
     uncertainty: dict[str, float] = {}
     steps: list[Step] = []
-    solved: list[_One] = []
+    solved: list[_Answer] = []
     for number, material in enumerate(case.materials):
         progress(Progress(number, count, f"material {number}"))
         one = answer(material)
@@ -121,17 +121,17 @@ def solve(
     )
 
 
-def _solve(case: ConditionedCase, settings: RepeatedSettings, shells: CheckedSolver, material: Material) -> _One:
+def _solve(case: ConditionedCase, settings: RepeatedSettings, shells: CheckedSolver, material: Material) -> _Answer:
     shell = case.near(material)
     start = time.perf_counter()
     found = shells.solve(shell, FemSettings(cells=settings.cells))
     value = shell.quantity(ASKED).measure(found)
     seconds = time.perf_counter() - start
-    return _One(value, found.uncertainty.get(ASKED), found.parameters, seconds, found.history[-1].energy)
+    return _Answer(value, found.uncertainty.get(ASKED), found.parameters, seconds, found.history[-1].energy)
 
 
 def _difference(
-    answer: Callable[[Material], _One], material: Material, quantity: Sensitivity, width: float
+    answer: Callable[[Material], _Answer], material: Material, quantity: Sensitivity, width: float
 ) -> tuple[float, float | None]:
     """Return a difference quotient of the logarithm, and its uncertainty.
 

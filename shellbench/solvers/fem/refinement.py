@@ -183,7 +183,7 @@ def levels(
             # The coarsest meshes may have no equilibrium although finer ones do. A later failure is that of the case.
             end = _path_end(failure)
             moving = moving - 1 if forgiven <= 0 else moving
-            if before is not None or (forgiven <= 0 and (moving < 0 or _alike(end, last))):
+            if before is not None or (forgiven <= 0 and (moving < 0 or _end_alike(end, last))):
                 raise
             forgiven, last = forgiven - 1, end
             continue
@@ -211,9 +211,9 @@ def levels(
             if isinstance(q, ContactPoint):
                 within = WITHIN_CELL if case.linear else WITHIN_CUBIC_CELL
                 sure = max(sure, within * cell_along(solution, q))
-            estimates[q.name] = replace(found, uncertainty=sure + rounding(equilibrium, q, quantities))
+            estimates[q.name] = replace(found, uncertainty=sure + rounding_error(equilibrium, q, quantities))
         # Each uncertainty is compared with a scale, since a value near zero has no relative error.
-        errors = {q.name: estimates[q.name].uncertainty / scale(solution, q, quantities) for q in asked}
+        errors = {q.name: estimates[q.name].uncertainty / uncertainty_scale(solution, q, quantities) for q in asked}
         for q in asked:
             if isinstance(q, ContactPoint) and (left := q.length(case) - quantities[q.name]) < cell_along(solution, q):
                 # Contact at the very end of a line acts at points within the last cell, so that its uncertainty is at
@@ -229,7 +229,7 @@ def _path_end(failure: SolveFailure) -> float:
     return history[-1].at if history else math.nan
 
 
-def _alike(end: float, other: float) -> bool:
+def _end_alike(end: float, other: float) -> bool:
     """Return True if two paths end at the same load factor; an unknown factor counts as the same."""
     return not abs(end - other) > MOVED * abs(end)
 
@@ -239,7 +239,7 @@ def cell_along(solution: FemSolution, quantity: ContactPoint) -> float:
     return float(solution.touch(quantity.at).reach[int(quantity.along == "xi2")]) / REACH
 
 
-def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[str, float]) -> float:
+def uncertainty_scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[str, float]) -> float:
     """Return the scale of a quantity's uncertainty.
 
     It is the value itself, but at least a small part of the largest displacement, force or moment. Parts of the strain
@@ -251,7 +251,7 @@ def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[st
     match quantity:
         case ResultantQuantity():
             arm = 1.0 if quantity.kind == "moment" else 1 / shell_size(solution.case)
-            return RESULTANT_LEEWAY * max(value, NEGLIGIBLE * _push(solution, quantity.at) * arm, tiny)
+            return RESULTANT_LEEWAY * max(value, NEGLIGIBLE * _sum_of_reactions(solution, quantity.at) * arm, tiny)
         case EnergyQuantity():
             idle = NEGLIGIBLE * _arc_energy(solution, quantity.at)
             return ENERGY_LEEWAY * max(sum(solution.energies(quantity.at)), idle, tiny)
@@ -265,10 +265,10 @@ def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[st
             return max(value, NEGLIGIBLE * _largest_displacement(solution, quantity.at), tiny)
         case _:
             arm = shell_size(solution.case) if quantity.kind == "torque" else 1.0
-            return max(value, NEGLIGIBLE * _push(solution, quantity.at) * arm, tiny)
+            return max(value, NEGLIGIBLE * _sum_of_reactions(solution, quantity.at) * arm, tiny)
 
 
-def _push(solution: FemSolution, at: float | None) -> float:
+def _sum_of_reactions(solution: FemSolution, at: float | None) -> float:
     """Return the sum of the magnitudes of the supports' nodal forces, N."""
     return float(np.abs(solution.support_forces[..., 0, solution.state(at)]).sum())
 
@@ -296,7 +296,7 @@ def _unstrained_energy(solution: FemSolution) -> float:
     return solution.case.material.membrane_stiffness * strain**2
 
 
-def rounding(equilibrium: Equilibrium, quantity: QuantityModel, quantities: Mapping[str, float]) -> float:
+def rounding_error(equilibrium: Equilibrium, quantity: QuantityModel, quantities: Mapping[str, float]) -> float:
     """Return the error of a quantity by rounding.
 
     The last refinement of the linear solve changed the displacements by `correction`, relative to the largest, and the
@@ -323,7 +323,7 @@ def rounding(equilibrium: Equilibrium, quantity: QuantityModel, quantities: Mapp
         case _:
             energy = sum(solution.energies(quantity.at))
             share = math.sqrt(noise / energy) if energy > 0 else 0.0
-            return ROUNDING_FACTOR * max(share, EPSILON) * scale(solution, quantity, quantities)
+            return ROUNDING_FACTOR * max(share, EPSILON) * uncertainty_scale(solution, quantity, quantities)
 
 
 def field_difference(solution: FemSolution, other: FemSolution) -> float:

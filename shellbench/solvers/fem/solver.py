@@ -45,12 +45,12 @@ class FemSolver(ShellSolver):
         if case.dynamics is not None:
             from shellbench.solvers.fem.motion import motion
 
-            return motion.declined(case)
+            return motion.why_declined(case)
         if case.linear:
             return None
         from shellbench.solvers.fem.path import large_displacement
 
-        return large_displacement.declined(case)
+        return large_displacement.why_declined(case)
 
     def declines_quantity(self, case: Case, quantity: Quantity) -> str | None:
         """Return the reason that a quantity of a case that it takes has no value, or None."""

@@ -33,7 +33,7 @@ from shellbench.solvers.fem.mesh.grading import (
     Ends,
     graded_mesh,
     singular_points,
-    unresolved,
+    why_unresolved,
 )
 from shellbench.solvers.fem.mesh.mesh import CUBIC, Degree, TensorMesh
 from shellbench.solvers.fem.motion import motion
@@ -80,17 +80,17 @@ def solve(
     # the matrices are small: more threads gain nothing, and on a machine in use they wait for each other
     with ThreadpoolController().select(internal_api="openblas").limit(limits=1):
         if case.dynamics is not None:
-            return _moved(case, chosen, progress)
-        return _refined(case, chosen, begin, progress)
+            return _solve_motion(case, chosen, progress)
+        return _refine(case, chosen, begin, progress)
 
 
-def _moved(case: Case, chosen: FemSettings, progress: ProgressCallback) -> MotionSolution:
+def _solve_motion(case: Case, chosen: FemSettings, progress: ProgressCallback) -> MotionSolution:
     scheme = Scheme(chosen.spectral_radius)
     mesh = (chosen.cells, chosen.time_step, scheme, chosen.grading or GRADING[CUBIC], chosen.quadrature_order)
     return motion.solve(case, *mesh, chosen.tolerance or MOTION_TOLERANCE, progress)
 
 
-def _refined(case: Case, chosen: FemSettings, start: FemSolution | None, progress: ProgressCallback) -> FemSolution:
+def _refine(case: Case, chosen: FemSettings, start: FemSolution | None, progress: ProgressCallback) -> FemSolution:
     # 1. Choose gradings, tolerance and the largest mesh, and let trials share out the cells.
     # 2. Solve on ever finer meshes; record each one in the history.
     # 3. Stop when the largest uncertainty is within the tolerance, or the next mesh would be too large.
@@ -99,7 +99,7 @@ def _refined(case: Case, chosen: FemSettings, start: FemSolution | None, progres
     # Meshes of the non-linear theory are not graded toward edges: this would slow down their steps.
     graded = case.linear and chosen.grading != 1 and not case.prescribed
     toward, slowest = _gradings(case) if graded else ((UNGRADED, UNBROKEN), ASYMPTOTIC)
-    on_mesh, trials = _solves(case, chosen, toward, start, progress)
+    on_mesh, trials = _solvers_on_meshes(case, chosen, toward, start, progress)
     tolerance = chosen.tolerance or usual_tolerance(case, case_degree(case, chosen))
     solved_once = case.linear or case.prescribed  # or never: where all is prescribed
     largest = chosen.max_unknowns or (MOST_UNKNOWNS if solved_once else MOST_LARGE_UNKNOWNS)
@@ -110,7 +110,7 @@ def _refined(case: Case, chosen: FemSettings, start: FemSolution | None, progres
     try:
         meshes = _Meshes.of_case(case, chosen, toward, trials, start)
         forgiven = 0 if case.linear or chosen.cells else FORGIVEN
-        for level in levels(case, iter(meshes), on_mesh, _measured, forgiven, slowest):
+        for level in levels(case, iter(meshes), on_mesh, _measure, forgiven, slowest):
             seconds = time.perf_counter() - began
             found = level.equilibrium
             unknowns, cells = found.solution.parameters, list(found.solution.mesh.cells)
@@ -123,8 +123,8 @@ def _refined(case: Case, chosen: FemSettings, start: FemSolution | None, progres
             coarsest = coarsest or cells
             refined = all(now > then for now, then in zip(cells, coarsest, strict=True))
             converged = level.error <= tolerance and refined
-            solution = _finished(level, tuple(steps), differences, tolerance, converged, chosen)
-            solution = solution.told(diagnostics={**solution.diagnostics, **meshes.told})
+            solution = _with_estimates(level, tuple(steps), differences, tolerance, converged, chosen)
+            solution = solution.with_description(diagnostics={**solution.diagnostics, **meshes.diagnostics})
             progress(Progress(len(steps), None, f"{cells[0]} x {cells[1]} cells, error {level.error:.1e}"))
             size = found.solution.mesh.dof_count if case.prescribed else unknowns  # nothing is solved for, or some
             if converged or 2 * size > largest:
@@ -188,7 +188,7 @@ def _mesh(
     return graded_mesh(case, cells, settings.grading or GRADING[degree], ends, breaks, degree)
 
 
-def _solves(
+def _solvers_on_meshes(
     case: Case, settings: FemSettings, toward: Gradings, start: FemSolution | None, progress: ProgressCallback
 ) -> tuple[OnMesh, tuple[OnMesh, ...]]:
     """Return the function that solves a case on a mesh, and those of the trials that share out the cells.
@@ -217,7 +217,7 @@ def _solves(
             elif folded is None:
                 found = equilibrium.solve(of, mesh, *how)
             else:
-                found = folding.unfolded(folded, equilibrium.solve(folded.part.case, folded.mesh, *how))
+                found = folding.unfold(folded, equilibrium.solve(folded.part.case, folded.mesh, *how))
             # one step, for the quantity that reads the energy of the history
             alone = Step(0, 0.0, found.potential_energy, found.solution.parameters, of.states[-1])
             return replace(found, solution=replace(found.solution, history=(alone,)))
@@ -228,7 +228,7 @@ def _solves(
 
         def interpolate(cells: Cells) -> equilibrium.Equilibrium:
             mesh = _mesh(case, cells, settings, degree)
-            return large_displacement.prescribed(case, mesh, max(settings.quadrature_order, 2 * degree + 1))
+            return large_displacement.interpolate_prescribed(case, mesh, max(settings.quadrature_order, 2 * degree + 1))
 
         return interpolate, (interpolate,)
 
@@ -292,7 +292,7 @@ def _solves(
     return nonlinear(case, FIRST_STEP, earlier=start), (trial, unbent)
 
 
-def _measured(solution: FemSolution) -> Mapping[str, float]:
+def _measure(solution: FemSolution) -> Mapping[str, float]:
     if solution.unsettled is not None:
         return measure_reached(solution)
     try:
@@ -357,12 +357,12 @@ class _Meshes:
             yield level_cells(self.first + self.made - 1, self.share, self.degree)
 
     @property
-    def told(self) -> dict[str, int]:
+    def diagnostics(self) -> dict[str, int]:
         """Diagnostics of the meshes, for solutions that start from this one."""
         return {} if self.cells else {LEVEL: self.first + self.made - 1, SHARE: self.share, MADE: self.made}
 
 
-def _finished(
+def _with_estimates(
     level: Level,
     steps: tuple[Step, ...],
     differences: list[dict[str, Any]],
@@ -375,11 +375,11 @@ def _finished(
     path = () if found.solution.case.linear else found.solution.history
     began = steps[-1].seconds - path[-1].seconds if path else 0.0  # when the last mesh was begun
     states = tuple(replace(s, iteration=len(steps) + s.iteration, seconds=began + s.seconds) for s in path)
-    return found.solution.told(
+    return found.solution.with_description(
         history=(*steps, *states),
         uncertainty={name: e.uncertainty for name, e in known.items()},
         extrapolated={name: e.extrapolated for name, e in known.items()},
-        unsettled=found.solution.unsettled or unresolved(found.solution.case, found.solution.mesh),
+        unsettled=found.solution.unsettled or why_unresolved(found.solution.case, found.solution.mesh),
         diagnostics={
             **found.solution.diagnostics,
             "converged": converged,

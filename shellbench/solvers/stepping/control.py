@@ -47,20 +47,20 @@ class State(Protocol):
         """Newton iterations that led here."""
 
 
-def same(value: float, mark: float) -> bool:
+def equal_marks(value: float, mark: float) -> bool:
     """Return True if a value equals a mark up to rounding."""
     return bool(abs(value - mark) <= SAME * abs(mark))
 
 
-def state_at(marks: Sequence[float], t: float) -> int:
+def number_of_state(marks: Sequence[float], t: float) -> int:
     """Return the number of the state of an earlier path at a load factor; PathEndsError if there is none."""
     number = min(range(len(marks)), key=lambda k: abs(marks[k] - t))
-    if not same(marks[number], t):
+    if not equal_marks(marks[number], t):
         raise PathEndsError(f"the start has no state at the load factor {t:.6g}")
     return number
 
 
-def landing(value: float, mark: float, step: float) -> float:
+def step_end(value: float, mark: float, step: float) -> float:
     """Return the end of the next of equal steps to a mark, none longer than `step`."""
     # Equal parts leave no short step before a mark. The factor forgives rounding in the count.
     parts = math.ceil((mark - value) / step * (1 - SAME))
@@ -99,7 +99,7 @@ class Illinois:
     side: int = 0
 
     @property
-    def share(self) -> float:
+    def trial_share(self) -> float:
         """The place of the next trial, as a share of the interval from its lower end."""
         return 0.5 if self.at_high is None else self.at_low / (self.at_low - self.at_high)
 

@@ -15,7 +15,7 @@ from shellbench.solvers.stepping.control import (
     NotConvergedError,
     PathEndsError,
     State,
-    landing,
+    step_end,
 )
 
 Found = TypeVar("Found", bound=State)
@@ -24,7 +24,7 @@ Start = TypeVar("Start")
 SHORTEST_EDIT = 1 / 32  # of the way of an edit: where a shorter step were needed, the path is followed from rest
 
 
-class Controlled(Protocol[Found]):
+class ControlledPath(Protocol[Found]):
     """A path that is controlled by a displacement; the load factor is an unknown."""
 
     def rate(self, state: Found) -> float:
@@ -73,7 +73,7 @@ def load_steps(
     state, step = start, first
     for mark in marks:
         while state.t < mark:
-            target = landing(state.t, mark, step)
+            target = step_end(state.t, mark, step)
             try:
                 found = find(state, target)
                 reason = "" if found.stable else f"the state at load factor {target:.6g} is not stable"
@@ -91,7 +91,7 @@ def load_steps(
 
 
 def displacement_steps(
-    path: Controlled[Found], rest: Found, first_rate: float, marks: Sequence[float], end: float, share: float
+    path: ControlledPath[Found], rest: Found, first_rate: float, marks: Sequence[float], end: float, share: float
 ) -> Iterator[Found]:
     """Yield the states at increasing values of a displacement; the load factor is unknown.
 
@@ -120,7 +120,7 @@ def displacement_steps(
     step = longest = end * share
     for mark in sorted({*marks, end}):
         while value < mark:
-            target = landing(value, mark, step)
+            target = step_end(value, mark, step)
             try:
                 found = path.to_displacement(state, value, target)
                 rises = path.rate(found) * first_rate > 0
@@ -144,12 +144,12 @@ class Marks(Generic[Found]):
     After a snap-back the same value belongs to another state, which does not count.
     """
 
-    def __init__(self, path: Controlled[Found], marks: Sequence[float], end: float) -> None:
+    def __init__(self, path: ControlledPath[Found], marks: Sequence[float], end: float) -> None:
         self.path = path
         self.waiting = sorted({*marks, end})
         self.highest = 0.0
 
-    def passed(self, state: Found, value: float, found: Found, reached: float) -> Iterator[Found]:
+    def states_passed(self, state: Found, value: float, found: Found, reached: float) -> Iterator[Found]:
         """Yield the states at the marks that a step from `value` to `reached` passes, and the step's own after them.
 
         The step's own state is left out after the last mark, and if it is the state at a mark.
@@ -173,7 +173,7 @@ class Marks(Generic[Found]):
             yield found
 
 
-def over_edit(find: Callable[[Start, float], tuple[Found, Start]], start: Start) -> tuple[Found, int]:
+def follow_edit(find: Callable[[Start, float], tuple[Found, Start]], start: Start) -> tuple[Found, int]:
     """Return the state at the end of an edit, and the iterations of all states on the way.
 
     The edit is one step if Newton's method converges easily, else several shorter ones. All states on the way are

@@ -104,8 +104,8 @@ def test_fault_a_stale_state_is_kept(monkeypatch):
         return start if start.t == t else kept
 
     def with_factor(self, t, q, near):
-        state = FiniteProblem.rest(self)
-        return type(state)(t, q, self.energy.at(q), self.angles(q, near), state.factor, residuals=(0.0,))
+        state = FiniteProblem.at_rest(self)
+        return type(state)(t, q, self.energy.deform(q), self.angles(q, near), state.factor, residuals=(0.0,))
 
     monkeypatch.setattr(large_displacement, "equilibrium", stale)
     monkeypatch.setattr(FiniteProblem, "state_at", with_factor)

@@ -5,8 +5,8 @@ import pytest
 
 from shellbench.bench.catalogue import catalog
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.records.sampling import MOST_FRAMES, RATES, frame_rate_study, joined
-from shellbench.problems.shell.records.series import reached
+from shellbench.problems.shell.records.sampling import MOST_FRAMES, RATES, frame_rate_study, interpolate_frames
+from shellbench.problems.shell.records.series import mark_reached
 from tests.bench import spring
 from tests.bench.falling import FallSolution
 from tests.bench.spring import SpringSolution
@@ -72,7 +72,7 @@ def test_what_is_asked_before_must_not_matter(fall: Case) -> None:
 
 def test_a_motion_that_ended_early_is_seen_as_far_as_it_came(fall: Case) -> None:
     solution = FallSolution(fall, 0.5)
-    end = reached(solution, fall)
+    end = mark_reached(solution, fall)
     *_, finest = frame_rate_study(solution, fall)
     assert finest.largest_displacement == pytest.approx(G / 2 * end**2)
     assert finest.frames == round(240 * end) + 1
@@ -104,4 +104,4 @@ def test_a_static_case_has_no_frames() -> None:
 def test_lines_join_frames() -> None:
     frames = np.array([[0.0, 1.0], [2.0, 1.0], [2.0, 5.0]])
     places = np.array([0.0, 0.25, 1.0, 1.5, 2.0])
-    assert np.array_equal(joined(frames, places), [[0, 1], [0.5, 1], [2, 1], [2, 3], [2, 5]])
+    assert np.array_equal(interpolate_frames(frames, places), [[0, 1], [0.5, 1], [2, 1], [2, 3], [2, 5]])

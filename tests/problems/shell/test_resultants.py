@@ -8,7 +8,7 @@ from shellbench.errors import InputError
 from shellbench.problem import declined_quantities
 from shellbench.problems.shell.quantities.quantities import ResultantQuantity
 from shellbench.solvers.cst.solver import CstSolver
-from shellbench.solvers.fem.mechanics.resultants import patch
+from shellbench.solvers.fem.mechanics.resultants import patch_lines
 from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.solver import FemSolver
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
@@ -109,7 +109,7 @@ def test_a_patch_stays_between_kinks_and_goes_on_over_a_seam():
     flat = catalog.named_case("resultants_plate").surface.domain
     closed = catalog.named_case("cylinder_modes").surface.domain
     mesh = TensorMesh(flat, (np.linspace(0, 2, 9), np.linspace(0, 1, 5)), 5)
-    assert patch(mesh, 0, 1.1, [1.0]) == pytest.approx([1.0, 1.25, 1.5, 1.75])
-    assert patch(mesh, 0, 2.0, []) == pytest.approx([1.25, 1.5, 1.75, 2.0])
+    assert patch_lines(mesh, 0, 1.1, [1.0]) == pytest.approx([1.0, 1.25, 1.5, 1.75])
+    assert patch_lines(mesh, 0, 2.0, []) == pytest.approx([1.25, 1.5, 1.75, 2.0])
     ring = TensorMesh(closed, (np.linspace(0, 2 * np.pi, 9), np.linspace(0, 2, 5)), 5)
-    assert patch(ring, 0, 0.1, []) == pytest.approx(np.array([-1, 0, 1, 2]) * np.pi / 4)
+    assert patch_lines(ring, 0, 0.1, []) == pytest.approx(np.array([-1, 0, 1, 2]) * np.pi / 4)

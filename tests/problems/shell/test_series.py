@@ -15,7 +15,7 @@ from shellbench.problem import Step
 from shellbench.problems.shell.case import Case, build_case
 from shellbench.problems.shell.records import self_intersection
 from shellbench.problems.shell.records.sampling import PICTURE
-from shellbench.problems.shell.records.series import CURVE_TIMES, FRAMES, asked_series, frames, reached, series_of
+from shellbench.problems.shell.records.series import CURVE_TIMES, FRAMES, asked_series, frames, mark_reached, series_of
 from tests.bench import spring
 from tests.bench.falling import REASON, STEPS, FallSolution
 from tests.bench.running import task_of
@@ -140,7 +140,7 @@ def test_a_motion_that_failed_keeps_all_up_to_its_last_time(fall: Case, tmp_path
 def test_a_motion_that_failed_at_once_keeps_rest(fall: Case) -> None:
     solution = FallSolution(fall, upto=0.0)
     solution.history = (*solution.history[:1], Step(1, 0.2, 0.0, 3, at=0.0, phase="time"))
-    assert reached(solution, fall) == 0.0
+    assert mark_reached(solution, fall) == 0.0
     assert {one.marks for one in series_of(solution, fall)} == {(0.0,)}
 
 

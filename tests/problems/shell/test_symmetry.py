@@ -128,7 +128,7 @@ def test_shares_of_point_loads_add_up(name):
 def test_planes_exclude_the_motions_that_they_must(changes, held):
     part = part_of(plate(**changes))
     motions = [f"{kind}_{axis}" for kind in ("translation", "rotation") for axis in "xyz"]
-    assert {motion for motion in motions if part.holds(motion)} == held
+    assert {motion for motion in motions if part.excludes_motion(motion)} == held
 
 
 def test_a_load_on_next_to_nothing_of_the_shell_is_seen():

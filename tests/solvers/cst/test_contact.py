@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shellbench.errors import InputError
-from shellbench.solvers.cst.contact import STIFFNESS, Pressing
+from shellbench.solvers.cst.contact import STIFFNESS, Obstacles
 from shellbench.solvers.cst.solver import CstSolver
 from tests.problems.shell.stated_shells import plate
 from tests.solvers.cst.shells import CLOTH, cloth
@@ -28,7 +28,7 @@ def test_forces_are_the_slope_of_the_energy_and_the_tangent_that_of_forces():
     points = rng.uniform(0.2, 0.6, (20, 2))
     slope = {"kind": "plane", "centre": [0.4, 0.4, -0.8], "normal": [1, 2, 2]}
     for obstacle, down in ((BALL, 0.05), (slope, 0.8)):
-        pressing = Pressing.in_step(cloth(obstacles=[obstacle]), points, np.ones(20), 0.0, 0.1)
+        pressing = Obstacles.in_step(cloth(obstacles=[obstacle]), points, np.ones(20), 0.0, 0.1)
         u, way = np.array([0, 0, -down]) + rng.normal(0, 0.02, (20, 3)), rng.normal(size=(20, 3))
         there = [pressing.energy(u + s * 1e-6 * way) for s in (-1, 1)]
         slope = (there[0] - there[1]) / 2e-6
@@ -45,7 +45,7 @@ def test_a_support_does_not_bear_what_the_obstacle_does():
     solution = CstSolver().solve(case, {"cells": (6, 6), "time_step": 0.01})
     force, _ = solution.reaction("edge", at=0.2)
     mass = solution.problem.loading.mass
-    gained = mass @ (solution._rate(20) - solution._rate(19)) / 0.01
+    gained = mass @ (solution._velocities_of_step(20) - solution._velocities_of_step(19)) / 0.01
     pressed = solution.touch(0.2).forces.sum(axis=0)
     np.testing.assert_allclose(force + pressed + [0, 0, -9.8 * mass.sum()], gained, atol=1e-6)
     assert pressed[2] > 0.1
@@ -59,7 +59,7 @@ def test_a_vertex_in_a_corner_is_pushed_by_both_sides():
     case = cloth(until=0.12, obstacles=[floor, wall], loads=loads)
     solution = CstSolver().solve(case, {"cells": (4, 4), "time_step": 0.01})
     mass, force = solution.problem.loading.mass, solution.touch(0.12).forces.sum(axis=0)
-    gained = mass @ (solution._rate(12) - solution._rate(11)) / 0.01
+    gained = mass @ (solution._velocities_of_step(12) - solution._velocities_of_step(11)) / 0.01
     np.testing.assert_allclose(force + mass.sum() * np.array([-9.8, 0, -9.8]), gained, atol=1e-6)
     assert force[2] == pytest.approx(9.8 * CLOTH["areal_density"], rel=1e-3)
     assert force[0] > 1

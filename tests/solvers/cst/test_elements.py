@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from shellbench.solvers.cst.elastic import Elastic, Pattern
-from shellbench.solvers.cst.elements import fold, fold_gradient, fold_hessian
+from shellbench.solvers.cst.elements import fold_angle, fold_gradient, fold_hessian
 from shellbench.solvers.cst.mesh import TriangleMesh
 from tests.problems.shell.stated_shells import UNIT, plate
 from tests.solvers.cst.shells import CLOTH, cloth, cylinder
@@ -35,14 +35,14 @@ def test_a_finite_rigid_motion_strains_nothing(surface):
     turn = Rotation.from_rotvec([1.0, -2.0, 0.7]).as_matrix()
     u = elastic.rest @ turn.T + [3.0, -1.0, 2.0] - elastic.rest
     np.testing.assert_allclose(elastic.strain(u), 0, atol=1e-13)
-    np.testing.assert_allclose(elastic.folding(u), 0, atol=1e-12)
+    np.testing.assert_allclose(elastic.hinge_changes(u), 0, atol=1e-12)
 
 
 def test_a_linearised_rigid_motion_strains_nothing_in_linear_theory():
     _, elastic = made(cylinder())
     u = np.cross([1.0, -2.0, 0.7], elastic.rest) + np.array([3.0, -1.0, 2.0])
     np.testing.assert_allclose(elastic.strain(u), 0, atol=1e-13)
-    np.testing.assert_allclose(elastic.folding(u), 0, atol=1e-12)
+    np.testing.assert_allclose(elastic.hinge_changes(u), 0, atol=1e-12)
 
 
 @pytest.mark.parametrize("make", [cloth, plate, cylinder])
@@ -85,10 +85,10 @@ def test_the_definite_tangent_has_no_negative_curvature_where_the_exact_one_has(
 def test_the_fold_and_its_derivatives():
     """The roof of two triangles at right angles, and finite differences around shapes of no symmetry."""
     right = np.array([[[0, 0, 0], [0, 1, 0], [-1, 0, 0], [0, 0, -1]]], dtype=float)
-    assert fold(right)[0] == pytest.approx(np.pi / 2)  # the normal turns from z to x, about y
+    assert fold_angle(right)[0] == pytest.approx(np.pi / 2)  # the normal turns from z to x, about y
     x = np.random.default_rng(0).normal(size=(6, 4, 3))
     ways = STEP * np.eye(12).reshape(12, 4, 3)
-    slope = np.stack([(fold(x + d) - fold(x - d)) / (2 * STEP) for d in ways], axis=-1)
+    slope = np.stack([(fold_angle(x + d) - fold_angle(x - d)) / (2 * STEP) for d in ways], axis=-1)
     np.testing.assert_allclose(fold_gradient(x), slope, rtol=1e-5, atol=1e-6)
     curve = np.stack([(fold_gradient(x + d) - fold_gradient(x - d)) / (2 * STEP) for d in ways], axis=-1)
     np.testing.assert_allclose(fold_hessian(x), curve, rtol=1e-4, atol=1e-4 * np.abs(curve).max())
@@ -102,7 +102,7 @@ def test_patch_of_constant_membrane_strain():
     f = (np.eye(3) + gradient)[:, :2]
     strain = (f.T @ f - np.eye(2)) / 2
     expected = np.broadcast_to([strain[0, 0], strain[1, 1], strain[0, 1]], (len(mesh.triangles), 3))
-    np.testing.assert_allclose(elastic.membrane.covariant(elastic.strain(u)), expected, atol=1e-14)
+    np.testing.assert_allclose(elastic.membrane.covariant_strain(elastic.strain(u)), expected, atol=1e-14)
     forces = elastic.gradient(u).reshape(*mesh.shape, 3)
     assert np.abs(forces[1:-1, 1:-1]).max() < 1e-13 * np.abs(forces).max()
     e, nu, h = CLOTH["youngs_modulus"], CLOTH["poissons_ratio"], CLOTH["thickness"]
@@ -115,7 +115,7 @@ def test_covariant_strain_of_a_cylinder_that_widens():
     case = cylinder()
     _, elastic = made(case, (64, 4))
     radial = elastic.rest * [1, 0, 1] / 2
-    strain = elastic.membrane.covariant(elastic.strain(0.01 * radial))
+    strain = elastic.membrane.covariant_strain(elastic.strain(0.01 * radial))
     np.testing.assert_allclose(strain, np.broadcast_to([2 * 0.01, 0, 0], strain.shape), rtol=2e-3, atol=1e-12)
 
 
@@ -132,8 +132,8 @@ def test_bending_strain_of_a_quadratic_surface_is_exact_inside(diagonal):
     """kappa = bbar - b on each triangle, or in the mean over pairs of cells where diagonals alternate."""
     _, elastic = made(plate(), (6, 8), diagonal)
     p, q, r = 0.3, -0.7, 0.45
-    change = elastic.folding(bent(elastic, p, q, r))
-    kappa = elastic.membrane.covariant(elastic.hinges.curvature(change, elastic.membrane))
+    change = elastic.hinge_changes(bent(elastic, p, q, r))
+    kappa = elastic.membrane.covariant_strain(elastic.hinges.curvature(change, elastic.membrane))
     kappa = kappa.reshape(6, 8, 2, 3)[1:-1, 1:-1]
     if diagonal == "alternating":
         kappa = kappa.reshape(2, 2, 3, 2, 2, 3).mean(axis=(1, 3, 4))
@@ -149,7 +149,7 @@ def test_hinges_have_the_energy_of_the_folds_of_a_quadratic_surface(diagonal, s)
     u = bent(elastic, p, q, r)
     middle = elastic.rest[elastic.hinges.vertices[:, :2], :2].mean(axis=1)
     inside = np.all((middle > 1.9) & (middle < 3.9), axis=1)  # the edges of 2 x 2 cells
-    energy = elastic.hinges.energy(elastic.folding(u))[inside].sum() / 4
+    energy = elastic.hinges.energy(elastic.hinge_changes(u))[inside].sum() / 4
     b = case.material.bending_stiffness
     assert energy == pytest.approx(b / 2 * ((p + s * r) ** 2 + (q + s * r) ** 2 + 4 * r**2), rel=1e-12)
 
@@ -221,6 +221,6 @@ def test_walls_have_the_derivatives_of_their_energy(make, edges, sides):
 def test_a_wall_at_rest_strains_nothing_and_feels_a_turn_about_its_edge():
     case = cylinder(supports=[{"name": "wall", "on": ["xi2_min"], "clamped": True}], remove_rigid_motions=[])
     _, elastic = made(case)
-    np.testing.assert_allclose(elastic.folding(np.zeros_like(elastic.rest)), 0, atol=1e-13)
+    np.testing.assert_allclose(elastic.hinge_changes(np.zeros_like(elastic.rest)), 0, atol=1e-13)
     turned = np.cross([1.0, 0.0, 0.0], elastic.rest)
     assert elastic.energies(1e-3 * turned)[1] > 0

@@ -35,7 +35,7 @@ def test_energy_never_grows_where_nothing_acts_any_more():
     mass = solution.problem.loading.mass[:, None]
 
     def energy(t):
-        return np.sum(mass * solution._rate(round(t / 0.005)) ** 2) / 2 + solution.problem.strain_energy(
+        return np.sum(mass * solution._velocities_of_step(round(t / 0.005)) ** 2) / 2 + solution.problem.strain_energy(
             solution.vertices(t)
         )
 

@@ -121,7 +121,7 @@ def test_the_hinge_of_a_swinging_sheet_carries_weight_and_what_accelerates_it(sh
     """Force = rate of momentum - weight, whatever the sheet does."""
     force, _ = sheet.reaction("edge", at=0.1)
     mass = sheet.problem.loading.mass[:, None]
-    rate = np.sum(mass * (sheet._rate(10) - sheet._rate(9)), axis=0) / 0.01
+    rate = np.sum(mass * (sheet._velocities_of_step(10) - sheet._velocities_of_step(9)), axis=0) / 0.01
     np.testing.assert_allclose(force, rate + np.array([0, 0, 0.144 * 9.8]), atol=1e-7)
 
 

@@ -141,7 +141,7 @@ def test_a_state_of_a_path_is_in_equilibrium():
     solution = solved(large(10.0), cells=(8, 8))
     for t in (0.5, 1.0):
         u, problem = solution.vertices(t), solution.problem
-        gap = (problem.internal(u) - problem.loading.forces(t)).ravel()
+        gap = (problem.internal_forces(u) - problem.loading.forces(t)).ravel()
         assert np.abs(gap[problem.pattern.free]).max() < 1e-8 * 10.0
 
 

@@ -188,7 +188,7 @@ def test_the_force_is_the_derivative_of_the_energy_beyond_buckling():
 def test_the_softest_mode_is_that_of_the_smallest_eigenvalue():
     shortening, _ = critical_column(True)
     problem = problem_of(column(True, 2 * shortening), (6, 2))
-    state = equilibrium(problem, problem.rest(), 0.9 * shortening)
+    state = equilibrium(problem, problem.at_rest(), 0.9 * shortening)
     buckling, ties = Buckling(problem), problem.ties(state.t)
     mode, stiffness = buckling.softest_mode(ties, buckling.stiffness(buckling.tangent(state), state.t))
     value, vector = smallest(problem, state, buckling.area)
@@ -245,12 +245,12 @@ def test_where_the_inertia_changes_the_smallest_eigenvalue_changes_sign(twisted)
         state = equilibrium(problem, critical, t)
         values.append(smallest(problem, state, area)[0])
         # what a factorisation counts at the state itself, not one iteration before
-        assert (equilibrium(problem, state, t).factor.negative > 0) == (values[-1] < 0)
+        assert (equilibrium(problem, state, t).factor.negative_count > 0) == (values[-1] < 0)
     assert values[0] > 0 > values[1]
     far = smallest(problem, equilibrium(problem, critical, 0.9 * critical.t), area)[0]
     assert values[0] < 1e-2 * far
-    rest = smallest(problem, problem.rest(), area)[0]
-    assert Buckling(problem).softest == pytest.approx(rest, rel=2e-2)
+    rest = smallest(problem, problem.at_rest(), area)[0]
+    assert Buckling(problem).softest_stiffness == pytest.approx(rest, rel=2e-2)
 
 
 def test_beyond_it_states_are_stable_and_lower_than_those_that_stay_round(twisted):
@@ -265,21 +265,21 @@ def test_beyond_it_states_are_stable_and_lower_than_those_that_stay_round(twiste
         round_state = equilibrium(problem, round_state, state.t)
         assert not round_state.stable
         assert problem.potential(state) < problem.potential(round_state)
-        assert problem.revolution.direction(round_state.q) is None
-        assert problem.revolution.direction(state.q) is not None
+        assert problem.revolution.wave_direction(round_state.q) is None
+        assert problem.revolution.wave_direction(state.q) is not None
         residual = problem.ties(state.t).to_free((problem.forces(state.q, state.t) - state.strained.forces)[..., None])
         # balance, but for what holds the waves where they are on the mesh
         assert np.abs(residual).max() < 1e-4 * np.abs(state.strained.forces).max()
     final = states[-1]
     value, _ = smallest(problem, final, Buckling(problem).area)
-    assert value > -1e-2 * Buckling(problem).softest  # but for the waves that may travel
+    assert value > -1e-2 * Buckling(problem).softest_stiffness  # but for the waves that may travel
 
 
 def test_a_relaxation_goes_downhill_and_moves_the_supports_as_asked(twisted):
     problem, states = twisted
     (number,) = [k for k, s in enumerate(states) if s.critical]
     buckling, start = Buckling(problem), states[number]
-    found = buckling.relaxed(start, 1.02 * start.t)
+    found = buckling.relax(start, 1.02 * start.t)
     assert found.stable
     unbuckled = equilibrium(problem, start, 1.02 * start.t)
     assert problem.potential(found) < problem.potential(unbuckled)
@@ -293,11 +293,11 @@ def test_waves_that_are_held_may_not_hide_a_state_that_is_unstable_otherwise(twi
     problem, states = twisted
     final = states[-1]
     assert final.forgiven in (0, 1)
-    assert not replace(final, forgiven=final.factor.negative + 1).stable
+    assert not replace(final, forgiven=final.factor.negative_count + 1).stable
     (critical,) = [s for s in states if s.critical]
     holding = replace(problem, holding=True)
     unstable = equilibrium(holding, critical, 0.1 + 0.05)
-    assert problem.revolution.direction(unstable.q) is None
+    assert problem.revolution.wave_direction(unstable.q) is None
     assert not unstable.stable
 
 
@@ -323,7 +323,7 @@ def test_where_no_stable_state_is_found_the_path_ends_with_what_was_reached(monk
     def lost(self, start, t):
         raise NotConvergedError
 
-    monkeypatch.setattr(Buckling, "relaxed", lost)
+    monkeypatch.setattr(Buckling, "relax", lost)
     shortening, _ = critical_column(True)
     case = column(True, 2 * shortening, [shortening / 2])
     with pytest.raises(PathEndsError, match=r"^no stable state was found at load factor \S+$"):
@@ -378,7 +378,7 @@ def test_where_no_step_from_rest_converges_the_shell_is_left_to_itself_a_little_
         raise NotConvergedError
 
     monkeypatch.setattr(buckling, "equilibrium", lost)
-    monkeypatch.setattr(Buckling, "relaxed", lambda self, start, t: replace(start, t=t))
+    monkeypatch.setattr(Buckling, "relax", lambda self, start, t: replace(start, t=t))
     shortening, _ = critical_column(True)
     problem = problem_of(column(True, 2 * shortening), (4, 1))
     first = next(following_steps(problem, problem.case.states, shortening / 4, 1e-6))

@@ -33,7 +33,7 @@ def test_forces_among_points_obey_signorini_and_coulomb():
     pressure, open_ = np.sum(forces * normal, axis=-1), gap + np.sum(moved * normal, axis=-1)
     assert min(open_.min(), pressure.min()) > -1e-9
     assert np.abs(open_ * pressure).max() < 1e-9
-    rubbing, way = small._along(forces), small._along(slip + moved)
+    rubbing, way = small._tangential_parts(forces), small._tangential_parts(slip + moved)
     size, limit = np.linalg.norm(rubbing, axis=-1), friction * pressure
     assert np.all(size <= limit + 1e-9)
     slips = (pressure > 0) & (np.linalg.norm(way, axis=-1) > 1e-9) & (friction > 0)
@@ -49,7 +49,7 @@ def test_points_press_evenly_and_leave_no_freedom(cells):
     domain = case.surface.domain
     mesh = TensorMesh(domain, tuple(np.linspace(domain.lower[k], domain.upper[k], cells[k] + 1) for k in (0, 1)))
     points = TouchingPoints.on_mesh(case, mesh)
-    even = points.nodal(np.prod(points.lengths, axis=-1)[:, None] * np.ones(3))
+    even = points.nodal_forces(np.prod(points.lengths, axis=-1)[:, None] * np.ones(3))
     mass = mass_matrix(case, mesh, Quadrature.of_order(mesh, 7))
     ones = np.zeros((mesh.node_count, 12, 1))
     ones[:, ::4] = 1 / case.material.areal_density

@@ -14,7 +14,7 @@ from shellbench.solvers.fem.mechanics.solution import FemSolution
 from shellbench.solvers.fem.mesh.grading import graded_mesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.path import large_displacement
-from shellbench.solvers.fem.path.continuation import arc_length_steps, displacement_steps, functional, load_steps
+from shellbench.solvers.fem.path.continuation import arc_length_steps, displacement_steps, dof_row, load_steps
 from shellbench.solvers.fem.path.newton import equilibrium
 from shellbench.solvers.fem.path.problem import FiniteProblem
 from shellbench.solvers.stepping.control import PathEndsError
@@ -33,7 +33,7 @@ def problem_of(case, cells):
 
 def roof(name, cells=(4, 4)):
     problem = problem_of(catalog.named_case(name), cells)
-    return problem, functional(problem, problem.case.quantity("deflection"))
+    return problem, dof_row(problem, problem.case.quantity("deflection"))
 
 
 def values(row, states):
@@ -84,7 +84,7 @@ def elastica(force, stiffness, length):
 def test_load_steps_of_a_strip_follow_the_elastica():
     case = catalog.named_case("cantilever_shear")
     problem = problem_of(case, (8, 1))
-    shortening, deflection = (functional(problem, case.quantity(f"{name}_4")) for name in ("shortening", "deflection"))
+    shortening, deflection = (dof_row(problem, case.quantity(f"{name}_4")) for name in ("shortening", "deflection"))
     marks = (0.25, 0.5, 1.0)
     states = list(load_steps(problem, marks, 1 / 8, SHORTEST))
     stiffness = case.material.youngs_modulus * case.material.thickness**3 / 12
@@ -164,7 +164,7 @@ def test_limit_points_do_not_depend_on_the_length_of_steps(thick):
     coarse = list(displacement_steps(problem, row, THICK_MARKS, THICK_END, 1 / 12))
     assert len(coarse) < 0.7 * len(states)
     for number in (1, 2):
-        (load, at), (other, there) = (curve(row, found).turning("load", number) for found in (states, coarse))
+        (load, at), (other, there) = (curve(row, found).turning_point("load", number) for found in (states, coarse))
         assert other == pytest.approx(load, rel=1e-4)
         assert there == pytest.approx(at, rel=1e-3)
 
@@ -219,7 +219,7 @@ def test_arc_length_passes_the_snap_back(thin):
 
 def test_arc_length_never_turns_round(thin):
     problem, _, states = thin
-    path = np.array([problem.rest().q, *(state.q for state in states)])[:, :, ::4].reshape(len(states) + 1, -1)
+    path = np.array([problem.at_rest().q, *(state.q for state in states)])[:, :, ::4].reshape(len(states) + 1, -1)
     steps = np.diff(path, axis=0)
     cosines = (
         np.sum(steps[1:] * steps[:-1], axis=1) / np.linalg.norm(steps[1:], axis=1) / np.linalg.norm(steps[:-1], axis=1)
@@ -254,7 +254,7 @@ def test_arc_length_does_not_depend_on_the_unit_of_load(thin):
     (load,) = data["loads"]
     case = build_case(data | {"loads": [load | {"force": [0, 0, "-0.25*t"]}]}, "roof", "test")
     problem = problem_of(case, (3, 3))
-    states = list(arc_length_steps(problem, functional(problem, case.quantity("deflection")), THIN_MARKS, THIN_END))
+    states = list(arc_length_steps(problem, dof_row(problem, case.quantity("deflection")), THIN_MARKS, THIN_END))
     assert len(states) == len(thin[2])
     factors = np.array([[ours.t, theirs.t] for ours, theirs in zip(states, thin[2], strict=True)])
     assert np.allclose(factors[:, 0], 1000 * factors[:, 1], rtol=0, atol=1e-3)
@@ -267,7 +267,7 @@ def test_turning_points_by_arc_length_do_not_depend_on_the_length_of_steps(thin)
     assert len(states) < 0.6 * len(fine)
     for of in ("load", "displacement"):
         for number in (1, 2):
-            (load, at), (other, there) = (curve(row, found).turning(of, number) for found in (states, fine))
+            (load, at), (other, there) = (curve(row, found).turning_point(of, number) for found in (states, fine))
             exact, loose = (load / other, at / there) if of == "load" else (at / there, load / other)
             assert exact == pytest.approx(1, abs=1e-8)
             assert loose == pytest.approx(1, abs=3e-5)
@@ -292,7 +292,7 @@ def test_states_on_a_coarser_mesh_lead_along_the_path_on_a_finer_one(monkeypatch
         assert np.allclose(one, other, rtol=0, atol=1e-7 * np.abs(other).max())
     ours, others = (Curve.of(found.history, "deflection") for found in (led, alone))
     for own, of in enumerate(("load", "displacement")):
-        found, expected = ours.turning(of, 1), others.turning(of, 1)
+        found, expected = ours.turning_point(of, 1), others.turning_point(of, 1)
         assert found[own] == pytest.approx(expected[own], rel=1e-6)
         assert found[1 - own] == pytest.approx(expected[1 - own], rel=1e-3)  # where something else has its extremum
     assert few < 0.8 * many
@@ -311,8 +311,8 @@ def test_the_functional_is_the_displacement_quantity():
         loads=[{"kind": "area", "vector": [0, 0, "t"]}],
     )  # fmt: skip
     problem = problem_of(case, (3, 3))
-    row = functional(problem, case.primary)
-    state = equilibrium(problem, problem.rest(), 0.5)
+    row = dof_row(problem, case.primary)
+    state = equilibrium(problem, problem.at_rest(), 0.5)
     mesh = problem.mesh
     coefficients = (state.q.reshape(-1, 3, 4) / mesh.node_scales[:, None, :])[..., None]
     solution = FemSolution(case, mesh, coefficients, (1.0,), np.zeros(0, dtype=int), np.zeros((1, 0, 3, 4, 1)), 7, 0)

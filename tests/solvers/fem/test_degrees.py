@@ -13,7 +13,7 @@ from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.solvers.fem.mechanics.assembly import stiffness
 from shellbench.solvers.fem.mechanics.rigid_motions import nodal_rigid_motions
 from shellbench.solvers.fem.mechanics.solution import FemSolution
-from shellbench.solvers.fem.mesh.bubbles import interpolated
+from shellbench.solvers.fem.mesh.bubbles import interpolation_coefficients
 from shellbench.solvers.fem.mesh.grading import graded_mesh
 from shellbench.solvers.fem.mesh.mesh import SAME, Basis, axis_functions, kinds_of, present_functions, tabulate
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
@@ -74,7 +74,7 @@ def test_polynomials_of_the_degree_are_interpolated_exactly(degree):
         d = poly.polyder(poly.polyder(c, kind[0], axis=0), kind[1], axis=1)
         return poly.polyval2d(at[:, 0], at[:, 1], d)
 
-    found = interpolated(
+    found = interpolation_coefficients(
         mesh, lambda at: {k: derivative(at, k)[:, None] * np.ones(3) for k in ((0, 0), (1, 0), (0, 1), (1, 1))}
     )
     solution = field(case, mesh, (found * mesh.node_scales[:, None]).reshape(mesh.node_count, -1))
@@ -112,7 +112,7 @@ def test_four_gauss_points_a_direction_are_enough():
 
 
 def mesh_mask(mesh):
-    return np.tile(mesh.carried, 3)[..., None]
+    return np.tile(mesh.used_dofs, 3)[..., None]
 
 
 @pytest.mark.sampled(7)
@@ -267,11 +267,11 @@ def test_a_prescribed_field_that_a_moment_follows_is_left_to_cubics():
 def test_cells_with_matrices_of_their_own_leave_the_others_and_the_first_matrix_alone():
     _, mesh, matrix = assembled("hypar", 5, (2, 2))
     before, dense = matrix.blocks.copy(), matrix.to_csr().toarray()
-    own = matrix.with_own(np.array([3, 1])).with_own(np.array([1, 2]))
+    own = matrix.with_cells_copied(np.array([3, 1])).with_cells_copied(np.array([1, 2]))
     assert own.changed.tolist() == [1, 2, 3]
     assert np.allclose(own.to_csr().toarray(), dense, rtol=0, atol=1e-14 * np.abs(dense).max())
     own.instead[0] *= 3.0  # of cell 1
-    other = own.with_own(np.array([0]))
+    other = own.with_cells_copied(np.array([0]))
     other.instead[0] *= 5.0  # of cell 0, which the first copy has not
     q = np.random.default_rng(0).normal(size=(mesh.node_count, 3 * len(mesh.kinds), 2))
     for found, factors in ((matrix, (1, 1)), (own, (1, 3)), (other, (5, 3))):
@@ -288,7 +288,7 @@ def test_cells_with_matrices_of_their_own_leave_the_others_and_the_first_matrix_
 
 @pytest.mark.parametrize("place", ["blocks", "instead"])
 def test_a_matrix_that_is_not_finite_anywhere_has_no_largest_entry(place):
-    own = assembled("hypar", 5, (2, 2))[2].with_own(np.array([1, 3]))
+    own = assembled("hypar", 5, (2, 2))[2].with_cells_copied(np.array([1, 3]))
     assert own.largest == pytest.approx(np.abs(own.blocks).max())
     own.instead[1] *= 1e3
     assert own.largest == pytest.approx(np.abs(own.instead).max())

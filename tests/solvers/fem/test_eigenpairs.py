@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shellbench.solvers.fem.algebra.eigenpairs import BLOCK, NotFoundError, largest
+from shellbench.solvers.fem.algebra.eigenpairs import BLOCK, NotFoundError, largest_eigenpairs
 
 PAIRS = np.repeat(1 / np.arange(1.0, 101.0) ** 2, 2)  # every eigenvalue twice
 
@@ -13,7 +13,8 @@ def found(values, count):
     size, random = len(values), np.random.default_rng(1)
     turn, _ = np.linalg.qr(random.normal(size=(size, size)))
     inverse = (turn * values) @ turn.T
-    return largest(lambda x: x, lambda x: inverse @ x, random.normal(size=(size, BLOCK)), count), turn / values @ turn.T
+    found = largest_eigenpairs(lambda x: x, lambda x: inverse @ x, random.normal(size=(size, BLOCK)), count)
+    return found, turn / values @ turn.T
 
 
 def test_both_copies_of_each_eigenvalue_are_found():
@@ -30,4 +31,4 @@ def test_a_nearly_free_motion_hides_no_copy(ratio):
 
 def test_fewer_eigenvalues_above_zero_than_asked_for_are_none():
     with pytest.raises(NotFoundError):
-        largest(lambda x: -x, lambda x: x, np.random.default_rng(0).normal(size=(40, BLOCK)), 2)
+        largest_eigenpairs(lambda x: -x, lambda x: x, np.random.default_rng(0).normal(size=(40, BLOCK)), 2)

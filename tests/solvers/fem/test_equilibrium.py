@@ -86,7 +86,7 @@ def test_what_rounding_makes_of_soft_motions_is_mended_by_the_strains(stiffer, m
         along = np.einsum("nbi,nbs->is", pushed, z) * (np.array(stiffer)[:, None] - 1)
         return matrix @ z + np.einsum("nbi,is->nbs", pushed, along)
 
-    careful = direct_solve.Careful(lambda z: given - product(z), product)
+    careful = direct_solve.StrainSystem(lambda z: given - product(z), product)
     answer = direct_solve.solve_reduced(matrix, given, mesh, "auto", careful)
     assert np.allclose(product(answer.unknowns), given, atol=1e-9)
     assert answer.correction < 1e-9

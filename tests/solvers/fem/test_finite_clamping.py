@@ -69,8 +69,8 @@ def test_the_gradient_is_the_potentials_derivative(edges):
     _, mesh, clamps, q = edges
     step = np.random.default_rng(1).normal(size=q.shape)
     for clamp in clamps:
-        gradient = clamp.at(q, 0.7).gradient(mesh.node_count)
-        expected = slope(lambda x, c=clamp: c.at(x, 0.7).potential, q, step)
+        gradient = clamp.deform_edge(q, 0.7).gradient(mesh.node_count)
+        expected = slope(lambda x, c=clamp: c.deform_edge(x, 0.7).potential, q, step)
         assert np.sum(gradient * step) == pytest.approx(expected, rel=1e-7)
 
 
@@ -79,8 +79,8 @@ def test_the_tangent_is_the_gradients_derivative_and_symmetric(edges):
     step = np.random.default_rng(1).normal(size=q.shape)
     for clamp in clamps:
         matrix = BlockMatrix(np.zeros((mesh.node_count, 9, 12, 12)), neighbour_columns(mesh))
-        clamp.at(q, 0.7).add_tangent(matrix)
-        expected = slope(lambda x, c=clamp: c.at(x, 0.7).gradient(mesh.node_count), q, step)
+        clamp.deform_edge(q, 0.7).add_tangent(matrix)
+        expected = slope(lambda x, c=clamp: c.deform_edge(x, 0.7).gradient(mesh.node_count), q, step)
         found = (matrix @ step[..., None])[..., 0]
         assert np.allclose(found, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
         dense = matrix.to_csr().toarray()
@@ -105,11 +105,11 @@ def test_a_rigid_motion_of_everything_leaves_no_gap(edges):
     assert np.abs(q).max() > 0.5
     for clamp in clamps:
         scale = np.linalg.norm(clamp.raised, axis=-1).max()
-        assert np.abs(clamp.at(q, 0.7).gap).max() < 1e-12 * scale
-        assert np.abs(clamp.at(q, 0.7).gap_forces(mesh.node_count)).max() < 1e-12
-        assert abs(clamp.at(q, 0.7).potential) < 1e-12
-        assert np.abs(clamp.at(q, 0.6).gap).max() > 0.01 * scale  # where the support has not come so far
-        assert np.abs(clamp.at(0 * q, 0.0).gap).max() < 1e-14 * scale
+        assert np.abs(clamp.deform_edge(q, 0.7).gap).max() < 1e-12 * scale
+        assert np.abs(clamp.deform_edge(q, 0.7).gap_forces(mesh.node_count)).max() < 1e-12
+        assert abs(clamp.deform_edge(q, 0.7).potential) < 1e-12
+        assert np.abs(clamp.deform_edge(q, 0.6).gap).max() > 0.01 * scale  # where the support has not come so far
+        assert np.abs(clamp.deform_edge(0 * q, 0.0).gap).max() < 1e-14 * scale
 
 
 def test_a_tilt_of_the_edge_is_its_gap():
@@ -130,7 +130,7 @@ def test_a_tilt_of_the_edge_is_its_gap():
     ):
         values[:, :, KINDS.index(kind)] = 0.01 * field
     q = (values * mesh.node_scales[:, None, :]).reshape(-1, 12)
-    assert np.allclose(clamp.at(q, 0.0).gap, -inward * 0.01, rtol=1e-4)
+    assert np.allclose(clamp.deform_edge(q, 0.0).gap, -inward * 0.01, rtol=1e-4)
 
 
 @pytest.mark.parametrize("axis", [(0.0, 1.0, 0.0), (1.0, 0.0, 0.0)])
@@ -140,7 +140,7 @@ def test_rims_that_turn_together_cost_no_energy(axis):
     for cells in ((8, 2), (16, 2)):
         case = clamped("cylinder", ["xi2_min", "xi2_max"], turned(axis, "90*t"))
         problem = problem_of(case, cells)
-        state = problem.rest()
+        state = problem.at_rest()
         for t in (0.25, 0.5, 0.75, 1.0):
             state = equilibrium(problem, state, t)
             assert state.stable
@@ -161,10 +161,10 @@ def test_between_the_nodes_of_turned_rims_the_gap_closes_with_the_fourth_power()
     gaps = []
     for cells in ((12, 4), (24, 4)):
         problem = problem_of(case, cells)
-        state = problem.rest()
+        state = problem.at_rest()
         for t in (0.25, 0.5, 0.75, 1.0):
             state = equilibrium(problem, state, t)
-        gaps.append(max(np.abs(clamp.at(state.q, 1.0).gap).max() for clamp in problem.clamps))
+        gaps.append(max(np.abs(clamp.deform_edge(state.q, 1.0).gap).max() for clamp in problem.clamps))
     assert np.log2(gaps[0] / gaps[1]) > 3.9
 
 
@@ -172,7 +172,7 @@ def test_a_rim_whose_normal_stays_behind_is_bent():
     """Complement the test above, which would pass without clamping: turned rims that keep their normals do cost energy."""
     case = clamped("cylinder", ["xi2_min", "xi2_max"], turned((1.0, 0.0, 0.0), "20*t"))
     problem = problem_of(case, (8, 2))
-    carried = equilibrium(problem, problem.rest(), 1.0)
+    carried = equilibrium(problem, problem.at_rest(), 1.0)
     left = {
         "supports": (
             case.supports[0].model_copy(update={"motion": Rotation(kind="rotation", axis=(1, 0, 0), angle=0)}),
@@ -212,13 +212,13 @@ def test_it_is_needed():
 
     def potential(cells):
         problem = problem_of(case, cells)
-        state = equilibrium(problem, problem.rest(), 1.0)
+        state = equilibrium(problem, problem.at_rest(), 1.0)
         assert state.stable
         return problem.potential(state)
 
     def tied(cells):
         problem = replace(problem_of(case, cells), clamps=())
-        return problem.potential(equilibrium(problem, problem.rest(), 1.0))
+        return problem.potential(equilibrium(problem, problem.at_rest(), 1.0))
 
     fine = potential((20, 10))
     errors, without = ([abs(of((n, n)) / fine - 1) for n in (4, 8)] for of in (potential, tied))

@@ -140,7 +140,7 @@ def test_steps_are_solved_with_the_whole_tangent():
     case = catalog.named_case("cantilever_pressure")
     mesh = graded_mesh(case, (8, 2), 1.0)
     problem = FiniteProblem.on_mesh(case, mesh, Quadrature.of_order(mesh, 7))
-    state = equilibrium(problem, problem.rest(), 0.1)
+    state = equilibrium(problem, problem.at_rest(), 0.1)
     ties = problem.ties(0.1)
     right = np.where(ties.free, random_displacement(mesh), 0.0)
     found = state.factor.solve(right[..., None])[..., 0]
@@ -156,7 +156,7 @@ def test_newtons_method_converges_quadratically():
     case = catalog.named_case("cantilever_pressure")
     mesh = graded_mesh(case, (8, 1), 1.0)
     problem = FiniteProblem.on_mesh(case, mesh, Quadrature.of_order(mesh, 7))
-    state = equilibrium(problem, equilibrium(problem, problem.rest(), 0.2), 0.4, tolerance=1e-20)
+    state = equilibrium(problem, equilibrium(problem, problem.at_rest(), 0.2), 0.4, tolerance=1e-20)
     first, second, third = state.residuals[-4:-1]
     assert third < 1e-4 < first
     assert np.log(third / second) < 1.5 * np.log(second / first)
@@ -195,7 +195,7 @@ def test_what_can_not_be_followed_is_declined():
     for_path = shell(**held, path=control)
     loose = shell(**data, remove_rigid_motions=["translation_y"], supports=[WALL | {"components": ["x", "z"]}])
     moving = shell(**data, supports=[{"name": "rim", "on": ["xi1_min"]}], dynamics={"until": 1.0})
-    assert large_displacement.declined(shell(**held)) is None
-    assert "by load steps before buckling only" in large_displacement.declined(for_path)
-    assert "against all rigid motions where a pressure follows" in large_displacement.declined(loose)
-    assert "keep the normal of the shell at rest in time" in motion.declined(moving)
+    assert large_displacement.why_declined(shell(**held)) is None
+    assert "by load steps before buckling only" in large_displacement.why_declined(for_path)
+    assert "against all rigid motions where a pressure follows" in large_displacement.why_declined(loose)
+    assert "keep the normal of the shell at rest in time" in motion.why_declined(moving)

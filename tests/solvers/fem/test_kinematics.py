@@ -30,7 +30,7 @@ PAIRS = ((0, 0), (1, 1), (0, 1))
 
 
 def strains(surface, points, derivatives):
-    operator = strain_operator(Midsurface.at(surface.derivatives(points, 2)))
+    operator = strain_operator(Midsurface.from_position(surface.derivatives(points, 2)))
     gradients = np.stack([derivatives[d] for d in DERIVATIVES], axis=2)
     return np.einsum("psct,pct...->ps...", operator, gradients)
 
@@ -42,7 +42,7 @@ def test_rigid_motions_strain_nothing(name):
     modes = rigid_modes(surface, points, order=2)
     strained = strains(surface, points, modes)
     # what the same displacements would strain if their parts did not cancel
-    operator = np.abs(strain_operator(Midsurface.at(surface.derivatives(points, 2))))
+    operator = np.abs(strain_operator(Midsurface.from_position(surface.derivatives(points, 2))))
     gradients = np.stack([np.abs(modes[d]) for d in DERIVATIVES], axis=2)
     scale = np.einsum("psct,pctm->psm", operator, gradients).max()
     assert np.abs(strained).max() <= 1e-12 * scale
@@ -77,7 +77,7 @@ def test_strains_are_the_derivative_of_the_exact_ones(name):
 
 
 def test_elasticity_of_an_orthonormal_basis_is_plane_stress():
-    flat = Midsurface.at({(1, 0): np.array([[1.0, 0, 0]]), (0, 1): np.array([[0, 1.0, 0]]),
+    flat = Midsurface.from_position({(1, 0): np.array([[1.0, 0, 0]]), (0, 1): np.array([[0, 1.0, 0]]),
                           (2, 0): np.zeros((1, 3)), (0, 2): np.zeros((1, 3)), (1, 1): np.zeros((1, 3))})  # fmt: skip
     nu = 0.3
     # strain @ H @ strain = e11^2 + e22^2 + 2 nu e11 e22 + 2 (1 - nu) e12^2
@@ -87,7 +87,7 @@ def test_elasticity_of_an_orthonormal_basis_is_plane_stress():
 def test_bending_has_a_ratio_of_its_own():
     """B/2 (k1^2 + k2^2 + 2 nu_b k1 k2 + 2 (1 - nu_b) k12^2); stretching keeps nu. `fem` has it in two forms."""
     material = Material(youngs_modulus=3.0, poissons_ratio=0.3, bending_poissons_ratio=-0.4, thickness=0.2)
-    flat = Midsurface.at({(1, 0): np.array([[1.0, 0, 0]]), (0, 1): np.array([[0, 1.0, 0]]),
+    flat = Midsurface.from_position({(1, 0): np.array([[1.0, 0, 0]]), (0, 1): np.array([[0, 1.0, 0]]),
                           (2, 0): np.zeros((1, 3)), (0, 2): np.zeros((1, 3)), (1, 1): np.zeros((1, 3))})  # fmt: skip
     gradients = np.random.default_rng(0).normal(size=(3, len(DERIVATIVES)))
     moduli = np.array([[material.membrane_stiffness, material.bending_stiffness]])
@@ -117,7 +117,7 @@ def test_energy_density_does_not_depend_on_the_coordinates():
         points = np.array([[0.3, 0.5], [0.8, 1.1], [0.5, 0.2]])
         if z != "xi2":
             points[:, 1] += 0.4 * points[:, 0]
-        geometry = Midsurface.at(surface.derivatives(points, 2))
+        geometry = Midsurface.from_position(surface.derivatives(points, 2))
         assert np.allclose(surface.position(points)[:, 1], [0.5, 1.1, 0.2])
         d = displacement.derivatives(points, 2)
         gradients = np.stack([d[key] for key in DERIVATIVES], axis=-1)
@@ -137,7 +137,7 @@ def at_points(name, count=20, seed=1):
     surface = shell(name).surface
     points = surface_points(surface, count, seed)
     x = surface.derivatives(points, 2)
-    return surface, points, x, Midsurface.at(x)
+    return surface, points, x, Midsurface.from_position(x)
 
 
 def gradients_of(u):
@@ -215,9 +215,9 @@ def test_strains_are_the_difference_of_the_fundamental_forms(name, size):
     scale = np.abs(np.concatenate([deformed_metric, deformed_curvature])).max()
     assert np.allclose(deformation.strains, expected, rtol=0, atol=1e-14 * scale)
     current = deformation.current
-    assert np.allclose(current.normal, Midsurface.at(after).normal, rtol=0, atol=1e-14)
-    assert np.allclose(current.area, Midsurface.at(after).area, rtol=1e-13)
-    assert np.allclose(deformation.rise, current.normal - Midsurface.at(before).normal, rtol=0, atol=1e-13)
+    assert np.allclose(current.normal, Midsurface.from_position(after).normal, rtol=0, atol=1e-14)
+    assert np.allclose(current.area, Midsurface.from_position(after).area, rtol=1e-13)
+    assert np.allclose(deformation.rise, current.normal - Midsurface.from_position(before).normal, rtol=0, atol=1e-13)
 
 
 @pytest.mark.parametrize("name", SURFACES)
@@ -297,10 +297,10 @@ def test_the_turning_of_the_normal_by_differences(name):
 
     flat = first[:, :2].reshape(len(step), 6)
     slope = (8 * (normals(1) - normals(-1)) - (normals(2) - normals(-2))) / (12 * h)
-    assert np.allclose(np.einsum("nci,ni->nc", deformation.turning, flat), slope, atol=1e-8 * np.abs(slope).max())
+    assert np.allclose(np.einsum("nci,ni->nc", deformation.normal_change, flat), slope, atol=1e-8 * np.abs(slope).max())
     bend = (16 * (normals(1) + normals(-1)) - (normals(2) + normals(-2)) - 30 * normals(0)) / (12 * h**2)
     expected = np.sum(vectors * bend, axis=-1)
-    found = np.einsum("ni,nij,nj->n", flat, deformation.second_turning(vectors), flat)
+    found = np.einsum("ni,nij,nj->n", flat, deformation.second_normal_change(vectors), flat)
     assert np.allclose(found, expected, atol=1e-5 * np.abs(expected).max())
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shellbench.bench.catalogue import catalog
-from shellbench.solvers.fem.mesh.grading import axis_lines, graded_mesh, segment, singular_points
+from shellbench.solvers.fem.mesh.grading import axis_lines, graded_mesh, graded_segment, singular_points
 from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from tests.solvers.fem.shells import CYLINDER, EVERY_EDGE, MEAN, shell
 
@@ -41,11 +41,11 @@ def test_quantities_grade_nothing():
 
 
 def test_both_ends_need_an_even_number():
-    assert np.allclose(segment(4, (2.0, 2.0)), [0, 0.125, 0.5, 0.875, 1])
-    assert np.allclose(segment(4, (2.0, 3.0)), [0, 0.125, 0.5, 0.9375, 1])  # each end by its own power
-    assert np.allclose(segment(2, (1.0, 3.0)), [0, 0.875, 1])
+    assert np.allclose(graded_segment(4, (2.0, 2.0)), [0, 0.125, 0.5, 0.875, 1])
+    assert np.allclose(graded_segment(4, (2.0, 3.0)), [0, 0.125, 0.5, 0.9375, 1])  # each end by its own power
+    assert np.allclose(graded_segment(2, (1.0, 3.0)), [0, 0.875, 1])
     with pytest.raises(ValueError, match="even"):
-        segment(3, (2.0, 2.0))
+        graded_segment(3, (2.0, 2.0))
 
 
 def test_an_edge_is_graded_without_a_point_on_it():
@@ -68,7 +68,7 @@ def test_a_closed_cylinder_is_graded_across_its_seam(angles):
     nodes = {mesh.node_at(case.places[name].xi) for name in "pq"}
     assert len(nodes) == 2
     for name in "pq":
-        point = mesh.brought_in(np.array(case.places[name].xi))
+        point = mesh.into_period(np.array(case.places[name].xi))
         assert np.isclose(np.abs(lines - point[0]).min(), 0)
 
 

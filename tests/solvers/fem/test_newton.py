@@ -8,9 +8,9 @@ from shellbench.problems.shell.case import build_case
 from shellbench.solvers.fem.algebra.factor import factorise
 from shellbench.solvers.fem.mesh.grading import graded_mesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
-from shellbench.solvers.fem.path.continuation import functional
+from shellbench.solvers.fem.path.continuation import dof_row
 from shellbench.solvers.fem.path.finite_state import Constraint
-from shellbench.solvers.fem.path.newton import equilibrium, on_path
+from shellbench.solvers.fem.path.newton import equilibrium, state_on_path
 from shellbench.solvers.fem.path.problem import FiniteProblem
 from shellbench.solvers.stepping.control import NotConvergedError
 
@@ -32,7 +32,7 @@ def problem_of(name, cells):
 
 def dense(problem, q, t):
     """Return the tangent (n, n) on what the supports leave free."""
-    strained, ties = problem.energy.at(q), problem.ties(t)
+    strained, ties = problem.energy.deform(q), problem.ties(t)
     matrix = ties.reduce(problem.tangent(q, t, strained, strained.stresses)).to_csr().toarray()
     free = np.flatnonzero(ties.free.ravel())
     return matrix[np.ix_(free, free)]
@@ -40,7 +40,7 @@ def dense(problem, q, t):
 
 def newton_step(problem, q, t, stressed=True):
     """Return the displacement after one plain Newton step; without stresses its tangent lacks the geometric part."""
-    strained, ties = problem.energy.at(q), problem.ties(t)
+    strained, ties = problem.energy.deform(q), problem.ties(t)
     right = ties.to_free((problem.forces(q, t) - strained.forces)[..., None])
     stresses = strained.stresses if stressed else tuple(np.zeros_like(s) for s in strained.stresses)
     factor = factorise(ties.reduce(problem.tangent(q, t, strained, stresses)), problem.dissection, "reported")
@@ -51,7 +51,7 @@ def newton_step(problem, q, t, stressed=True):
 def solved(request):
     name, cells, t = request.param
     problem = problem_of(name, cells)
-    return problem, equilibrium(problem, problem.rest(), t, TIGHT)
+    return problem, equilibrium(problem, problem.at_rest(), t, TIGHT)
 
 
 def test_a_plain_newton_step_squares_the_error(solved):
@@ -71,7 +71,7 @@ def test_a_plain_newton_step_squares_the_error(solved):
 def test_the_solvers_own_residuals_fall_quadratically(problem_and_load, t):
     """With stresses predicted by the step before the order stays two (Magisano et al. 2017)."""
     problem = problem_of(*problem_and_load[:2])
-    residuals = np.array(equilibrium(problem, problem.rest(), t, TIGHT).residuals)
+    residuals = np.array(equilibrium(problem, problem.at_rest(), t, TIGHT).residuals)
     assert residuals[0] == pytest.approx(1.0)  # at rest all of the load is residual
     assert residuals[-1] < 1e-12
     asymptotic = residuals[(residuals < 0.1) & (residuals > 1e-12)]
@@ -84,8 +84,8 @@ def test_the_solvers_own_residuals_fall_quadratically(problem_and_load, t):
 def test_a_state_is_in_equilibrium_and_obeys_its_supports(solved):
     problem, state = solved
     ties = problem.ties(state.t)
-    unbalanced = problem.forces(state.q, state.t) - problem.energy.at(state.q).forces
-    scale = np.abs(problem.energy.at(state.q).forces).max()
+    unbalanced = problem.forces(state.q, state.t) - problem.energy.deform(state.q).forces
+    scale = np.abs(problem.energy.deform(state.q).forces).max()
     assert np.abs(ties.to_free(unbalanced[..., None])).max() <= 1e-9 * scale
     free = ties.to_nodal(ties.to_free(state.q[..., None]))[..., 0]
     assert np.allclose(free + ties.particular[..., 0], state.q, rtol=0, atol=1e-14 * np.abs(state.q).max())
@@ -121,14 +121,14 @@ def test_the_drift_is_the_paths_derivative(solved):
     h = 1e-3 * state.t
     up, down = (equilibrium(problem, state, state.t + s * h, TIGHT).q for s in (1, -1))
     expected = (up - down) / (2 * h)
-    assert np.allclose(problem.drift(state), expected, rtol=0, atol=1e-4 * np.abs(expected).max())
+    assert np.allclose(problem.path_rate(state), expected, rtol=0, atol=1e-4 * np.abs(expected).max())
 
 
 def test_a_large_step_of_a_slender_strip_takes_few_iterations():
     """A quarter of the load from rest turns the strip by more than a radian; plain Newton wanders."""
     name, cells, t = STRIP
     problem = problem_of(name, cells)
-    state = equilibrium(problem, problem.rest(), t)
+    state = equilibrium(problem, problem.at_rest(), t)
     assert state.iterations <= 7
     q = np.zeros_like(state.q)
     for _ in range(state.iterations):
@@ -143,10 +143,10 @@ def test_the_supports_motion_is_the_first_step():
     case = build_case(data | {"supports": [*data["supports"], pushed], "loads": []}, "pushed", "test")
     mesh = graded_mesh(case, (8, 1), 2.0)
     problem = FiniteProblem.on_mesh(case, mesh, Quadrature.of_order(mesh, 7))
-    state = problem.rest()
+    state = problem.at_rest()
     for t in (0.5, 1.0, 3.0):
         state = equilibrium(problem, state, t)
-        assert float(np.sum(functional(problem, case.quantity("deflection_4")) * state.q)) == pytest.approx(t, rel=1e-9)
+        assert float(np.sum(dof_row(problem, case.quantity("deflection_4")) * state.q)) == pytest.approx(t, rel=1e-9)
     ties = problem.ties(state.t)
     assert np.abs(ties.to_free(state.strained.forces[..., None])).max() <= 1e-8 * np.abs(state.strained.forces).max()
 
@@ -154,15 +154,15 @@ def test_the_supports_motion_is_the_first_step():
 def test_the_constraint_of_a_path_is_met_and_its_load_factor_found():
     name, cells, _ = ROOF
     problem = problem_of(name, cells)
-    row = functional(problem, problem.case.quantity("deflection"))
-    rest = problem.rest()
-    drift = problem.drift(rest)
+    row = dof_row(problem, problem.case.quantity("deflection"))
+    rest = problem.at_rest()
+    drift = problem.path_rate(rest)
     t = 2.0 / float(np.sum(row * drift))
-    state = on_path(problem, rest, Constraint(row, 0.0, 2.0), (t * drift, t))
+    state = state_on_path(problem, rest, Constraint(row, 0.0, 2.0), (t * drift, t))
     assert float(np.sum(row * state.q)) == pytest.approx(2.0, rel=1e-12)
     same = equilibrium(problem, rest, state.t, TIGHT)
     assert np.allclose(same.q, state.q, rtol=0, atol=1e-6 * np.abs(same.q).max())
-    mixed = on_path(problem, rest, Constraint(row, 3.0, 2.0 + 3 * state.t), (t * drift, t))
+    mixed = state_on_path(problem, rest, Constraint(row, 3.0, 2.0 + 3 * state.t), (t * drift, t))
     assert mixed.t == pytest.approx(state.t, rel=1e-7)
 
 
@@ -172,7 +172,7 @@ def test_a_step_that_is_far_too_long_is_refused(t):
     name, cells, _ = ROOF
     problem = problem_of(name, cells)
     with pytest.raises(NotConvergedError):
-        equilibrium(problem, problem.rest(), t)
+        equilibrium(problem, problem.at_rest(), t)
 
 
 @pytest.mark.parametrize(("problem_and_load", "start"), [(PLATE, 0.9), (ROOF, 0.9), (STRIP, 0.95), (RING, 0.99)])
@@ -182,7 +182,7 @@ def test_a_frugal_step_ends_at_the_same_state_by_fewer_tangents(monkeypatch, pro
     made = []
     factorised = FiniteProblem.factorised
     monkeypatch.setattr(FiniteProblem, "factorised", lambda *given: made.append(1) or factorised(*given))
-    near = equilibrium(problem, problem.rest(), start * t).relieved
+    near = equilibrium(problem, problem.at_rest(), start * t).without_step_data
     near = problem.state_at(near.t, near.q, near)
     counts, states = [], []
     for how in ({"tolerance": TIGHT}, {}, {"frugal": True}):

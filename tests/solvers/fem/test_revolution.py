@@ -134,7 +134,7 @@ def test_it_is_tangent_to_the_orbit(name):
     found = of(case, (24, 3))
     q = waves(found)
     step = 2 * np.pi / 24
-    direction = found.direction(q)
+    direction = found.wave_direction(q)
     far = waves(found, turn=step) - waves(found, turn=-step)
     assert np.allclose(direction, far, rtol=0, atol=1e-12)
     near = waves(found, turn=step / 100) - waves(found, turn=-step / 100)
@@ -157,8 +157,8 @@ def test_a_turn_by_a_cell_costs_no_energy():
                   for p in shifted]  # fmt: skip
         assert sorted(source) == list(numbers)
         turned[sign] = np.einsum("cd,ndk->nck", turn, q.reshape(-1, 3, 4)[source]).reshape(-1, 12)
-        assert energy.at(turned[sign]).energy == pytest.approx(energy.at(q).energy, rel=1e-12)
-    assert np.allclose(found.direction(q), turned[1] - turned[-1], rtol=0, atol=1e-14)
+        assert energy.deform(turned[sign]).energy == pytest.approx(energy.deform(q).energy, rel=1e-12)
+    assert np.allclose(found.wave_direction(q), turned[1] - turned[-1], rtol=0, atol=1e-14)
 
 
 def test_a_symmetric_state_has_none():
@@ -167,7 +167,7 @@ def test_a_symmetric_state_has_none():
     values = np.zeros((found.mesh.node_count, 3, 4))
     values[:, 0, 0], values[:, 2, 0] = 0.01 * np.cos(points[:, 0]), 0.01 * np.sin(points[:, 0])
     values[:, 1, 0] = 0.03 * points[:, 1]
-    assert found.direction(values.reshape(-1, 12)) is None
-    assert found.direction(np.zeros((found.mesh.node_count, 12))) is None
+    assert found.wave_direction(values.reshape(-1, 12)) is None
+    assert found.wave_direction(np.zeros((found.mesh.node_count, 12))) is None
     values[3, 0, 0] += 1e-4
-    assert found.direction(values.reshape(-1, 12)) is not None
+    assert found.wave_direction(values.reshape(-1, 12)) is not None

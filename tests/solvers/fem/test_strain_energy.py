@@ -49,20 +49,20 @@ def energy(request):
 
 def test_forces_are_the_energys_gradient(energy):
     q, step = displacement(energy), displacement(energy, 0.3, seed=1)
-    forces = energy.at(q).forces
-    expected = slope(lambda x: energy.at(x).energy, q, step, 1e-4)
+    forces = energy.deform(q).forces
+    expected = slope(lambda x: energy.deform(x).energy, q, step, 1e-4)
     assert np.sum(forces * step) == pytest.approx(expected, rel=1e-8)
     # one by one as well, so that no force hides behind the others
     rng = np.random.default_rng(2)
     for node, dof in zip(rng.integers(len(q), size=6), rng.integers(NODE_DOFS, size=6), strict=True):
         single = np.zeros_like(q)
         single[node, dof] = 1.0
-        expected = slope(lambda x: energy.at(x).energy, q, single, 1e-4)
+        expected = slope(lambda x: energy.deform(x).energy, q, single, 1e-4)
         assert forces[node, dof] == pytest.approx(expected, rel=1e-7, abs=1e-8 * np.abs(forces).max())
 
 
 def test_membrane_and_bending_are_its_parts(energy):
-    strained = energy.at(displacement(energy))
+    strained = energy.deform(displacement(energy))
     assert strained.membrane > 0
     assert strained.bending > 0
     assert strained.energy == strained.membrane + strained.bending
@@ -72,20 +72,20 @@ def test_membrane_and_bending_are_its_parts(energy):
         energy.material.model_copy(update={"thickness": 2 * energy.material.thickness}),
         energy.quadrature,
     )
-    thicker = stiff.at(displacement(energy))
+    thicker = stiff.deform(displacement(energy))
     assert thicker.membrane == pytest.approx(2 * strained.membrane, rel=1e-13)
     assert thicker.bending == pytest.approx(8 * strained.bending, rel=1e-13)
 
 
 def test_the_tangent_is_the_forces_derivative(energy):
     q, step = displacement(energy), displacement(energy, 0.3, seed=1)
-    expected = slope(lambda x: energy.at(x).forces, q, step, 1e-4)
-    found = (energy.tangent(energy.at(q)) @ step[..., None])[..., 0]
+    expected = slope(lambda x: energy.deform(x).forces, q, step, 1e-4)
+    found = (energy.tangent(energy.deform(q)) @ step[..., None])[..., 0]
     assert np.allclose(found, expected, rtol=0, atol=1e-7 * np.abs(expected).max())
 
 
 def test_the_tangent_is_symmetric_with_any_stresses(energy):
-    strained = energy.at(displacement(energy))
+    strained = energy.deform(displacement(energy))
     others = tuple(np.random.default_rng(3).normal(size=s.shape) * np.abs(s).max() for s in strained.stresses)
     for stresses in (None, others):
         matrix = energy.tangent(strained, stresses).to_csr()
@@ -94,7 +94,7 @@ def test_the_tangent_is_symmetric_with_any_stresses(energy):
 
 def test_the_tangent_at_rest_is_the_linear_stiffness(energy):
     rest = np.zeros((energy.mesh.node_count, NODE_DOFS))
-    found = energy.tangent(energy.at(rest))
+    found = energy.tangent(energy.deform(rest))
     linear = stiffness(energy.mesh, energy.surface, energy.material, energy.quadrature)
     assert np.array_equal(found.columns, linear.columns)
     assert np.allclose(found.blocks, linear.blocks, rtol=0, atol=1e-13 * np.abs(linear.blocks).max())
@@ -102,7 +102,7 @@ def test_the_tangent_at_rest_is_the_linear_stiffness(energy):
 
 def test_the_tangent_is_linear_in_its_stresses(energy):
     """The elastic part does not depend on them; the geometric part is theirs, and nothing is counted twice."""
-    strained = energy.at(displacement(energy))
+    strained = energy.deform(displacement(energy))
     none = tuple(np.zeros_like(s) for s in strained.stresses)
     twice = tuple(2 * s for s in strained.stresses)
     elastic, full, more = (energy.tangent(strained, s).blocks for s in (none, strained.stresses, twice))
@@ -111,7 +111,7 @@ def test_the_tangent_is_linear_in_its_stresses(energy):
 
 
 def test_stresses_predicted_for_no_step_are_the_true_ones(energy):
-    strained = energy.at(displacement(energy))
+    strained = energy.deform(displacement(energy))
     predicted = energy.predicted_stresses(strained, np.zeros((energy.mesh.node_count, NODE_DOFS)))
     for found, true in zip(predicted, strained.stresses, strict=True):
         assert np.abs(true).max() > 0
@@ -121,10 +121,10 @@ def test_stresses_predicted_for_no_step_are_the_true_ones(energy):
 def test_predicted_stresses_miss_the_true_ones_by_the_square_of_the_step(energy):
     """So the mixed integration points change nothing in the order of Newton's method (Magisano et al. 2017)."""
     q, step = displacement(energy), displacement(energy, 0.3, seed=1)
-    strained = energy.at(q)
+    strained = energy.deform(q)
     misses = []
     for h in (2e-3, 1e-3):
-        predicted, true = energy.predicted_stresses(strained, h * step), energy.at(q + h * step).stresses
+        predicted, true = energy.predicted_stresses(strained, h * step), energy.deform(q + h * step).stresses
         misses.append(max(np.abs(p - t).max() for p, t in zip(predicted, true, strict=True)))
     assert np.log2(misses[0] / misses[1]) == pytest.approx(2.0, abs=0.05)
 
@@ -139,7 +139,7 @@ def test_a_mesh_of_several_portions_is_the_sum_of_its_cells():
     field = PolynomialField(coarse.surface, size=0.05)
     parts = []
     for energy in (coarse, fine, energy_of("plane", (24, 24))):
-        strained = energy.at(interpolant(energy, lambda p: field.derivatives(p)))
+        strained = energy.deform(interpolant(energy, lambda p: field.derivatives(p)))
         parts.append((strained.membrane, strained.bending))
     assert np.allclose(parts[0], parts[2], rtol=1e-6)
     assert np.allclose(parts[1], parts[2], rtol=1e-9)
@@ -155,7 +155,7 @@ def test_a_stretched_plate_has_the_energy_of_plane_stress():
         zero = np.zeros((len(points), 3))
         return {kind: field[kind](points) if kind in field else zero for kind in KINDS}
 
-    strained = energy.at(interpolant(energy, derivatives))
+    strained = energy.deform(interpolant(energy, derivatives))
     strain = s + s**2 / 2
     material = energy.material
     modulus = material.youngs_modulus * material.thickness / (1 - material.poissons_ratio**2)
@@ -175,7 +175,7 @@ def test_a_turned_mesh_stores_nothing_beyond_its_interpolation_error(name, angle
         def derivatives(points, energy=energy, turn=turn):
             return {key: x @ turn.T for key, x in energy.surface.derivatives(points, 2).items()}
 
-        energies.append(energy.at(interpolant(energy, derivatives)).energy)
+        energies.append(energy.deform(interpolant(energy, derivatives)).energy)
     if name in {"plane", "hypar"}:  # bilinear: the mesh has them exactly
         assert max(energies) <= 1e-22
     else:
@@ -192,6 +192,6 @@ def test_the_energy_is_blind_to_a_rigid_rotation_of_a_deformed_shell(name):
     position = interpolant(energy, lambda p: energy.surface.derivatives(p, 2))
     turned = (position + u).reshape(-1, 3, 4)
     turned = np.einsum("ij,njk->nik", turn, turned).reshape(u.shape) - position
-    before, after = energy.at(u), energy.at(turned)
+    before, after = energy.deform(u), energy.deform(turned)
     # the interpolant of the turned surface is not exactly the turned surface, so equal to the mesh's accuracy only
     assert after.energy == pytest.approx(before.energy, rel=2e-3)

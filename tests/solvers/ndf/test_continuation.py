@@ -85,7 +85,7 @@ def test_all_ways_along_a_path_meet_the_same_states(plate, follow):
 def test_displacement_control_passes_a_limit_point(arch, snapped):
     _, row = arch
     curve = Curve(np.array([0.0, *(s.t for s in snapped)]), np.array([0.0, *(float(row @ s.weights) for s in snapped)]))
-    (top, at_top), (valley, at_valley) = (curve.turning("load", k) for k in (1, 2))
+    (top, at_top), (valley, at_valley) = (curve.turning_point("load", k) for k in (1, 2))
     assert 0 < at_top < at_valley < 0.36
     assert valley < top
     assert snapped[-1].t > valley
@@ -111,7 +111,7 @@ def test_arc_length_passes_the_same_limit_point(arch, snapped):
         Curve(np.array([0.0, *(s.t for s in path)]), np.array([0.0, *(float(row @ s.weights) for s in path)]))
         for path in (states, snapped)
     ]
-    (first, _), (second, _) = (c.turning("load", 1) for c in curves)
+    (first, _), (second, _) = (c.turning_point("load", 1) for c in curves)
     assert first == pytest.approx(second, rel=1e-2)  # as well as either curve's few states tell it
 
 

@@ -79,10 +79,10 @@ class MeshFit(Model):
         """Fit the content of a mesh file; InputError, as a clause, if it is not one patch of a surface."""
         patch = patch_of(read_mesh(content, suffix), periodic)
         fitting = _Fitting(patch, tuple(name in (periodic or ()) for name in COORDINATES))  # type: ignore[arg-type]
-        spans = fitting.chosen()
+        spans = fitting.choose_spans()
         first = fitting.fit(spans)
         _check_normals(first, patch)
-        second = fitting.other(spans)
+        second = fitting.alternative_spline(spans)
         missed = fitting.distances(fitting.fit(spans, fitting.kept))
         return cls(
             sha256=hashlib.sha256(content).hexdigest(),
@@ -112,7 +112,7 @@ class _Fitting:
         there = slice(None) if chosen is None else chosen
         return fit_spline(patch.xi[there], patch.positions[there], (patch.lower, patch.upper), spans, self.periodic)
 
-    def other(self, spans: tuple[int, int]) -> Spline:
+    def alternative_spline(self, spans: tuple[int, int]) -> Spline:
         """Return a spline with other knots, fitted to half of the inner vertices."""
         more = spans[0] + -(-spans[0] // 3), spans[1] + -(-spans[1] // 3)
         fewer = max(1, spans[0] * 2 // 3), max(1, spans[1] * 2 // 3)
@@ -125,7 +125,7 @@ class _Fitting:
         x = spline.derivatives(self.patch.xi[where], 0)[0, 0]
         return np.asarray(np.linalg.norm(x - self.patch.positions[where], axis=-1))
 
-    def missed(self, spans: tuple[int, int]) -> float:
+    def left_out_error(self, spans: tuple[int, int]) -> float:
         """Return the root mean square by which a spline of so many spans misses the vertices left out."""
         tried = self.kept
         enough = ENOUGH * int(np.prod(shape_of(spans, self.periodic)))
@@ -135,7 +135,7 @@ class _Fitting:
             tried = (tried | ~self.patch.inner) & self.kept
         return float(np.sqrt(np.mean(self.distances(self.fit(spans, tried)) ** 2)))
 
-    def chosen(self) -> tuple[int, int]:
+    def choose_spans(self) -> tuple[int, int]:
         """Return the numbers of spans."""
         most = tuple(max(1, (count - 1) // 2) for count in self.patch.counts)
         found: dict[tuple[int, int], float] = {}
@@ -144,7 +144,7 @@ class _Fitting:
             spans = (min(level, most[0]), min(level, most[1]))
             if found and (spans in found or np.prod(shape_of(spans, self.periodic)) > MOST_COEFFICIENTS):
                 break
-            found[spans] = self.missed(spans)
+            found[spans] = self.left_out_error(spans)
             if found[spans] < WELL_FITTED * self.patch.size:
                 break
             level *= 2
@@ -153,7 +153,7 @@ class _Fitting:
         for axis in (0, 1):
             while spans[axis] > 1:
                 fewer = (spans[0] // 2, spans[1]) if axis == 0 else (spans[0], spans[1] // 2)
-                if self.missed(fewer) > allowed:
+                if self.left_out_error(fewer) > allowed:
                     break
                 spans = fewer
         return spans

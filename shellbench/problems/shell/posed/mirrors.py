@@ -6,7 +6,7 @@ into their mirror images in a Cartesian plane with unit normal e,
     x(xi') = R x(xi) + 2 d e,    f(xi') = R f(xi),    R = 1 - 2 e e^T.
 
 The solution is then its own mirror image, u(xi') = R u(xi), except for rigid motions that are removed from it. Symmetry
-is never assumed: it is checked at points of the solver's choice and their images (`Sight`).
+is never assumed: it is checked at points of the solver's choice and their images (`ComparisonPoints`).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ ON_THE_WAY = 0.37  # of a path's end: a state at which loads and motions are com
 
 
 @dataclass(frozen=True)
-class Sight:
+class ComparisonPoints:
     """Points at which a case is compared with its image, and the allowance for rounding.
 
     Attributes
@@ -59,7 +59,7 @@ class Sight:
     rounding: float = IMAGE_ROUNDING
 
     @classmethod
-    def spread(cls, case: Shell) -> Sight:
+    def spread_over(cls, case: Shell) -> ComparisonPoints:
         """Return points without a period that a formula might share: over the rectangle, and between all kinks."""
         domain, number = case.surface.domain, np.arange(1, LOOKED_AT + 1)
         lower, size = np.asarray(domain.lower), np.asarray(domain.size)
@@ -77,9 +77,9 @@ class Sight:
             )
             for low, side, (at, step) in zip(lower, size, panels, strict=True)
         )
-        return cls(np.concatenate([lower + unit * size, between]), (first, second)).and_narrow(case)
+        return cls(np.concatenate([lower + unit * size, between]), (first, second)).with_narrow_cells(case)
 
-    def and_narrow(self, case: Shell) -> Sight:
+    def with_narrow_cells(self, case: Shell) -> ComparisonPoints:
         """Return the same with points in cells in which a formula varies quickly."""
         found = [(feature.edge, feature.division.middles) for feature in case.features]
         quick = [(edge, at[:: 1 + len(at) // LOOKED_AT]) for edge, at in found]
@@ -90,7 +90,7 @@ class Sight:
         )
         return replace(self, points=points, along=(first, second))
 
-    def alike(self, one: Array, other: Array, scale: float | None = None) -> bool:
+    def equal(self, one: Array, other: Array, scale: float | None = None) -> bool:
         """Return True if two arrays differ by rounding only, relative to `scale` or else their largest magnitude."""
         if scale is None:
             scale = max(float(np.abs(one).max(initial=0.0)), float(np.abs(other).max(initial=0.0)))
@@ -135,7 +135,7 @@ class Mirror:
         side = SIDES[1 - SIDES.index(place.side)]
         return Edge(f"{COORDINATES[place.axis]}_{side}", place.axis, side)
 
-    def reflected(self, positions: Array) -> Array:
+    def reflected_positions(self, positions: Array) -> Array:
         """Return the mirror images (..., 3) of positions in space, m."""
         return np.asarray(positions * self.signs + np.where(self.signs < 0, 2 * self.offset, 0.0))
 
@@ -143,26 +143,26 @@ class Mirror:
 Ends = tuple[Mirror | None, Mirror | None]  # of a part along a coordinate
 
 
-def mirror_of(case: Shell, axis: int, at: float, sight: Sight) -> Mirror | None:
+def mirror_of(case: Shell, axis: int, at: float, sight: ComparisonPoints) -> Mirror | None:
     """Return the mirror that leaves a coordinate line in place; None if the case has none."""
     if case.edge_parts:  # which are not looked at
         return None
     chosen = (np.arange(FIRST_LOOK) * GOLDEN % 1 * len(sight.points)).astype(int)
-    if _reflected_in(*_seen(case, axis, at, sight.points[chosen], 0), 2 * sight.rounding) is None:
+    if _reflected_in(*_image_derivatives(case, axis, at, sight.points[chosen], 0), 2 * sight.rounding) is None:
         return None
-    here, there = _wrapped(case, axis, at, sight.points)
-    x, image = _seen(case, axis, at, sight.points, sight.order)
+    here, there = _points_and_images(case, axis, at, sight.points)
+    x, image = _image_derivatives(case, axis, at, sight.points, sight.order)
     plane = _reflected_in(x, image, sight.rounding)
     if plane is None:
         return None
     mirror = Mirror(axis, at, *plane)
     for key in x.keys() - {(0, 0)}:
-        if not sight.alike(image[key], (-1) ** key[axis] * mirror.signs * x[key]):
+        if not sight.equal(image[key], (-1) ** key[axis] * mirror.signs * x[key]):
             return None
     if not _stiffness_agrees(case, here, there, sight):
         return None
-    for t in _times(case):
-        if not sight.alike(load_density(case, there, t), mirror.signs * load_density(case, here, t)):
+    for t in _compared_times(case):
+        if not sight.equal(load_density(case, there, t), mirror.signs * load_density(case, here, t)):
             return None
         if not (_edge_loads_agree(case, mirror, sight, t) and _point_loads_agree(case, mirror, sight, t)):
             return None
@@ -172,15 +172,15 @@ def mirror_of(case: Shell, axis: int, at: float, sight: Sight) -> Mirror | None:
 Derivatives = dict[tuple[int, int], Array]
 
 
-def _wrapped(case: Shell, axis: int, at: float, points: Array) -> tuple[Array, Array]:
+def _points_and_images(case: Shell, axis: int, at: float, points: Array) -> tuple[Array, Array]:
     """Return points (n, 2) and their images, within the domain."""
     domain = case.surface.domain
     return domain.wrap(points), domain.wrap(Mirror(axis, at, 0).image(points))
 
 
-def _seen(case: Shell, axis: int, at: float, points: Array, order: int) -> tuple[Derivatives, Derivatives]:
+def _image_derivatives(case: Shell, axis: int, at: float, points: Array, order: int) -> tuple[Derivatives, Derivatives]:
     """Return the surface's derivatives at points, and at their images."""
-    here, there = _wrapped(case, axis, at, points)
+    here, there = _points_and_images(case, axis, at, points)
     return case.surface.derivatives(here, order), case.surface.derivatives(there, order)
 
 
@@ -194,35 +194,35 @@ def _reflected_in(x: Derivatives, image: Derivatives, rounding: float) -> tuple[
     return normal, float(twice.mean() / 2)
 
 
-def _stiffness_agrees(case: Shell, here: Array, there: Array, sight: Sight) -> bool:
+def _stiffness_agrees(case: Shell, here: Array, there: Array, sight: ComparisonPoints) -> bool:
     if case.springs:  # which are not looked at
         return False
     if case.material.uniform:
         return True
     constants = case.surface.named_constants
     factors = (case.material.factors(points, constants) for points in (here, there))
-    return all(sight.alike(one, other) for one, other in zip(*factors, strict=True))
+    return all(sight.equal(one, other) for one, other in zip(*factors, strict=True))
 
 
-def _times(case: Shell) -> tuple[float, ...]:
+def _compared_times(case: Shell) -> tuple[float, ...]:
     return case.states if case.linear else (*case.states, ON_THE_WAY * case.path.until)
 
 
-def _on_edge(domain: Domain, edge: Edge, mirror: Mirror, sight: Sight) -> tuple[Array, Edge, Array]:
+def _edge_images(domain: Domain, edge: Edge, mirror: Mirror, sight: ComparisonPoints) -> tuple[Array, Edge, Array]:
     """Return points (n, 2) of an edge, the edge's image, and theirs on it."""
     points, image = edge.points(domain, sight.along[1 - edge.axis]), mirror.place(edge)
     assert isinstance(image, Edge)
     return points, image, image.project(domain, domain.wrap(mirror.image(points)))
 
 
-def _edge_loads_agree(case: Shell, mirror: Mirror, sight: Sight, t: float) -> bool:
+def _edge_loads_agree(case: Shell, mirror: Mirror, sight: ComparisonPoints, t: float) -> bool:
     if not any(isinstance(load, EdgeLoad | MomentLoad) for load in case.loads):
         return True
     for edge in (place for place in case.places.values() if isinstance(place, Edge)):
-        points, image, images = _on_edge(case.surface.domain, edge, mirror, sight)
+        points, image, images = _edge_images(case.surface.domain, edge, mirror, sight)
         here, there = _edge_densities(case, edge, points, t), _edge_densities(case, image, images, t)
         # a moment is an axial vector
-        if not (sight.alike(there[0], mirror.signs * here[0]) and sight.alike(there[1], -mirror.signs * here[1])):
+        if not (sight.equal(there[0], mirror.signs * here[0]) and sight.equal(there[1], -mirror.signs * here[1])):
             return False
     return True
 
@@ -255,31 +255,31 @@ def point_forces(case: Shell, t: float) -> list[tuple[tuple[float, float], Array
     return found
 
 
-def _point_loads_agree(case: Shell, mirror: Mirror, sight: Sight, t: float) -> bool:
+def _point_loads_agree(case: Shell, mirror: Mirror, sight: ComparisonPoints, t: float) -> bool:
     forces = point_forces(case, t)
     scale = max((float(np.abs(force).max()) for _, force in forces), default=0.0)
 
     def at(point: ArrayLike) -> Array:
-        there = (force for xi, force in forces if _same(case.surface.domain, xi, point, sight.rounding))
+        there = (force for xi, force in forces if _points_coincide(case.surface.domain, xi, point, sight.rounding))
         return np.asarray(sum(there, start=np.zeros(3)))
 
-    return all(sight.alike(at(mirror.image(xi)), mirror.signs * at(xi), scale) for xi, _ in forces)
+    return all(sight.equal(at(mirror.image(xi)), mirror.signs * at(xi), scale) for xi, _ in forces)
 
 
-def _same(domain: Domain, one: ArrayLike, other: ArrayLike, slack: float) -> bool:
+def _points_coincide(domain: Domain, one: ArrayLike, other: ArrayLike, slack: float) -> bool:
     """Return True if two points (2,) coincide; on a closed shell, also across the seam."""
     gap, size = np.subtract(one, other), np.asarray(domain.size)
     gap = np.where(domain.periodic, gap - size * np.round(gap / size), gap)
     return bool(np.all(np.abs(gap) <= slack * size))
 
 
-def _coincide(domain: Domain, one: Place, other: Place, slack: float) -> bool:
+def _places_coincide(domain: Domain, one: Place, other: Place, slack: float) -> bool:
     if isinstance(one, Point) and isinstance(other, Point):
-        return _same(domain, one.xi, other.xi, slack)
+        return _points_coincide(domain, one.xi, other.xi, slack)
     return isinstance(one, Edge) and one == other
 
 
-def _supports_agree(case: Shell, mirror: Mirror, sight: Sight) -> bool:
+def _supports_agree(case: Shell, mirror: Mirror, sight: ComparisonPoints) -> bool:
     """Return True if each supported place and its image are held alike, and the image moves as the mirrored motion."""
     domain = case.surface.domain
     held: dict[Place, tuple[frozenset[str], bool]] = {}
@@ -290,24 +290,24 @@ def _supports_agree(case: Shell, mirror: Mirror, sight: Sight) -> bool:
         held[place] = (components | frozenset(support.held), slope or support.holds_slope)
     for place, what in held.items():
         image = mirror.place(place)
-        found = [p for p in held if held[p] == what and _coincide(domain, p, image, sight.rounding)]
-        if not found or not all(_motions_agree(case, mirror, sight, place, found[0], t) for t in _times(case)):
+        found = [p for p in held if held[p] == what and _places_coincide(domain, p, image, sight.rounding)]
+        if not found or not all(_motions_agree(case, mirror, sight, place, found[0], t) for t in _compared_times(case)):
             return False
     return True
 
 
-def _motions_agree(case: Shell, mirror: Mirror, sight: Sight, place: Place, image: Place, t: float) -> bool:
+def _motions_agree(case: Shell, mirror: Mirror, sight: ComparisonPoints, place: Place, image: Place, t: float) -> bool:
     if isinstance(place, Edge):
-        points, _, images = _on_edge(case.surface.domain, place, mirror, sight)
+        points, _, images = _edge_images(case.surface.domain, place, mirror, sight)
     else:
         assert isinstance(place, Point)
         assert isinstance(image, Point)
         points, images = np.array([place.xi]), np.array([image.xi])
-    here, there = (_moved(case, *on, t, sight.order) for on in ((place, points), (image, images)))
-    return all(sight.alike((-1) ** key[mirror.axis] * there[key], mirror.signs * here[key]) for key in here)
+    here, there = (_motion_of_place(case, *on, t, sight.order) for on in ((place, points), (image, images)))
+    return all(sight.equal((-1) ** key[mirror.axis] * there[key], mirror.signs * here[key]) for key in here)
 
 
-def _moved(case: Shell, place: Place, points: Array, t: float, order: int) -> dict[tuple[int, int], Array]:
+def _motion_of_place(case: Shell, place: Place, points: Array, t: float, order: int) -> dict[tuple[int, int], Array]:
     """Return the motion of a place by its supports, with derivatives: held components; all if they hold the slope."""
     keys = [(i, j) for i, j in product(range(order + 1), repeat=2) if i + j <= order]
     total = {key: np.zeros((len(points), 3)) for key in keys}
@@ -328,7 +328,7 @@ def mirrored_supports(case: Shell, mirror: Mirror) -> tuple[int, ...] | None:
             return False
         candidates = [case.places[name] for name in other.on]
         images = [mirror.place(case.places[name]) for name in support.on]
-        return all(any(_coincide(case.surface.domain, p, image, SAME) for p in candidates) for image in images)
+        return all(any(_places_coincide(case.surface.domain, p, image, SAME) for p in candidates) for image in images)
 
     found = [
         next((number for number, other in enumerate(case.supports) if carried(support, other)), -1)

@@ -26,8 +26,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.problems.shell.posed.mirrors import ON_THE_WAY, Sight, mirror_of
-from shellbench.problems.shell.posed.point_supports import LEANING, check_point_supports, leaning, mark_of
+from shellbench.problems.shell.posed.mirrors import ON_THE_WAY, ComparisonPoints, mirror_of
+from shellbench.problems.shell.posed.point_supports import LEANING, check_point_supports, leaning_supports, mark_of
 from shellbench.problems.shell.posed.shell import Shell
 from shellbench.problems.shell.posed.spots import NO_PART, Spot, is_on, spot_at
 from shellbench.problems.shell.quantities.quantities import (
@@ -83,8 +83,8 @@ def check_point_actions(case: Shell) -> None:
         _check_finite_strain(case)
         return
     for quantity in case.quantities:
-        for pull in _pulls(case, mark_of(case, quantity)):
-            if pull.steep and _share(case, quantity, pull, None):
+        for pull in _unlimited_pulls(case, mark_of(case, quantity)):
+            if pull.steep and _value_change(case, quantity, pull, None):
                 how, way = (
                     ("at a single point", "ask for the theory kirchhoff-love-linear")
                     if pull.spot.shears
@@ -103,13 +103,13 @@ def drifts(case: Shell, solution: Any) -> dict[str, float]:
         return {}
     found = {}
     for quantity in case.quantities:
-        moved = sum(p.drift * _share(case, quantity, p, solution) for p in _pulls(case, quantity.at))
-        for support, spot, lean in leaning(case):
+        moved = sum(p.drift * _value_change(case, quantity, p, solution) for p in _unlimited_pulls(case, quantity.at))
+        for support, spot, lean in leaning_supports(case):
             # The point yields along the midsurface by a drift, and along the support's own direction by its share.
             force = lean * float(np.linalg.norm(solution.reaction(support.name, at=quantity.at)[0]))
             yielding = Pull(spot, force, steep=False)
             of_place = isinstance(quantity, DisplacementQuantity | PositionQuantity | LargestDisplacement)
-            moved += yielding.drift * (lean if of_place else _share(case, quantity, yielding, solution))
+            moved += yielding.drift * (lean if of_place else _value_change(case, quantity, yielding, solution))
         if moved:
             found[quantity.name] = moved
     return found
@@ -120,15 +120,15 @@ def remark(case: Shell) -> str:
     if not _may_drift(case):
         return ""
     words = []
-    for pull in {p.spot.name: p for q in case.quantities for p in _pulls(case, q.at)}.values():
-        names = [q.name for q in case.quantities if _share(case, q, pull, None)]
+    for pull in {p.spot.name: p for q in case.quantities for p in _unlimited_pulls(case, q.at)}.values():
+        names = [q.name for q in case.quantities if _value_change(case, q, pull, None)]
         if names:
             words.append(
                 f"the force at '{pull.spot.name}' leans from the normal, so that {', '.join(names)} drift without"
                 " bound as meshes are refined"
             )
     feet: dict[str, list[str]] = {}
-    for support, spot, _ in leaning(case):
+    for support, spot, _ in leaning_supports(case):
         feet.setdefault(support.name, []).append(f"'{spot.name}'")
     words += [
         f"support '{name}' leans from the normal at {', '.join(places)}, and yields as meshes are refined"
@@ -142,7 +142,7 @@ def _may_drift(case: Shell) -> bool:
     return case.linear and not case.modal and not case.prescribed
 
 
-def _share(case: Shell, quantity: ShellQuantity, pull: Pull, solution: Any) -> float:
+def _value_change(case: Shell, quantity: ShellQuantity, pull: Pull, solution: Any) -> float:
     """Return the change of a value for each metre that a point moves; 0 if the value has a limit.
 
     The largest displacement takes part along the direction in which the point has moved, if that is known. The energy
@@ -155,10 +155,10 @@ def _share(case: Shell, quantity: ShellQuantity, pull: Pull, solution: Any) -> f
             alike = (quantity.direction,) * len(quantity.points)
             one = quantity.directions if isinstance(quantity, DisplacementQuantity) else alike
             there = zip(map(case.places.__getitem__, quantity.points), one, strict=True)
-            return sum(spot.share(along) for place, along in there if is_on(case, place, spot.xi)) / len(one)
+            return sum(spot.unlimited_share(along) for place, along in there if is_on(case, place, spot.xi)) / len(one)
         case LargestDisplacement():
             moved = None if solution is None else solution.displacement(np.array([spot.xi]), at=quantity.at)[0]
-            return 1.0 if moved is None or not np.any(moved) else spot.share(moved)
+            return 1.0 if moved is None or not np.any(moved) else spot.unlimited_share(moved)
         case EnergyQuantity(kind="bending_energy") if not spot.shears:
             return pull.force / 2 * spot.bent**2 / 3
         case EnergyQuantity() | PotentialEnergy():
@@ -166,17 +166,17 @@ def _share(case: Shell, quantity: ShellQuantity, pull: Pull, solution: Any) -> f
     return 0.0
 
 
-def _pulls(case: Shell, t: float) -> list[Pull]:
+def _unlimited_pulls(case: Shell, t: float) -> list[Pull]:
     """Return the forces at points with an unlimited part; forces on the same point are added."""
     found = []
-    for spot, force in _pulled(case, t):
-        free, part = (float(np.linalg.norm(v)) for v in (spot.free(force), spot.unlimited(force)))
+    for spot, force in _points_with_forces(case, t):
+        free, part = (float(np.linalg.norm(v)) for v in (spot.free_part(force), spot.unlimited_part(force)))
         if part > NO_PART * np.linalg.norm(force):
             found.append(Pull(spot, part, spot.shears or part > LEANING * free))
     return found
 
 
-def _pulled(case: Shell, t: float) -> Iterator[tuple[Spot, Array]]:
+def _points_with_forces(case: Shell, t: float) -> Iterator[tuple[Spot, Array]]:
     """Yield the points at which forces act, and their sum (3,) at each, N."""
     forces: dict[tuple[float, ...], tuple[Point, Array]] = {}
     for load in case.loads:
@@ -193,11 +193,11 @@ def _check_finite_strain(case: Shell) -> None:
     """Check that two planes of symmetry through each point with a force keep the force along the normal."""
     last = case.dynamics.until if case.dynamics else case.path.until if case.path.quantity is None else 1.0
     for t in (last, ON_THE_WAY * last):
-        for spot, force in _pulled(case, t):
+        for spot, force in _points_with_forces(case, t):
             size = np.linalg.norm(force)
-            if np.linalg.norm(spot.free(force)) <= NO_PART * size:
+            if np.linalg.norm(spot.free_part(force)) <= NO_PART * size:
                 continue
-            if np.linalg.norm(spot.unlimited(force)) > NO_PART * size or len(_planes(case, spot)) < 2:
+            if np.linalg.norm(spot.unlimited_part(force)) > NO_PART * size or len(_symmetry_planes(case, spot)) < 2:
                 raise ValueError(
                     f"a load of kind 'point' acts on '{spot.name}' at finite strain, and no two planes of symmetry keep"
                     " it along the normal there: strains under it grow to the order of 1, and what it moves depends on"
@@ -205,9 +205,9 @@ def _check_finite_strain(case: Shell) -> None:
                 )
 
 
-def _planes(case: Shell, spot: Spot) -> set[int]:
+def _symmetry_planes(case: Shell, spot: Spot) -> set[int]:
     """Return the normals (0, 1, 2) of planes of symmetry through a point and its normal."""
-    sight, found = Sight.spread(case), set[int]()
+    sight, found = ComparisonPoints.spread_over(case), set[int]()
     for support, place in case.supported_places():
         if support.symmetry and is_on(case, place, spot.xi):
             found.add(COMPONENTS.index(support.symmetry))

@@ -78,7 +78,7 @@ def mark_of(case: Shell, quantity: ShellQuantity) -> float:
     return 1.0 if case.modal else quantity.at
 
 
-def leaning(case: Shell) -> Iterator[tuple[Support, Spot, float]]:
+def leaning_supports(case: Shell) -> Iterator[tuple[Support, Spot, float]]:
     """Yield the supports that hold points by directions that lean from the normal, the points, and sines of angles."""
     for hold in _holds(case):
         if hold.firm and hold.lean > NO_PART:

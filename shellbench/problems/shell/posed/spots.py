@@ -50,19 +50,19 @@ class Spot:
     bent: float
     shears: bool
 
-    def free(self, vector: ArrayLike) -> Array:
+    def free_part(self, vector: ArrayLike) -> Array:
         """Return the part (3,) of a vector that no support holds."""
         given = np.asarray(vector, dtype=float)
         return np.asarray(given - self.held.T @ (self.held @ given))
 
-    def unlimited(self, vector: ArrayLike) -> Array:
+    def unlimited_part(self, vector: ArrayLike) -> Array:
         """Return the part (3,) of a vector along which the point moves without bound."""
-        free = self.free(vector)
+        free = self.free_part(vector)
         return free if self.shears else free - self.normal * (self.normal @ free)
 
-    def share(self, direction: ArrayLike) -> float:
+    def unlimited_share(self, direction: ArrayLike) -> float:
         """Return the relative length, from 0 to 1, of the unlimited part of a direction; 0 if it is rounding."""
-        share = float(np.linalg.norm(self.unlimited(direction)) / np.linalg.norm(direction))
+        share = float(np.linalg.norm(self.unlimited_part(direction)) / np.linalg.norm(direction))
         return share if share > NO_PART else 0.0
 
 

@@ -8,7 +8,7 @@ from shellbench.problems.shell.field import DisplacementField
 from shellbench.problems.shell.quantities.displacement_quantities import Direction
 from shellbench.problems.shell.quantities.measure import unit
 from shellbench.problems.shell.quantities.quantity import ShellQuantity
-from shellbench.problems.shell.question.contact import deepest, edge_of_contact, line_length
+from shellbench.problems.shell.question.contact import edge_of_contact, largest_depth, line_length
 from shellbench.problems.shell.question.places import Point
 from shellbench.protocol.schema import Name, Vector
 
@@ -119,7 +119,7 @@ class LargestPenetration(ContactQuantity):
 
     def measure(self, solution: DisplacementField) -> float:
         """Return the depth, m."""
-        return deepest(solution, self.at)
+        return largest_depth(solution, self.at)
 
 
 class ContactPoint(ContactQuantity):

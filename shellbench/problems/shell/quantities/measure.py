@@ -46,7 +46,7 @@ def area_rule(case: Any) -> tuple[Array, Array]:
 
     The panels are equal, and cut where loads or stiffnesses have kinks. `Shell.area_rule` caches the rule of a case.
     """
-    (first, along), (second, across) = (_on(ends[:-1], ends[1:], PANEL_POINTS) for ends in panel_ends(case))
+    (first, along), (second, across) = (_interval_rule(ends[:-1], ends[1:], PANEL_POINTS) for ends in panel_ends(case))
     points = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
     return points, np.outer(along, across).ravel() * _area(case, points)
 
@@ -66,12 +66,12 @@ def cells_rule(case: Any, division: Division, edge: Edge | None = None) -> tuple
     low, high = division.low, division.high
     if edge is not None:
         running = 1 - edge.axis
-        at, weights = _on(low[:, running], high[:, running], ORDER)
+        at, weights = _interval_rule(low[:, running], high[:, running], ORDER)
         points = edge.points(case.surface.domain, at)
         return points, weights * np.linalg.norm(
             case.surface.derivatives(points, 1)[(0, 1) if running else (1, 0)], axis=-1
         )
-    (first, along), (second, across) = (_on(low[:, axis], high[:, axis], ORDER) for axis in (0, 1))
+    (first, along), (second, across) = (_interval_rule(low[:, axis], high[:, axis], ORDER) for axis in (0, 1))
     first, along, second, across = (each.reshape(-1, ORDER) for each in (first, along, second, across))
     shape = (len(low), ORDER, ORDER)
     each = (np.broadcast_to(first[:, :, None], shape), np.broadcast_to(second[:, None, :], shape))
@@ -85,7 +85,7 @@ def rule_of(case: Any, of: Any, edge: Edge | None = None) -> tuple[Array, Array]
     return None if division is None else cells_rule(case, division, edge)
 
 
-def _on(low: Array, high: Array, count: int) -> tuple[Array, Array]:
+def _interval_rule(low: Array, high: Array, count: int) -> tuple[Array, Array]:
     """Return points (n count,) and weights (n count,) of Gauss's rule on n intervals."""
     x, w = np.polynomial.legendre.leggauss(count)
     half = (high - low)[:, None] / 2

@@ -79,7 +79,7 @@ class LimitPoint(Unmarked):
 
     def measure(self, solution: DisplacementField) -> float:
         """Return the load, N, or the displacement, m."""
-        factor, displacement = curve(solution).turning(self.turning, self.number)
+        factor, displacement = curve(solution).turning_point(self.turning, self.number)
         return self.scale * factor if self.gives == "load" else displacement
 
 

@@ -152,7 +152,7 @@ def check_contact(case: Any) -> None:
             )
 
 
-def deepest(solution: Any, at: float | None) -> float:
+def largest_depth(solution: Any, at: float | None) -> float:
     """Return the largest depth of the displaced shell in obstacles, m; 0 if it is in none."""
     # The search includes the points where forces act.
     case, t = solution.case, at

@@ -94,7 +94,7 @@ def features_of(case: Any) -> tuple[Feature, ...]:
     for (of, what, role, edge, formulas, measure), box in _in_boxes(case):
         if all(f.constant for f in formulas):
             continue
-        times = sorted({end, ON_THE_WAY * end} if case.dynamics is not None and _on_time(formulas) else {end})
+        times = sorted({end, ON_THE_WAY * end} if case.dynamics is not None and _depend_on_time(formulas) else {end})
         parts = [f.parts for f in formulas]
         whole = all(part == (f,) for part, f in zip(parts, formulas, strict=True))
         together = [formulas] if whole else [[part] for each in parts for part in each]
@@ -113,7 +113,7 @@ def _in_boxes(case: Any) -> Iterator[tuple[Formulas, Box]]:
             yield entry, _box(case, entry[3])
 
 
-def _on_time(formulas: Sequence[Expression]) -> bool:
+def _depend_on_time(formulas: Sequence[Expression]) -> bool:
     return any(formula.depends_on("t") for formula in formulas)
 
 
@@ -127,14 +127,14 @@ def check_formulas(case: Any) -> None:
     """
     material, everywhere = case.material, _box(case, None)
     for name in ("modulus_factor", "thickness_factor"):
-        formula = _read(case, "a factor of the material", getattr(material, name), NAMES)
+        formula = _read_formula(case, "a factor of the material", getattr(material, name), NAMES)
         if (at := bad_place(formula, everywhere, SMALLEST)) is not None:
             raise ValueError(
                 f"field 'material.{name}' is not finite, or not positive, on the shell: at {shown_place(case, at)}"
             )
     for spring in case.springs:
         formula, what = (
-            _read(case, f"spring '{spring.name}'", spring.stiffness, NAMES),
+            _read_formula(case, f"spring '{spring.name}'", spring.stiffness, NAMES),
             f"the stiffness of spring '{spring.name}'",
         )
         if (at := bad_place(formula, everywhere, -np.finfo(float).tiny)) is not None:
@@ -142,7 +142,7 @@ def check_formulas(case: Any) -> None:
     for load in case.loads:
         what = f"a load of kind '{load.kind}'"
         edges: list[Edge | None] = [p for n in getattr(load, "on", ()) if isinstance(p := case.places[n], Edge)]
-        for formula in [_read(case, what, text, (*NAMES, "t")) for text in load.formulas]:
+        for formula in [_read_formula(case, what, text, (*NAMES, "t")) for text in load.formulas]:
             for edge in edges or [None]:
                 if (at := bad_place(formula, _box(case, edge))) is not None:
                     raise ValueError(
@@ -151,7 +151,7 @@ def check_formulas(case: Any) -> None:
     for support, held in case.supported_places():
         what = f"the motion of support '{support.name}'"
         for text in support.motion.formulas if support.motion is not None else ():
-            formula = _read(case, f"support '{support.name}'", text, (*NAMES, "t"))
+            formula = _read_formula(case, f"support '{support.name}'", text, (*NAMES, "t"))
             side = held if isinstance(held, Edge) else None
             if (at := bad_place(formula, _box(case, side), order=2)) is not None:
                 raise ValueError(
@@ -159,7 +159,7 @@ def check_formulas(case: Any) -> None:
                 )
 
 
-def _read(case: Any, what: str, text: Any, variables: tuple[str, ...]) -> Expression:
+def _read_formula(case: Any, what: str, text: Any, variables: tuple[str, ...]) -> Expression:
     try:
         return Expression(text, variables, case.surface.named_constants, piecewise=True)
     except InputError as error:
@@ -173,22 +173,22 @@ def undecided(case: Any) -> str | None:
             return f"{feature.what} varies more quickly than {MOST_CELLS} cells tell, at {shown_place(case, at)}"
         if feature.role == "obstacle" and feature.division.narrow.any():
             axis = int(feature.division.narrow[:, 1].any())
-            return f"{feature.what} {quickness(case, feature, axis)}, which points in contact may miss"
+            return f"{feature.what} {quickness_in_words(case, feature, axis)}, which points in contact may miss"
     return None
 
 
-def narrowest(case: Any) -> str | None:
+def why_too_narrow(case: Any) -> str | None:
     """Return a formula that varies within less than samples resolve, with its place, as one clause, or None."""
     for feature in case.features:
         axes = (0, 1) if feature.edge is None else (1 - feature.edge.axis,)
         for axis in axes:
             d = feature.division
             if np.any(d.narrow[:, axis] & ((d.high - d.low)[:, axis] < POINTLIKE * d.side[axis])):
-                return f"{feature.what} {quickness(case, feature, axis)}"
+                return f"{feature.what} {quickness_in_words(case, feature, axis)}"
     return None
 
 
-def quickness(case: Any, feature: Feature, axis: int) -> str:
+def quickness_in_words(case: Any, feature: Feature, axis: int) -> str:
     """Return in words the shortest length of a coordinate over which a formula varies, and its place."""
     division = feature.division
     size = np.where(division.narrow[:, axis], (division.high - division.low)[:, axis], np.inf)

@@ -28,8 +28,8 @@ from shellbench.problems.shell.posed.shell import Shell
 from shellbench.problems.shell.quantities.measure import measure
 from shellbench.problems.shell.question.places import Point
 from shellbench.problems.shell.question.surface import Domain
-from shellbench.problems.shell.records.series import frames, reached
-from shellbench.protocol.history import FrameRateStep, PrecisionStep, ResolutionStep, StateEnergies, finite
+from shellbench.problems.shell.records.series import frames, mark_reached
+from shellbench.protocol.history import FrameRateStep, PrecisionStep, ResolutionStep, StateEnergies, finite_or_none
 
 Array = NDArray[np.float64]
 
@@ -94,7 +94,7 @@ def kept_fields(solution: DisplacementField, case: Shell) -> dict[str, NDArray[A
         states = states_at(solution, case, xi)
         stacked = np.array(list(states.values()), dtype=PICTURE_TYPE).reshape(-1, *displacement.shape)
         fields |= {"marks": np.array(list(states)), "displacements": stacked}
-    return fields | _told(lambda: energy_densities(solution, xi)) | _told(lambda: probe_fields(solution, case))
+    return fields | _arrays(lambda: energy_densities(solution, xi)) | _arrays(lambda: probe_fields(solution, case))
 
 
 def energy_densities(solution: DisplacementField, xi: Array) -> dict[str, NDArray[Any]]:
@@ -105,7 +105,7 @@ def energy_densities(solution: DisplacementField, xi: Array) -> dict[str, NDArra
     return {name: density for name, density in found.items() if np.all(np.isfinite(density))}
 
 
-def _told(ask: Callable[[], dict[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
+def _arrays(ask: Callable[[], dict[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
     """Return the arrays that a call on the solution gives; none if it fails."""
     try:
         return ask()
@@ -145,14 +145,14 @@ def resolution_study(solution: DisplacementField, case: Shell) -> tuple[Resoluti
     probes = np.concatenate([probes, np.array(named).reshape(-1, 2)])
     alone = np.stack([solution.displacement(probe[None])[0] for probe in probes])
     if not np.all(np.isfinite(alone)):
-        raise ValueError(f"its displacement is not finite at the point {_first_lost(probes, alone)}")
+        raise ValueError(f"its displacement is not finite at the point {_first_infinite(probes, alone)}")
     samples: dict[int, Array] = {}
     asked: dict[int, float] = {}
     for n in RESOLUTIONS:
         points = np.concatenate([domain.grid(n, n).reshape(-1, 2), probes])
         displacement = solution.displacement(points)
         if not np.all(np.isfinite(displacement)):
-            raise ValueError(f"its displacement is not finite at the point {_first_lost(points, displacement)}")
+            raise ValueError(f"its displacement is not finite at the point {_first_infinite(points, displacement)}")
         samples[n] = displacement[: n * n].reshape(n, n, 3)
         asked[n] = _largest(displacement[n * n :] - alone)
     finest = max(RESOLUTIONS)
@@ -171,7 +171,7 @@ def resolution_study(solution: DisplacementField, case: Shell) -> tuple[Resoluti
     return tuple(steps)
 
 
-def _first_lost(points: Array, displacement: Array) -> str:
+def _first_infinite(points: Array, displacement: Array) -> str:
     """Return the coordinates of the first point (m, 2) whose displacement (m, 3) is not finite."""
     lost = points[np.argmin(np.all(np.isfinite(displacement), axis=-1))]
     return f"({lost[0]:g}, {lost[1]:g})"
@@ -180,8 +180,8 @@ def _first_lost(points: Array, displacement: Array) -> str:
 def bilinear(samples: Array, count: int) -> Array:
     """Interpolate samples (n, n, 3) on a regular grid at the points (count, count, 3) of another one."""
     places = np.linspace(0.0, len(samples) - 1.0, count)
-    along = np.swapaxes(joined(samples, places), 0, 1)  # one coordinate after the other
-    return np.swapaxes(joined(along, places), 0, 1)
+    along = np.swapaxes(interpolate_frames(samples, places), 0, 1)  # one coordinate after the other
+    return np.swapaxes(interpolate_frames(along, places), 0, 1)
 
 
 def _largest(vectors: Array) -> float:
@@ -241,7 +241,7 @@ def quantities_of(solution: DisplacementField, case: Shell, known: Mapping[str, 
         if quantity.of_field:
             with contextlib.suppress(*UNREACHED):
                 value = known[quantity.name] if quantity.name in known else measure(solution, quantity)
-                if finite(value) is not None:
+                if finite_or_none(value) is not None:
                     found[quantity.name] = value
     return found
 
@@ -260,7 +260,7 @@ def frame_rate_study(solution: DisplacementField, case: Shell) -> tuple[FrameRat
     Frames are asked for in the order of time, with the fixed instants among them; these are first asked for by
     themselves, the last one first. A motion whose answers are missing or not finite somewhere is not studied.
     """
-    if case.dynamics is None or (end := reached(solution, case)) <= 0:
+    if case.dynamics is None or (end := mark_reached(solution, case)) <= 0:
         return ()
     points = probes_of(case.surface.domain, POINTS)
     fixed = end * (GOLDEN * np.arange(1, FIXED + 1) % 1.0)
@@ -286,7 +286,7 @@ def frame_rate_study(solution: DisplacementField, case: Shell) -> tuple[FrameRat
 
 
 def _step(count: int, end: float, frames: Array, motion: Array, asked: float) -> FrameRateStep:
-    gaps = _lengths(joined(frames, np.linspace(0.0, count - 1.0, len(motion))) - motion)
+    gaps = _lengths(interpolate_frames(frames, np.linspace(0.0, count - 1.0, len(motion))) - motion)
     return FrameRateStep(
         frames=count,
         frames_per_second=(count - 1) / end,
@@ -297,7 +297,7 @@ def _step(count: int, end: float, frames: Array, motion: Array, asked: float) ->
     )
 
 
-def joined(frames: Array, places: Array) -> Array:
+def interpolate_frames(frames: Array, places: Array) -> Array:
     """Join frames (n, ...) by straight lines; return them at places (k,), numbers of frames from 0 to n - 1."""
     before = np.clip(np.floor(places).astype(int), 0, len(frames) - 2)
     share = (places - before).reshape(-1, *(1,) * (frames.ndim - 1))

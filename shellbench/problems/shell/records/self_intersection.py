@@ -68,12 +68,12 @@ def self_intersection_study(solution: DisplacementField, case: Case) -> tuple[Se
         if len(pairs):
             places = tuple(tuple(xi.reshape(-1, 2)[triangles[k, 0]].tolist()) for k in pairs[0])
             found = found.model_copy(update={"at": mark, "places": places})
-            return (found.model_copy(update={"words": words(found, ShellPortrait(case).mark_words)}),)
+            return (found.model_copy(update={"words": intersection_in_words(found, ShellPortrait(case).mark_words)}),)
         found = found.model_copy(update={"free_until": mark})
     return (found,) if found.states else ()
 
 
-def words(found: SelfIntersection, mark_words: Callable[[float], str]) -> str:
+def intersection_in_words(found: SelfIntersection, mark_words: Callable[[float], str]) -> str:
     """Return as a clause when and where a surface passes through itself, and the grid of the check."""
     if found.at is None:
         return ""
@@ -194,7 +194,7 @@ def crossings(points: Array, triangles: Indices) -> Indices:
     # 4. Two such triangles cross if, and only if, an edge of one passes through the other.
     corners = points[triangles]
     size = float(np.ptp(points[triangles.ravel()], axis=0).max())
-    pairs = _apart(triangles, _near(corners))
+    pairs = _without_common_corner(triangles, _pairs_nearby(corners))
     for low, high in zip(*(extreme.T for extreme in _extremes(corners)), strict=True):
         one, other = pairs.T
         pairs = pairs[(low[one] <= high[other]) & (low[other] <= high[one])]  # each leaves fewer to the next component
@@ -207,7 +207,7 @@ def crossings(points: Array, triangles: Indices) -> Indices:
     pairs, heights = pairs[straddles], [h[straddles] for h in heights]
     crossed = np.zeros(len(pairs), dtype=bool)
     for order, above in zip(((0, 1), (1, 0)), heights, strict=True):
-        crossed |= _pierced(corners, pairs[:, order], above, SHALLOW * size)
+        crossed |= _edge_pierces(corners, pairs[:, order], above, SHALLOW * size)
     found = pairs[crossed]
     return np.asarray(found[np.lexsort(found.T[::-1])])
 
@@ -218,7 +218,7 @@ def _extremes(values: Array) -> tuple[Array, Array]:
     return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
 
 
-def _apart(triangles: Indices, pairs: Indices) -> Indices:
+def _without_common_corner(triangles: Indices, pairs: Indices) -> Indices:
     """Return those of the pairs (k, 2) that share no corner."""
     corners = np.ascontiguousarray(triangles.T)
     ones, others = ([corner[number] for corner in corners] for number in map(np.ascontiguousarray, pairs.T))
@@ -229,7 +229,7 @@ def _apart(triangles: Indices, pairs: Indices) -> Indices:
     return pairs[apart]
 
 
-def _near(corners: Array) -> Indices:
+def _pairs_nearby(corners: Array) -> Indices:
     """Return pairs (k, 2), the smaller number first, of triangles (m, 3, 3) that may meet."""
     from scipy.spatial import cKDTree
 
@@ -250,7 +250,7 @@ def _heights(corners: Array, normals: Array, pairs: Indices) -> Array:
     return np.asarray(np.einsum("kcj,kj->kc", corners[second] - corners[first][:, :1], normals[first]))
 
 
-def _pierced(corners: Array, pairs: Indices, heights: Array, shallow: float) -> NDArray[np.bool_]:
+def _edge_pierces(corners: Array, pairs: Indices, heights: Array, shallow: float) -> NDArray[np.bool_]:
     """Return of which pairs (k,) an edge of the second triangle passes through the first one."""
     through = np.zeros(len(pairs), dtype=bool)
     target, source = corners[pairs[:, 0]], corners[pairs[:, 1]]
@@ -259,11 +259,11 @@ def _pierced(corners: Array, pairs: Indices, heights: Array, shallow: float) -> 
         deep = (above * below < 0) & (np.minimum(abs(above), abs(below)) > shallow)
         share = above / np.where(deep, above - below, 1.0)
         place = source[:, start] + share[:, None] * (source[:, end] - source[:, start])
-        through |= deep & _inside(target, place)
+        through |= deep & _inside_triangle(target, place)
     return through
 
 
-def _inside(triangles: Array, places: Array) -> NDArray[np.bool_]:
+def _inside_triangle(triangles: Array, places: Array) -> NDArray[np.bool_]:
     """Return a mask (k,): True if a place (k, 3) in the plane of its triangle (k, 3, 3) lies in it or on its border."""
     edges = np.roll(triangles, -1, axis=1) - triangles
     turns = np.cross(edges, places[:, None] - triangles)

@@ -24,7 +24,7 @@ from shellbench.problems.shell.posed.course import is_constant
 from shellbench.problems.shell.posed.shell import Shell
 from shellbench.problems.shell.quantities.measure import measure
 from shellbench.problems.shell.quantities.quantities import EnergyQuantity, MotionEnergy, QuantityModel
-from shellbench.protocol.history import Series, finite
+from shellbench.protocol.history import Series, finite_or_none
 
 Array = NDArray[np.float64]
 
@@ -52,18 +52,18 @@ class _Snapshot:
         return self._field(self._solution.velocity, points)
 
     def energies(self, at: float | None = None) -> Any:
-        return self._once(("energies",), lambda: self._solution.energies(self._mark))
+        return self._ask_once(("energies",), lambda: self._solution.energies(self._mark))
 
     def reaction(self, support: str, centre: ArrayLike = (0.0, 0.0, 0.0), at: float | None = None) -> Any:
         about = np.asarray(centre, dtype=float)
         key = ("reaction", support, about.tobytes())
-        return self._once(key, lambda: self._solution.reaction(support, about, at=self._mark))
+        return self._ask_once(key, lambda: self._solution.reaction(support, about, at=self._mark))
 
     def _field(self, ask: Callable[..., Array], points: ArrayLike) -> Any:
         xi = np.asarray(points, dtype=float)
-        return self._once((ask.__name__, xi.shape, xi.tobytes()), lambda: ask(xi, at=self._mark))
+        return self._ask_once((ask.__name__, xi.shape, xi.tobytes()), lambda: ask(xi, at=self._mark))
 
-    def _once(self, key: object, ask: Callable[[], Any]) -> Any:
+    def _ask_once(self, key: object, ask: Callable[[], Any]) -> Any:
         if key not in self._answers:
             self._answers[key] = ask()
         return self._answers[key]
@@ -137,7 +137,7 @@ def _keeps_energy(case: Shell) -> bool:
     return True
 
 
-def reached(solution: DisplacementField, case: Shell) -> float:
+def mark_reached(solution: DisplacementField, case: Shell) -> float:
     """Return the time, s, or load factor up to which a solution goes."""
     until = case.path.until if case.dynamics is None else case.dynamics.until
     steps = [step.at for step in solution.history if step.phase in {"time", "path"} and math.isfinite(step.energy)]
@@ -151,12 +151,12 @@ def frames(solution: DisplacementField, case: Shell) -> tuple[float, ...]:
     """
     if case.dynamics is None:
         return case.states
-    end = reached(solution, case)
+    end = mark_reached(solution, case)
     uniform = np.linspace(0.0, case.dynamics.until, FRAMES)[1:].tolist()
-    return _distinct([mark for mark in (*uniform, *case.states) if mark < end] + [end])
+    return _distinct_marks([mark for mark in (*uniform, *case.states) if mark < end] + [end])
 
 
-def _distinct(marks: list[float]) -> tuple[float, ...]:
+def _distinct_marks(marks: list[float]) -> tuple[float, ...]:
     """Return the marks in order; of marks that differ by rounding only the last one is kept."""
     kept: dict[str, float] = {f"{mark:.9g}": mark for mark in marks}
     return tuple(sorted(kept.values()))
@@ -168,13 +168,13 @@ def series_of(solution: DisplacementField, case: Shell) -> tuple[Series, ...]:
     points: dict[str, dict[float, float]] = {one.name: {} for one in asked}
     for mark in _marks(solution, case) if asked else ():
         snapshot = snapshot_of(solution, mark)
-        known = _known(solution, mark)
+        known = _quantities_in_history(solution, mark)
         for one in asked:
             value = next((known[name] for name in one.quantities if name in known), None)
             if value is None:
                 with contextlib.suppress(*REFUSED):
                     value = measure(snapshot, one.quantity.model_copy(update={"at": mark}))
-            if (figure := finite(value)) is not None:
+            if (figure := finite_or_none(value)) is not None:
                 points[one.name][mark] = figure
     return tuple(
         Series(
@@ -192,15 +192,15 @@ def series_of(solution: DisplacementField, case: Shell) -> tuple[Series, ...]:
 
 def _marks(solution: DisplacementField, case: Shell) -> Iterator[float]:
     if case.dynamics is not None:
-        end = reached(solution, case)
+        end = mark_reached(solution, case)
         uniform = [t for t in np.linspace(0.0, case.dynamics.until, CURVE_TIMES).tolist() if t < end]
-        yield from _distinct([*uniform, end])
+        yield from _distinct_marks([*uniform, end])
         return
     steps = [step.at for step in solution.history if step.phase in {"path", "critical"}]
-    yield from _distinct([*steps, *case.states])
+    yield from _distinct_marks([*steps, *case.states])
 
 
-def _known(solution: DisplacementField, mark: float) -> Mapping[str, float]:
+def _quantities_in_history(solution: DisplacementField, mark: float) -> Mapping[str, float]:
     """Return the quantities that the history holds for the state of a path at a mark."""
     found: dict[str, float] = {}
     for step in solution.history:

@@ -15,8 +15,8 @@ from pydantic import ValidationError
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.posed.mirrors import IMAGE_ROUNDING, Mirror, Sight
-from shellbench.problems.shell.variants.placing import follows, placed_data
+from shellbench.problems.shell.posed.mirrors import IMAGE_ROUNDING, ComparisonPoints, Mirror
+from shellbench.problems.shell.variants.placing import keeps_components, placed_data
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ def in_frame_of_mirrors(case: Case) -> tuple[Case, Array] | None:
     would not be so there.
     """
     rotation = _rotation(case)
-    if rotation is None or np.abs(rotation - np.eye(3)).max() <= NOTHING or not follows(case, rotation):
+    if rotation is None or np.abs(rotation - np.eye(3)).max() <= NOTHING or not keeps_components(case, rotation):
         return None
     first, second, third = (tuple(row) for row in rotation.tolist())
     try:
@@ -45,7 +45,7 @@ def _rotation(case: Case) -> Array | None:
     #    one.
     # 2. Complete them to an orthonormal basis.
     # 3. Assign to each axis the vector of the basis that is nearest to it, with the axis's sign.
-    domain, points = case.surface.domain, Sight.spread(case).points
+    domain, points = case.surface.domain, ComparisonPoints.spread_over(case).points
     normals: list[Array] = []
     for axis in (0, 1):
         lower, size = domain.lower[axis], domain.size[axis]

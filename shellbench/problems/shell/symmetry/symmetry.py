@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.posed.mirrors import IMAGE_ROUNDING, SAME, Ends, Mirror, Sight, mirror_of
+from shellbench.problems.shell.posed.mirrors import IMAGE_ROUNDING, SAME, ComparisonPoints, Ends, Mirror, mirror_of
 from shellbench.problems.shell.posed.surfaces import SurfaceModel
 from shellbench.problems.shell.quantities.quantities import EnergyQuantity
 from shellbench.problems.shell.question.conditions import COMPONENTS, Formula, RigidMotion, Support, VectorFormula
@@ -129,7 +129,7 @@ class Part:
             found.append(value)
         return (found[0], found[1]), sharing
 
-    def seen(self, place: Place) -> Place | None:
+    def place_on_part(self, place: Place) -> Place | None:
         """Return a place of the whole as one of the part; None if it is outside the part."""
         if isinstance(place, Point):
             found = self.place(place.xi)
@@ -146,11 +146,11 @@ class Part:
                 place = self.whole.places[name]
                 for mirror in mirrors:
                     place = mirror.place(place)
-                found = self.seen(place)
+                found = self.place_on_part(place)
                 if found is not None:
                     yield number, support, found
 
-    def holds(self, motion: RigidMotion) -> bool:
+    def excludes_motion(self, motion: RigidMotion) -> bool:
         """Return True if planes of symmetry exclude a rigid motion.
 
         A plane excludes the translation across it and the rotations about axes in it: in the mean over the area a
@@ -182,14 +182,14 @@ class Part:
             material=whole.material,
             points=self._points(),
             supports=tuple(supports),
-            remove_rigid_motions=tuple(m for m in whole.remove_rigid_motions if not self.holds(m)),
+            remove_rigid_motions=tuple(m for m in whole.remove_rigid_motions if not self.excludes_motion(m)),
             loads=tuple(self._loads()),
             quantities=(ASKED,),
         )
 
     def _names(self, places: tuple[str, ...]) -> tuple[str, ...]:
         """Return the named places that lie on the part."""
-        return tuple(name for name in places if self.seen(self.whole.places[name]) is not None)
+        return tuple(name for name in places if self.place_on_part(self.whole.places[name]) is not None)
 
     def _surface(self) -> SurfaceModel:
         """Return the surface on the part of its domain, open along a coordinate that is mirrored."""
@@ -210,7 +210,7 @@ class Part:
     def _points(self) -> dict[str, tuple[float, float]]:
         found = {}
         for name in self.whole.points:
-            point = self.seen(self.whole.places[name])
+            point = self.place_on_part(self.whole.places[name])
             if isinstance(point, Point):
                 found[name] = self._in_units(0, point.xi[0]), self._in_units(1, point.xi[1])
         return found
@@ -226,12 +226,12 @@ class Part:
                     place = self.whole.places[name]
                     found = self.place(place.xi) if isinstance(place, Point) else None
                     if found is not None:
-                        yield load.model_copy(update={"on": (name,), "force": _divided(load.force, found[1])})
+                        yield load.model_copy(update={"on": (name,), "force": _divide_force(load.force, found[1])})
             else:
                 yield load
 
 
-def _divided(force: VectorFormula, by: int) -> VectorFormula:
+def _divide_force(force: VectorFormula, by: int) -> VectorFormula:
     def divide(formula: Formula) -> Formula:
         return f"({formula})/{by}" if isinstance(formula, str) else formula / by
 
@@ -246,7 +246,7 @@ def whole_of(case: Case) -> Part:
 
 def part_of(case: Case) -> Part:
     """Return the smallest part of a case's shell that its planes of symmetry allow; the whole if it has none."""
-    domain, sight = case.surface.domain, Sight.spread(case)
+    domain, sight = case.surface.domain, ComparisonPoints.spread_over(case)
     bounds: list[tuple[float, float]] = []
     ends: list[Ends] = []
     for axis in (0, 1):
@@ -270,7 +270,7 @@ def part_of(case: Case) -> Part:
     return Part(case, (low1, low2), (high1, high2), (ends[0], ends[1]))
 
 
-def _mirrors_of_a_turn(case: Case, axis: int, sight: Sight) -> list[Mirror]:
+def _mirrors_of_a_turn(case: Case, axis: int, sight: ComparisonPoints) -> list[Mirror]:
     """Return two mirrors a quarter of a turn apart, or one, or none."""
     lower, turn = case.surface.domain.lower[axis], case.surface.domain.size[axis]
     named = [p.xi[axis] for p in case.places.values() if isinstance(p, Point)]

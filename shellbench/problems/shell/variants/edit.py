@@ -23,7 +23,7 @@ def why_no_edit(original: Case, edited: Case) -> str | None:
     for name in SHARED:
         if getattr(original, name) != getattr(edited, name):
             return f"it has another '{name}' than '{edited.name}'"
-    if _held(original) != _held(edited):
+    if _supports_without_motion(original) != _supports_without_motion(edited):
         return f"its supports hold something else than those of '{edited.name}'"
     return None
 
@@ -65,17 +65,17 @@ def between(original: Case, edited: Case, share: float) -> Case:
         ) from None
 
 
-def _held(case: Case) -> list[dict[str, Any]]:
+def _supports_without_motion(case: Case) -> list[dict[str, Any]]:
     return [support.model_dump(exclude={"motion"}) for support in case.supports]
 
 
 def _scaled(data: dict[str, Any], share: float, names: tuple[str, ...]) -> dict[str, Any]:
-    return {key: _times(value, share) if key in names else value for key, value in data.items()}
+    return {key: _scaled_formula(value, share) if key in names else value for key, value in data.items()}
 
 
-def _times(value: Any, share: float) -> Any:
+def _scaled_formula(value: Any, share: float) -> Any:
     if isinstance(value, list):
-        return [_times(one, share) for one in value]
+        return [_scaled_formula(one, share) for one in value]
     return f"{share!r}*({value})" if isinstance(value, str) else share * value
 
 
@@ -86,11 +86,11 @@ def _motion(parts: list[tuple[dict[str, Any], float]]) -> dict[str, Any]:
         if {k: v for k, v in other.items() if k not in AMOUNTS} != {k: v for k, v in first.items() if k not in AMOUNTS}:
             raise InputError("a support moves in another way: a path from the one to the other is not known")
         added = _scaled(other, part, AMOUNTS)
-        total = {key: _sum(value, added[key]) if key in AMOUNTS else value for key, value in total.items()}
+        total = {key: _sum_of_formulas(value, added[key]) if key in AMOUNTS else value for key, value in total.items()}
     return total
 
 
-def _sum(one: Any, other: Any) -> Any:
+def _sum_of_formulas(one: Any, other: Any) -> Any:
     if isinstance(one, list):
-        return [_sum(a, b) for a, b in zip(one, other, strict=True)]
+        return [_sum_of_formulas(a, b) for a, b in zip(one, other, strict=True)]
     return f"({one})+({other})" if isinstance(one, str) or isinstance(other, str) else one + other

@@ -60,7 +60,7 @@ def _axes(case: Shell) -> Iterator[int]:
             yield (places if len(places) == 1 else {0, 1, 2} - places).pop()
 
 
-def follows(case: Shell, rotation: NDArray[np.float64]) -> bool:
+def keeps_components(case: Shell, rotation: NDArray[np.float64]) -> bool:
     """Return True if the held Cartesian components stay the same ones after a rotation (3, 3) of the shell."""
     return all(rotation[axis, axis] >= 1 - SAME_AXIS for axis in _axes(case))
 

@@ -120,7 +120,7 @@ def warped(domain: Domain) -> Chart:
         lower=domain.lower,
         upper=domain.upper,
         periodic=domain.periodic,
-        to_new=lambda xi: _pair(_solved(old(axis), xi[axis], domain, axis) for axis in (0, 1)),
+        to_new=lambda xi: _pair(_solve_by_bisection(old(axis), xi[axis], domain, axis) for axis in (0, 1)),
     )
 
 
@@ -148,7 +148,7 @@ def oblique(domain: Domain) -> Chart:
 
     def to_new(xi: Pair) -> Pair:
         slope = shear(xi[along])
-        new = _solved(lambda x: x + slope * (x - low) * (up - x), xi[sheared], domain, sheared)
+        new = _solve_by_bisection(lambda x: x + slope * (x - low) * (up - x), xi[sheared], domain, sheared)
         return (new, xi[1]) if sheared == 0 else (xi[0], new)
 
     formulas: list[str] = list(COORDINATES)
@@ -183,7 +183,7 @@ def _pair(items: Any) -> Any:
     return first, second
 
 
-def _solved(old: Callable[[float], float], wanted: float, domain: Domain, axis: int) -> float:
+def _solve_by_bisection(old: Callable[[float], float], wanted: float, domain: Domain, axis: int) -> float:
     """Return the place where an increasing function of a coordinate has a value, by bisection, which can't fail.
 
     Values that are whole turns away on a closed coordinate stay so.
@@ -191,7 +191,7 @@ def _solved(old: Callable[[float], float], wanted: float, domain: Domain, axis: 
     low, high = domain.lower[axis], domain.upper[axis]
     if domain.periodic[axis] and not low <= wanted <= high:
         turns = math.floor((wanted - low) / (high - low)) * (high - low)
-        return _solved(old, min(max(wanted - turns, low), high), domain, axis) + turns
+        return _solve_by_bisection(old, min(max(wanted - turns, low), high), domain, axis) + turns
     for end in (low, high, (low + high) / 2):  # exact where the chart is the identity
         if old(end) == wanted:
             return end

@@ -15,7 +15,7 @@ from itertools import product
 import numpy as np
 
 from shellbench.solvers.fem.algebra.cell_matrices import CellMatrices
-from shellbench.solvers.fem.algebra.dissection import Array, Dissection, Integers, Part, places
+from shellbench.solvers.fem.algebra.dissection import Array, Dissection, Integers, Part, places_in_front
 from shellbench.solvers.fem.algebra.factor import Factor, Front
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS, TensorMesh
 
@@ -83,6 +83,6 @@ def _sum(part: Part, matrix: CellMatrices, ranks: Integers, cells: Sequence[int]
     size = part.own[1] - part.own[0] + len(part.ring)
     dense = np.zeros((size, size))
     flat = dense.reshape(-1)
-    for cell, place in zip(cells, places(part, ranks[cells]), strict=True):
-        flat[(place[:, None] * size + place).ravel()] += matrix.of(cell).ravel()  # no place occurs twice in a cell
+    for cell, place in zip(cells, places_in_front(part, ranks[cells]), strict=True):
+        flat[(place[:, None] * size + place).ravel()] += matrix.of_cell(cell).ravel()  # no place occurs twice in a cell
     return dense

@@ -39,13 +39,13 @@ class CellMatrices:
     changed: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     instead: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
 
-    def of(self, cell: int) -> Array:
+    def of_cell(self, cell: int) -> Array:
         """Return the matrix (f, f) of a cell."""
         place = int(np.searchsorted(self.changed, cell))
         own = place < len(self.changed) and self.changed[place] == cell
         return np.asarray(self.instead[place] if own else self.blocks[cell])
 
-    def with_own(self, cells: Integers) -> CellMatrices:
+    def with_cells_copied(self, cells: Integers) -> CellMatrices:
         """Return the same matrix, in which these cells have matrices of their own, `instead`, for changes in place.
 
         Supports change cells at edges only: a copy of all cells would take longer than their factorisation.
@@ -53,7 +53,7 @@ class CellMatrices:
         changed = np.union1d(self.changed, cells)
         instead = np.empty((len(changed), *self.blocks.shape[1:]))
         for place, cell in enumerate(changed):
-            instead[place] = self.of(int(cell))
+            instead[place] = self.of_cell(int(cell))
         return replace(self, changed=changed, instead=instead)
 
     @property

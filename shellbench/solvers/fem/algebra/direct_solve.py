@@ -58,7 +58,7 @@ class RoundingError(SolveFailure):
 
 
 @dataclass(frozen=True)
-class Solved:
+class LinearSolution:
     """A solution of the linear system.
 
     Attributes
@@ -84,7 +84,7 @@ class Solved:
     noise: float
 
 
-class Careful(NamedTuple):
+class StrainSystem(NamedTuple):
     """The system computed from strains, with less rounding than its matrix has.
 
     Attributes
@@ -104,8 +104,8 @@ def solve_reduced(
     right: Array,
     mesh: TensorMesh,
     method: Method,
-    careful: Careful | None = None,
-) -> Solved:
+    careful: StrainSystem | None = None,
+) -> LinearSolution:
     """Solve K z = f.
 
     Parameters
@@ -159,7 +159,7 @@ def solve_reduced(
         relative = _ratio(left, right)
         lost = False
         if careful and correction > much:
-            unknowns, correction, noise, lost = _mended(careful, backward, unknowns, much)
+            unknowns, correction, noise, lost = _refine(careful, backward, unknowns, much)
     except MemoryError:
         raise SolveFailure(f"the factorisation of {right[..., 0].size} unknowns does not fit into memory") from None
     except NotPositiveDefiniteError:
@@ -167,7 +167,7 @@ def solve_reduced(
             f"the stiffness matrix is singular to working precision on {_cells(mesh)} cells: a mechanism that the"
             " supports leave, or a thickness that is lost in rounding beside the shell's size"
         ) from None
-    answer = Solved(unknowns, relative, backward_error, correction, noise)
+    answer = LinearSolution(unknowns, relative, backward_error, correction, noise)
     # Written so that NaN fails.
     if not answer.backward_error <= LARGEST_BACKWARD_ERROR:
         raise RoundingError(
@@ -182,7 +182,7 @@ def solve_reduced(
     return answer
 
 
-def _mended(careful: Careful, backward: Solve, unknowns: Array, much: float) -> tuple[Array, float, float, bool]:
+def _refine(careful: StrainSystem, backward: Solve, unknowns: Array, much: float) -> tuple[Array, float, float, bool]:
     """Return the answer refined by strains, its last correction, the correction's energy, and True if it is lost."""
     before, last = math.inf, np.zeros_like(unknowns)  # the first step corrects K: it may exceed the last one by K
     for _ in range(CAREFUL_REFINEMENTS):
@@ -204,7 +204,7 @@ def _mended(careful: Careful, backward: Solve, unknowns: Array, much: float) -> 
     before, settled = math.inf, True
     for _ in range(CONJUGATE_PASSES):
         left = careful.residual(unknowns)
-        change, settled = _conjugate(careful.product, backward, left)
+        change, settled = _conjugate_gradients(careful.product, backward, left)
         unknowns = unknowns + change
         correction, noise = _ratio(change, unknowns), _energy(left, change)
         if not settled or correction <= REFINED or not correction < before / 2:
@@ -213,7 +213,7 @@ def _mended(careful: Careful, backward: Solve, unknowns: Array, much: float) -> 
     return unknowns, correction, noise, not settled
 
 
-def _conjugate(product: Solve, backward: Solve, left: Array) -> tuple[Array, bool]:
+def _conjugate_gradients(product: Solve, backward: Solve, left: Array) -> tuple[Array, bool]:
     """Solve K z = f for each column by conjugate gradients, preconditioned by `backward`; also return True if settled.
 
     Hestenes & Stiefel (1952), Methods of conjugate gradients for solving linear systems, J. Res. NBS 49.
@@ -254,13 +254,13 @@ def _ratio(part: Array, whole: Array) -> float:
     return float(np.abs(part).max()) / largest if largest else 0.0
 
 
-def _dissection(matrix: BlockMatrix | CellMatrices, mesh: TensorMesh) -> Solve:
+def _factorise_by_dissection(matrix: BlockMatrix | CellMatrices, mesh: TensorMesh) -> Solve:
     if isinstance(matrix, CellMatrices):
         return factorise_cells(matrix, dissect_cells(mesh)).solve
     return factorise(matrix, Dissection.from_shape(mesh.shape, mesh.domain.periodic)).solve
 
 
-def _superlu(matrix: BlockMatrix | CellMatrices, mesh: TensorMesh) -> Solve:
+def _factorise_by_superlu(matrix: BlockMatrix | CellMatrices, mesh: TensorMesh) -> Solve:
     options = {"SymmetricMode": True}
     try:
         # symmetric: the rows of a compressed row matrix are the columns of the compressed column one
@@ -271,7 +271,7 @@ def _superlu(matrix: BlockMatrix | CellMatrices, mesh: TensorMesh) -> Solve:
     return lambda right: lu.solve(right.reshape(-1, right.shape[-1])).reshape(right.shape)
 
 
-def _pardiso(matrix: BlockMatrix | CellMatrices, mesh: TensorMesh) -> Solve:
+def _factorise_by_pardiso(matrix: BlockMatrix | CellMatrices, mesh: TensorMesh) -> Solve:
     try:
         from pypardiso import PyPardisoSolver
         from pypardiso.pardiso_wrapper import PyPardisoError
@@ -295,10 +295,10 @@ def _pardiso(matrix: BlockMatrix | CellMatrices, mesh: TensorMesh) -> Solve:
 
 
 _FACTORISATIONS: dict[Method, Callable[[BlockMatrix | CellMatrices, TensorMesh], Solve]] = {
-    "auto": _dissection,
-    "dissection": _dissection,
-    "superlu": _superlu,
-    "pardiso": _pardiso,
+    "auto": _factorise_by_dissection,
+    "dissection": _factorise_by_dissection,
+    "superlu": _factorise_by_superlu,
+    "pardiso": _factorise_by_pardiso,
 }
 
 

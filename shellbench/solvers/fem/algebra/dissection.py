@@ -80,14 +80,14 @@ class Dissection:
         # This step is symbolic: it uses the mesh's shape, and no number of the matrix.
         regions = list(_halve((0, shape[0]), (0, shape[1]), periodic, every))
         numbers = np.arange(shape[0] * shape[1]).reshape(shape)
-        order = np.concatenate([region.own(numbers) for region in regions])
+        order = np.concatenate([region.own_nodes(numbers) for region in regions])
         rank = np.empty(len(order), dtype=np.int64)
         rank[order] = np.arange(len(order))
         parts: list[Part] = []
         open_parts: list[int] = []
         start = 0
         for region in regions:
-            stop = start + len(region.own(numbers))
+            stop = start + len(region.own_nodes(numbers))
             # A node couples to the eight around it, so one line of nodes, corners included, separates.
             # The part's own nodes and all below it have ranks less than `stop`, and drop out.
             ring = np.unique(rank[region.surroundings(numbers, periodic)])
@@ -111,14 +111,14 @@ class Dissection:
 
 
 def _runs(part: Part, ring: Integers) -> Iterator[Run]:
-    size, place = part.own[1] - part.own[0], places(part, ring)
+    size, place = part.own[1] - part.own[0], places_in_front(part, ring)
     breaks = np.flatnonzero((np.diff(place) != 1) | (place[1:] == size)) + 1
     for start, stop in pairwise([0, *breaks.tolist(), len(place)]):
         if start < stop:
             yield Run(start, stop, int(place[start]))
 
 
-def places(part: Part, nodes: Integers) -> Integers:
+def places_in_front(part: Part, nodes: Integers) -> Integers:
     """Return the places of nodes in the front of a part: its own first, then its ring."""
     start, stop = part.own
     return np.where(nodes < stop, nodes - start, stop - start + np.searchsorted(part.ring, nodes))
@@ -133,7 +133,7 @@ class _Region:
     lines: tuple[tuple[int, int], ...]  # (axis, index); none for a rectangle that is eliminated whole
     children: int
 
-    def own(self, numbers: Integers) -> Integers:
+    def own_nodes(self, numbers: Integers) -> Integers:
         inside = numbers[slice(*self.first), slice(*self.second)]
         if not self.lines:
             return inside.ravel()

@@ -36,7 +36,7 @@ class NotFoundError(ArithmeticError):
         self.positive = positive
 
 
-def largest(apply: Apply, solve: Apply, start: Array, count: int) -> tuple[Array, Array]:
+def largest_eigenpairs(apply: Apply, solve: Apply, start: Array, count: int) -> tuple[Array, Array]:
     """Return the largest eigenvalues (count,), decreasing, and their vectors (n, count) of length one in B.
 
     Parameters

@@ -12,7 +12,7 @@ from scipy.linalg.blas import dsyrk, dtrsm, dtrsv
 from scipy.linalg.lapack import dpotrf
 
 from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix
-from shellbench.solvers.fem.algebra.dissection import Dissection, Part, Run, places
+from shellbench.solvers.fem.algebra.dissection import Dissection, Part, Run, places_in_front
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -42,17 +42,17 @@ class Triangle:
 
     def forward(self, right: Array) -> Array:
         """Return R^-T right."""
-        return self._solved(right, 0)
+        return self._triangular_solve(right, 0)
 
-    def signed(self, right: Array) -> Array:
+    def times_signs(self, right: Array) -> Array:
         """Return S right; here S is the identity."""
         return right
 
     def backward(self, right: Array) -> Array:
         """Return R^-1 right."""
-        return self._solved(right, 1)
+        return self._triangular_solve(right, 1)
 
-    def _solved(self, right: Array, transposed: int) -> Array:
+    def _triangular_solve(self, right: Array, transposed: int) -> Array:
         lower = self.upper.T  # as LAPACK reads it, uncopied
         if right.shape[1] == 1:  # half the time, from 200 unknowns on
             return np.asarray(dtrsv(lower, right[:, 0], lower=1, trans=transposed))[:, None]
@@ -87,7 +87,7 @@ class Spectrum:
         """Return R^-T right."""
         return np.asarray((self.vectors.T @ right) / self.roots[:, None])
 
-    def signed(self, right: Array) -> Array:
+    def times_signs(self, right: Array) -> Array:
         """Return S right."""
         return right * self.signs[:, None]
 
@@ -116,7 +116,7 @@ class Factor:
     block: int
 
     @property
-    def negative(self) -> int:
+    def negative_count(self) -> int:
         """Number of negative eigenvalues of K (Sylvester's law of inertia), before any was made positive."""
         return sum(pivot.negative for pivot in self.pivots)
 
@@ -130,11 +130,11 @@ class Factor:
         parts = list(zip(self.dissection.parts, self.pivots, self.coupling, strict=True))
         for part, pivot, coupling in parts:
             own = x[slice(*part.own)].reshape(-1, columns)
-            own[...] = pivot.signed(pivot.forward(own))
+            own[...] = pivot.times_signs(pivot.forward(own))
             x[part.ring] -= (coupling.T @ own).reshape(-1, self.block, columns)
         for part, pivot, coupling in parts[::-1]:
             own = x[slice(*part.own)].reshape(-1, columns)
-            own -= pivot.signed(coupling @ x[part.ring].reshape(-1, columns))
+            own -= pivot.times_signs(coupling @ x[part.ring].reshape(-1, columns))
             own[...] = pivot.backward(own)
         result = np.zeros_like(right)
         result.reshape(-1, self.block, columns)[self.dissection.order] = x
@@ -150,8 +150,9 @@ def factorise(matrix: BlockMatrix, dissection: Dissection, definiteness: Definit
         The matrix, and the order of elimination.
     definiteness
         "required": the matrix must be positive definite. "reported": it need not be; a part whose pivot block is
-        indefinite is eliminated by its eigenvectors, and `Factor.negative` counts the negative eigenvalues. "imposed":
-        as "reported", but negative pivots are replaced by positive ones, which makes any step a descent direction.
+        indefinite is eliminated by its eigenvectors, and `Factor.negative_count` counts the negative eigenvalues.
+        "imposed": as "reported", but negative pivots are replaced by positive ones, which makes any step a descent
+        direction.
 
     Raises
     ------
@@ -205,7 +206,7 @@ class Front:
         # Nodes eliminated before couple to these in their own rows, by symmetry. The children's Schur complements
         # contain this.
         row, slot = np.nonzero(columns >= self.part.own[0])
-        place = places(self.part, columns[row, slot])
+        place = places_in_front(self.part, columns[row, slot])
         inside = place < self.size
         own = self.own.reshape(self.size, self.block, self.size, self.block)
         own[row[inside], :, place[inside], :] = blocks[row[inside], slot[inside]]

@@ -24,13 +24,13 @@ from shellbench.solvers.fem.mechanics.contact_points import CLOSED, ContactPoint
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS
 
 if TYPE_CHECKING:
-    from shellbench.solvers.fem.algebra.direct_solve import Solved
+    from shellbench.solvers.fem.algebra.direct_solve import LinearSolution
     from shellbench.solvers.fem.mesh.mesh import ROUNDING
 from shellbench.solvers.fem.mechanics.solution import FemSolution
 
 Array = NDArray[np.float64]
 Matrix = BlockMatrix | CellMatrices
-SolveLinear = Callable[[Matrix, Array], tuple[Array, "Solved"]]
+SolveLinear = Callable[[Matrix, Array], tuple[Array, "LinearSolution"]]
 """Solves K q = f with the supports: the matrix and forces (nodes, 12, 1) to q and how sure it is."""
 
 MOST_MULTIPLIERS, MOST_SETS = 20, 60  # updates of the multipliers, and of the points in contact between two of them
@@ -38,7 +38,7 @@ FEW_SETS = 5  # while obstacles are soft
 
 
 @dataclass(frozen=True)
-class Settled:
+class ContactEquilibrium:
     """A displacement that enters no obstacle, with the forces of the obstacles.
 
     Attributes
@@ -52,13 +52,13 @@ class Settled:
     """
 
     q: Array
-    answer: Solved
+    answer: LinearSolution
     forces: Array
 
 
-def settle(
+def solve_contact(
     points: ContactPoints, matrix: Matrix, forces: Array, t: float, solve: SolveLinear, near: FemSolution | None = None
-) -> Settled:
+) -> ContactEquilibrium:
     """Return the displacement of least energy that enters no obstacle.
 
     Parameters
@@ -93,16 +93,16 @@ def settle(
     if near is None:
         q, answer = solve(matrix, forces)
         u, pressed = np.zeros((len(area), COMPONENTS)), None
-        softness = points.softness()
+        softness = points.penalty_factors()
     else:
-        q, u, pressed, softness = None, near.displacement(points.points), points.pressed(near.touch()), np.zeros(0)
+        q, u, pressed, softness = None, near.displacement(points.points), points.pressed_near(near.touch()), np.zeros(0)
     pressure = np.zeros(len(area))
     for step in range(MOST_MULTIPLIERS):
         gap, normal = gaps(points.case, points.points, u, t)
-        plane = _Plane(points, matrix, forces, gap - np.sum(normal * u, axis=-1), normal, solve)
+        plane = _ShellAbovePlanes(points, matrix, forces, gap - np.sum(normal * u, axis=-1), normal, solve)
         for soft in softness if step == 0 else ():
-            q, answer, _ = plane.minimum(q, pressure, soft * stiff, None, FEW_SETS)
-        q, answer, done = plane.minimum(q, pressure, stiff, pressed if step == 0 else None, MOST_SETS)
+            q, answer, _ = plane.minimise(q, pressure, soft * stiff, None, FEW_SETS)
+        q, answer, done = plane.minimise(q, pressure, stiff, pressed if step == 0 else None, MOST_SETS)
         if not done:
             raise SolveFailure("the points in contact with an obstacle do not settle")
         pressure = np.maximum(pressure - stiff * plane.gap(q), 0.0)
@@ -110,12 +110,12 @@ def settle(
         gap, _ = gaps(points.case, points.points, u, t)
         largest = float(np.abs(u).max())
         if np.all(np.where(pressure > 0, np.abs(gap), -gap) <= CLOSED * largest):
-            return Settled(q, answer, (pressure * area)[:, None] * normal)
+            return ContactEquilibrium(q, answer, (pressure * area)[:, None] * normal)
     raise SolveFailure("the gaps between an obstacle and the shell do not close")
 
 
 @dataclass(frozen=True)
-class _Plane:
+class _ShellAbovePlanes:
     """The shell above planes: at each point the gap is offset + normal . u."""
 
     points: ContactPoints
@@ -127,16 +127,16 @@ class _Plane:
 
     def gap(self, q: Array) -> Array:
         """Return the gap (c m,) at the points."""
-        return self.offset + self.along(q)
+        return self.offset + self.displacement_along_normals(q)
 
-    def along(self, q: Array) -> Array:
+    def displacement_along_normals(self, q: Array) -> Array:
         """Return the displacement (c m,) along the normals."""
         return np.asarray(np.sum(self.normal * self.points.displacement(q), axis=-1))
 
-    def minimum(
+    def minimise(
         self, q: Array | None, pressure: Array, stiff: Array, active: Flags | None, most: int
-    ) -> tuple[Array, Solved, bool]:
-        """Return the minimum for given pressures, and True if it is one; see `settle`.
+    ) -> tuple[Array, LinearSolution, bool]:
+        """Return the minimum for given pressures, and True if it is one; see `solve_contact`.
 
         It starts from points in contact, or from a displacement.
         """
@@ -147,16 +147,16 @@ class _Plane:
                 assert q is not None  # one of both is given
                 active = pressure - stiff * self.gap(q) > 0
             pushed = ((pressure - stiff * self.offset) * area * active)[:, None] * self.normal
-            stiffened = self.points.stiffened(self.matrix, self.normal, stiff * active)
-            found, answer = self.solve(stiffened, self.forces + self.points.nodal(pushed))
+            stiffened = self.points.with_penalty(self.matrix, self.normal, stiff * active)
+            found, answer = self.solve(stiffened, self.forces + self.points.nodal_forces(pushed))
             if np.array_equal(active, pressure - stiff * self.gap(found) > 0):
                 return found, answer, True
             share = 1.0
             if q is not None and active.tobytes() in seen:
                 change = found - q
-                moved = self.along(change)
+                moved = self.displacement_along_normals(change)
                 pushing = pressure - stiff * self.gap(q)
-                share = _length(self.matrix, self.forces, q, change, (pushing, stiff * moved, area * moved))
+                share = _step_share(self.matrix, self.forces, q, change, (pushing, stiff * moved, area * moved))
             seen.add(active.tobytes())
             q = found if q is None else q + share * (found - q)
             active = None
@@ -164,7 +164,7 @@ class _Plane:
         return q, answer, False
 
 
-def _length(matrix: Matrix, forces: Array, q: Array, change: Array, pressed: tuple[Array, Array, Array]) -> float:
+def _step_share(matrix: Matrix, forces: Array, q: Array, change: Array, pressed: tuple[Array, Array, Array]) -> float:
     """Return the share of a step, from 0 to 1, at which the minimised function is least."""
     # Its derivative along the step, the work of the residual forces, increases: r(s) = a + b s - max(0, p - s m) . w.
     pressures, slopes, works = pressed

@@ -16,8 +16,8 @@ from shellbench.problems.shell.question.conditions import RIGID_MOTIONS
 from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix
 from shellbench.solvers.fem.algebra.cell_matrices import CellMatrices
 from shellbench.solvers.fem.algebra.choices import Method
-from shellbench.solvers.fem.algebra.direct_solve import Careful, Solved, solve_reduced
-from shellbench.solvers.fem.linear.contact import settle
+from shellbench.solvers.fem.algebra.direct_solve import LinearSolution, StrainSystem, solve_reduced
+from shellbench.solvers.fem.linear.contact import solve_contact
 from shellbench.solvers.fem.mechanics.assembly import InternalForces, root_operators, spring_blocks, stiffness
 from shellbench.solvers.fem.mechanics.clamping import clamped_edges
 from shellbench.solvers.fem.mechanics.constraints import support_ties
@@ -47,7 +47,7 @@ class Equilibrium:
     potential_energy
         Energy of strains and springs less the work of the loads at the last state, J.
     residual, correction, noise
-        See `shellbench.solvers.fem.algebra.direct_solve.Solved`.
+        See `shellbench.solvers.fem.algebra.direct_solve.LinearSolution`.
     """
 
     solution: FemSolution
@@ -76,7 +76,7 @@ def solve(
     """
     # 1. Integrate the loads, resolve the supports to ties, and pin free rigid motions.
     # 2. Assemble K with springs and the terms of clamps between nodes.
-    # 3. Reduce K and the forces by the ties, and solve; with obstacles, `settle` calls this solve repeatedly.
+    # 3. Reduce K and the forces by the ties, and solve; with obstacles, `solve_contact` calls this solve repeatedly.
     # 4. Compute the energy, and the reactions as internal forces less loads, contact forces and gap terms of clamps.
     # 5. Remove the mean rigid motion, and divide the forces among supports.
     # Textbooks take internal forces from K q. If the solve had to refine by strains, they come from strains here, which
@@ -88,7 +88,7 @@ def solve(
     loose = free_motions(case) if case.remove_rigid_motions else np.zeros((len(RIGID_MOTIONS), 0))
     check_balance(loading, loose)
     if loose.size:
-        ties = ties.pinned(*determinate_pins(ties.nodes, nodal_rigid_motions(case, mesh) @ loose))
+        ties = ties.with_pins(*determinate_pins(ties.nodes, nodal_rigid_motions(case, mesh) @ loose))
 
     roots = root_operators(mesh, case.surface, case.material, quadrature)
     matrix = stiffness(mesh, case.surface, case.material, quadrature, roots)
@@ -98,7 +98,7 @@ def solve(
     clamps = list(clamped_edges(case, mesh, states))
     system = matrix
     if clamps and isinstance(matrix, CellMatrices):
-        system = matrix.with_own(np.concatenate([clamp.cells for clamp in clamps]))
+        system = matrix.with_cells_copied(np.concatenate([clamp.cells for clamp in clamps]))
     elif clamps:
         system = replace(matrix, blocks=matrix.blocks.copy())
     forces = loading.nodal
@@ -112,7 +112,9 @@ def solve(
             return matrix @ nodal
         return careful[0](nodal) + (springs @ nodal if springs else 0.0)
 
-    def solved(system: BlockMatrix | CellMatrices, forces: Array, state: slice = slice(None)) -> tuple[Array, Solved]:
+    def solved(
+        system: BlockMatrix | CellMatrices, forces: Array, state: slice = slice(None)
+    ) -> tuple[Array, LinearSolution]:
         particular = ties.particular[..., state]
 
         def resisted(nodal: Array) -> Array:
@@ -121,7 +123,7 @@ def solve(
             held = system @ nodal - matrix @ nodal if system is not matrix else 0.0
             return internal_forces(nodal) + held
 
-        by_strains = Careful(
+        by_strains = StrainSystem(
             residual=lambda unknowns: ties.to_free(forces - resisted(ties.to_nodal(unknowns) + particular)),
             product=lambda unknowns: ties.to_free(resisted(ties.to_nodal(unknowns))),
         )
@@ -136,11 +138,11 @@ def solve(
     if case.obstacles:
         points = ContactPoints.on_mesh(case, mesh)
         found = [
-            settle(points, system, forces[..., k : k + 1], t, partial(solved, state=slice(k, k + 1)), near)
+            solve_contact(points, system, forces[..., k : k + 1], t, partial(solved, state=slice(k, k + 1)), near)
             for k, t in enumerate(states)
         ]
         q, answer = np.concatenate([f.q for f in found], axis=-1), found[-1].answer
-        pushed = np.concatenate([points.nodal(f.forces) for f in found], axis=-1)
+        pushed = np.concatenate([points.nodal_forces(f.forces) for f in found], axis=-1)
         touching = tuple(points.touch(f.forces) for f in found)
     else:
         q, answer = solved(system, forces)

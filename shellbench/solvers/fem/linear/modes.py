@@ -33,7 +33,7 @@ from shellbench.solvers.fem.algebra.block_matrix import (
 from shellbench.solvers.fem.algebra.cell_matrices import CellMatrices, cell_dofs
 from shellbench.solvers.fem.algebra.choices import Method
 from shellbench.solvers.fem.algebra.direct_solve import factorised
-from shellbench.solvers.fem.algebra.eigenpairs import BLOCK, NotFoundError, largest
+from shellbench.solvers.fem.algebra.eigenpairs import BLOCK, NotFoundError, largest_eigenpairs
 from shellbench.solvers.fem.algebra.factor import NotPositiveDefiniteError
 from shellbench.solvers.fem.linear.equilibrium import Equilibrium, solve
 from shellbench.solvers.fem.mechanics.assembly import (
@@ -60,7 +60,7 @@ from shellbench.solvers.fem.mechanics.solution import FemSolution
 from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.grading import shell_size
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CORNERS, CUBIC, KINDS, TensorMesh, present_functions, tabulate
-from shellbench.solvers.fem.mesh.quadrature import Quadrature, basis_scales, chunks
+from shellbench.solvers.fem.mesh.quadrature import Quadrature, basis_scales, cell_portions
 
 Array = NDArray[np.float64]
 Matrix = BlockMatrix | CellMatrices
@@ -84,31 +84,31 @@ class _Modes:
         return self.case.quantities[0].kind == "frequency"
 
     @cached_property
-    def loose(self) -> Array:
+    def motions(self) -> Array:
         """(6, n): free rigid motions."""
         return free_motions(self.case)
 
     @cached_property
     def ties(self) -> Ties:
         ties = support_ties(self.case, self.mesh, (FULL_LOAD,))
-        if self.vibrates or not self.loose.size:
+        if self.vibrates or not self.motions.size:
             return ties
         # Stresses do no work on a translation: held or not, it changes no buckling load.
-        return ties.pinned(*determinate_pins(ties.nodes, nodal_rigid_motions(self.case, self.mesh) @ self.loose))
+        return ties.with_pins(*determinate_pins(ties.nodes, nodal_rigid_motions(self.case, self.mesh) @ self.motions))
 
     @cached_property
-    def plain(self) -> Matrix:
+    def stiffness(self) -> Matrix:
         """The stiffness of the shell alone."""
         return stiffness(self.mesh, self.case.surface, self.case.material, self.quadrature)
 
     @cached_property
-    def held(self) -> Matrix | None:
+    def support_terms(self) -> Matrix | None:
         """Stiffness of springs, and of clamps between nodes; None without any."""
         clamps = list(clamped_edges(self.case, self.mesh, (FULL_LOAD,)))
         if not clamps and not self.case.springs:
             return None
-        springs = spring_blocks(self.case, self.mesh) if self.case.springs else np.zeros_like(self.plain.blocks)
-        matrix = replace(self.plain, blocks=springs)
+        springs = spring_blocks(self.case, self.mesh) if self.case.springs else np.zeros_like(self.stiffness.blocks)
+        matrix = replace(self.stiffness, blocks=springs)
         for clamp in clamps:
             clamp.add_to(matrix)
         return matrix
@@ -129,9 +129,9 @@ class _Modes:
         loaded = solve(self.case, self.mesh, (FULL_LOAD,), order, self.method).solution
         return geometric_stiffness(loaded, self.quadrature)
 
-    def sum(self, *matrices: Matrix | None) -> Matrix:
+    def total(self, *matrices: Matrix | None) -> Matrix:
         blocks = [matrix.blocks for matrix in matrices if matrix is not None]
-        return replace(self.plain, blocks=sum(blocks[1:], start=blocks[0]))
+        return replace(self.stiffness, blocks=sum(blocks[1:], start=blocks[0]))
 
     def reduced(self, matrix: Matrix) -> Matrix:
         return self.ties.reduce_cells(matrix) if isinstance(matrix, CellMatrices) else self.ties.reduce(matrix)
@@ -139,27 +139,27 @@ class _Modes:
     @cached_property
     def shift(self) -> float:
         """Shift of the squared angular frequencies of a shell that may move freely, 1/s^2."""
-        if not self.vibrates or not self.loose.size:
+        if not self.vibrates or not self.motions.size:
             return 0.0
         material, size = self.case.material, shell_size(self.case)
         return SHIFT * material.bending_stiffness / (material.areal_density * size**4)
 
-    def pairs(self, count: int) -> tuple[Array, Array, Array]:
+    def eigenpairs(self, count: int) -> tuple[Array, Array, Array]:
         """Return the values (count,) increasing, the same as rounded in K, and nodal modes (nodes, dofs, count)."""
         # 1. B is K, plus stresses and a shift if there are any; A is M or -G. Factorise B on the free unknowns.
         # 2. Find the largest mu of A u = mu B u, for the asked number of modes plus the rigid motions.
         # 3. Apply Rayleigh-Ritz to these modes, with energies from strains, which have less rounding than K as a
         #    matrix.
         # 4. Remove the rigid motions: in vibration they are the first modes, at zero.
-        first = len(self.loose.T) if self.vibrates else 0
+        first = len(self.motions.T) if self.vibrates else 0
         if self.vibrates:
             ahead, geometric = self.mass, self.geometric
             shift = replace(self.mass, blocks=self.shift * self.mass.blocks) if self.shift else None
-            stiff = self.sum(self.plain, self.held, geometric, shift)
+            stiff = self.total(self.stiffness, self.support_terms, geometric, shift)
         else:
             geometric = self.geometric
             assert geometric is not None  # a case that asks for buckling loads has loads
-            ahead, stiff = replace(geometric, blocks=-geometric.blocks), self.sum(self.plain, self.held)
+            ahead, stiff = replace(geometric, blocks=-geometric.blocks), self.total(self.stiffness, self.support_terms)
         try:
             backward = factorised(self.reduced(stiff), self.mesh, self.method)
         except NotPositiveDefiniteError:
@@ -175,29 +175,29 @@ class _Modes:
             return backward(x.reshape(shape)).reshape(x.shape)
 
         try:
-            inverse, vectors = largest(forward, back, start, wanted)
+            inverse, vectors = largest_eigenpairs(forward, back, start, wanted)
         except NotFoundError as error:
             if self.vibrates or error.positive >= wanted:
                 raise SolveFailure(f"the shell has no {count} modes on this mesh, or they do not converge") from None
             nearest = None
             if not error.positive:  # the factors of the load turned round
                 with contextlib.suppress(NotFoundError):
-                    nearest = -1 / float(largest(lambda x: -forward(x), back, start, 1)[0][0])
+                    nearest = -1 / float(largest_eigenpairs(lambda x: -forward(x), back, start, 1)[0][0])
             raise SolveFailure(why_too_few(count, error.positive, nearest)) from None
         modes = self.ties.to_nodal(vectors.reshape(shape))
         roots = root_operators(self.mesh, self.case.surface, self.case.material, self.quadrature)
-        energy = _between(modes, InternalForces(self.mesh, self.quadrature, roots)(modes))
-        for matrix in (self.held, geometric if self.vibrates else None):
+        energy = _products_of_modes(modes, InternalForces(self.mesh, self.quadrature, roots)(modes))
+        for matrix in (self.support_terms, geometric if self.vibrates else None):
             if matrix is not None:
-                energy += _between(modes, matrix @ modes)
+                energy += _products_of_modes(modes, matrix @ modes)
         # Sort by mu again, which is finite whatever the energy of rigid motions.
-        product = _between(modes, ahead @ modes)
+        product = _products_of_modes(modes, ahead @ modes)
         found, shares = eigh(product, energy + self.shift * product)
         values = 1 / found[::-1][first:wanted] - self.shift
         return values, 1 / inverse[first:wanted] - self.shift, modes @ shares[:, ::-1][:, first:wanted]
 
 
-def _between(modes: Array, images: Array) -> Array:
+def _products_of_modes(modes: Array, images: Array) -> Array:
     """Return the products (m, m) x^T A x of vectors (nodes, dofs, m) with a symmetric matrix."""
     product = np.einsum("ndi,ndj->ij", modes, images)
     return np.asarray((product + product.T) / 2)
@@ -214,7 +214,7 @@ def solve_modes(case: Case, mesh: TensorMesh, quadrature_order: int, method: Met
     modes = _Modes(case, mesh, Quadrature.of_order(mesh, quadrature_order), method)
     marks = case.states
     asked = [int(mark) for mark in marks]
-    values, rounded, shapes = modes.pairs(asked[-1])
+    values, rounded, shapes = modes.eigenpairs(asked[-1])
     kept = [number - 1 for number in asked]
     scales = mesh.node_scales[:, None, :, None]
     coefficients = shapes[..., kept].reshape(-1, COMPONENTS, len(mesh.kinds), len(marks)) / scales
@@ -227,14 +227,14 @@ def solve_modes(case: Case, mesh: TensorMesh, quadrature_order: int, method: Met
         support_forces=np.zeros((len(case.supports), len(modes.ties.nodes), COMPONENTS, len(mesh.kinds), len(marks))),
         quadrature_order=quadrature_order,
         parameters=int(np.count_nonzero(modes.ties.free)),
-        mode_values=dict(zip(asked, _shown(values[kept], modes.vibrates), strict=True)),
+        mode_values=dict(zip(asked, _mode_values(values[kept], modes.vibrates), strict=True)),
     )
     # The Ritz values do not have the first order of K's rounding; its square remains.
     loss = float(np.abs(values - rounded).max() / np.abs(values).max())
     return Equilibrium(solution, float(values.mean()), residual=loss, correction=loss)
 
 
-def _shown(values: Array, vibrates: bool) -> Sequence[float]:
+def _mode_values(values: Array, vibrates: bool) -> Sequence[float]:
     """Return frequencies, Hz, from squared angular ones; load factors stay."""
     return [math.sqrt(max(value, 0.0)) / (2 * math.pi) if vibrates else float(value) for value in values]
 
@@ -253,10 +253,10 @@ def geometric_stiffness(loaded: FemSolution, quadrature: Quadrature) -> Matrix:
     unit = [tabulate(quadrature.points, d, mesh.basis) for d in DERIVATIVES]
     table = np.stack([t.reshape(len(t), -1)[:, present] for t in unit], axis=1)
     parts = []
-    for cells in chunks(mesh):
+    for cells in cell_portions(mesh):
         points, weights = quadrature.on_cells(mesh, cells)
         flat = points.reshape(-1, 2)
-        reference = Midsurface.at(case.surface.derivatives(flat, order=2))
+        reference = Midsurface.from_position(case.surface.derivatives(flat, order=2))
         gradients = derivatives_on_cells(mesh, cells, quadrature, loaded.coefficients)[..., 0]
         operator = np.swapaxes(strain_operator(reference), -1, -2).reshape(len(flat), 6, GRADIENT)
         strains = (operator @ gradients.reshape(len(flat), GRADIENT, 1)).reshape(-1, 2, 3, 1)
@@ -271,7 +271,7 @@ def geometric_stiffness(loaded: FemSolution, quadrature: Quadrature) -> Matrix:
         return CellMatrices(np.concatenate(parts), cell_dofs(mesh), present, count)
     blocks = np.zeros((mesh.node_count, len(NEIGHBOURS), NODE_DOFS, NODE_DOFS))
     shape = (COMPONENTS, len(CORNERS), len(KINDS))
-    for cells, matrices in zip(chunks(mesh), parts, strict=True):
+    for cells, matrices in zip(cell_portions(mesh), parts, strict=True):
         add_cell_matrices(blocks, mesh.nodes[cells], matrices.reshape(-1, *shape, *shape))
     return BlockMatrix(blocks, neighbour_columns(mesh))
 

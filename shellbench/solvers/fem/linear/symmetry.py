@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.posed.mirrors import Ends, Mirror, Sight, mirror_of, mirrored_supports
+from shellbench.problems.shell.posed.mirrors import ComparisonPoints, Ends, Mirror, mirror_of, mirrored_supports
 from shellbench.problems.shell.question.conditions import COMPONENTS
 from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.problems.shell.question.surface import Domain
@@ -144,7 +144,7 @@ class FoldedMesh:
             or any(isinstance(load, MomentLoad) for load in case.loads)
         ):
             return None
-        observed = _Observed(case, mesh, quadrature_order)
+        observed = _CaseOnMesh(case, mesh, quadrature_order)
         folds = observed.fold(0), observed.fold(1)
         if not (folds[0].folded or folds[1].folded):
             return None
@@ -169,7 +169,7 @@ class FoldedMesh:
         names, own = [support.name for support in self.part.whole.supports], self.part.case.supports
         return [names.index(support.name) for support in own[: len(own) - len(self.part.planes)]]
 
-    def unfolded(self, found: Equilibrium) -> Equilibrium:
+    def unfold(self, found: Equilibrium) -> Equilibrium:
         """Return the answer on the whole mesh from that on the part."""
         solution, case, mesh = found.solution, self.part.whole, self.whole_mesh
         tail, numbers = solution.coefficients.shape[1:], self.supports
@@ -208,7 +208,7 @@ class FoldedMesh:
         return replace(found, solution=answer, **energies)
 
 
-class _Observed:
+class _CaseOnMesh:
     """A case evaluated as on the whole mesh: at its Gauss points, and at the nodes and Gauss points of its edges."""
 
     def __init__(self, case: Case, mesh: TensorMesh, quadrature_order: int) -> None:
@@ -238,7 +238,7 @@ class _Observed:
     def _open_folds(self, axis: int) -> Iterator[Fold]:
         """Yield the half with a mirror in the middle."""
         half, odd = divmod(self.mesh.cells[axis], HALF)
-        mirror = None if odd else self._mirror(axis, half, half)
+        mirror = None if odd else self._mirror_at_line(axis, half, half)
         if mirror is not None:
             yield Fold(0, half, (None, mirror))
 
@@ -251,36 +251,36 @@ class _Observed:
         # Candidates are the first line, the line a quarter of the turn from it, and one other about which the mesh is
         # its own image. A mesh that is divided at points has no more, and in another mesh the check of every line would
         # be in vain.
-        even = (line for line in range(1, half) if line != quarter and self._even(axis, line))
+        even = (line for line in range(1, half) if line != quarter and self._lines_are_symmetric(axis, line))
         found = (
-            (line, self._mirror(axis, line, half))
+            (line, self._mirror_at_line(axis, line, half))
             for line in (0, *([quarter] if cells % QUARTER == 0 else []), *islice(even, 1))
         )
         start, first = next(((line, mirror) for line, mirror in found if mirror is not None), (0, None))
         if first is None:
             return
         square = cells % QUARTER == 0 and start != quarter  # half a turn from the first line was checked already
-        second = self._mirror(axis, start + quarter, quarter) if square else None
+        second = self._mirror_at_line(axis, start + quarter, quarter) if square else None
         mirrors = [mirror for mirror in (first, second) if mirror is not None]
         size = cells // (HALF * len(mirrors))
         for number in range(HALF * len(mirrors)):
             ends = mirrors[number % len(mirrors)], mirrors[(number + 1) % len(mirrors)]
             yield Fold((start + number * size) % cells, size, ends)
 
-    def _even(self, axis: int, line: int) -> bool:
+    def _lines_are_symmetric(self, axis: int, line: int) -> bool:
         """Return True if the mesh's own lines are their mirror images about one of them."""
         steps = np.diff(self.mesh.lines[axis])
         opposite = (2 * line - 1 - np.arange(len(steps))) % len(steps)
         return bool(np.abs(steps - steps[opposite]).max() <= SYMMETRIC * self.domain.size[axis])
 
-    def _mirror(self, axis: int, line: int, cells: int) -> Mirror | None:
+    def _mirror_at_line(self, axis: int, line: int, cells: int) -> Mirror | None:
         """Return the reflection about a mesh line if it is a symmetry; so many cells on either side are compared."""
-        if not self._even(axis, line):
+        if not self._lines_are_symmetric(axis, line):
             return None
         runs = [self._points(axis, line, cells), self.runs[1 - axis]]
         first, second = runs if axis == 0 else runs[::-1]
         points = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
-        sight = Sight(points, self.along, order=2, rounding=SYMMETRIC).and_narrow(self.case)
+        sight = ComparisonPoints(points, self.along, order=2, rounding=SYMMETRIC).with_narrow_cells(self.case)
         mirror = mirror_of(self.case, axis, float(self.mesh.lines[axis][line]), sight)
         return mirror if mirror is not None and mirrored_supports(self.case, mirror) is not None else None
 
@@ -308,21 +308,21 @@ class Folding:
     case: Case
 
     @cached_property
-    def _turned(self) -> tuple[Case, NDArray[np.float64]] | None:
+    def _case_in_mirror_frame(self) -> tuple[Case, NDArray[np.float64]] | None:
         return in_frame_of_mirrors(self.case)
 
     def fold(self, mesh: TensorMesh, quadrature_order: int) -> FoldedMesh | None:
         """Return the case folded on a mesh, in the frame in which its part is smaller; None if it can't be folded."""
-        cases = (self.case,) if self._turned is None else (self.case, self._turned[0])
+        cases = (self.case,) if self._case_in_mirror_frame is None else (self.case, self._case_in_mirror_frame[0])
         found = [folded for case in cases if (folded := FoldedMesh.from_case(case, mesh, quadrature_order))]
         return min(found, key=lambda folded: folded.mesh.dof_count, default=None)
 
-    def unfolded(self, folded: FoldedMesh, found: Equilibrium) -> Equilibrium:
+    def unfold(self, folded: FoldedMesh, found: Equilibrium) -> Equilibrium:
         """Return the answer to the case in its own frame from that on its folded part."""
-        whole = folded.unfolded(found)
-        if folded.part.whole is self.case or self._turned is None:
+        whole = folded.unfold(found)
+        if folded.part.whole is self.case or self._case_in_mirror_frame is None:
             return whole
-        solution, back = whole.solution, self._turned[1].T
+        solution, back = whole.solution, self._case_in_mirror_frame[1].T
         answer = replace(
             solution,
             case=self.case,

@@ -33,7 +33,7 @@ from shellbench.solvers.fem.mesh.mesh import (
     present_functions,
     tabulate,
 )
-from shellbench.solvers.fem.mesh.quadrature import Quadrature, basis_scales, chunks
+from shellbench.solvers.fem.mesh.quadrature import Quadrature, basis_scales, cell_portions
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -83,16 +83,16 @@ def stiffness(
     present = present_functions(mesh.basis)
     unit = [tabulate(quadrature.points, d, mesh.basis) for d in DERIVATIVES]
     table = np.stack([t.reshape(len(t), -1)[:, present] for t in unit], axis=1)
-    made = roots or (_root_operator(mesh, cells, surface, material, quadrature) for cells in chunks(mesh))
+    made = roots or (_root_operator(mesh, cells, surface, material, quadrature) for cells in cell_portions(mesh))
     if mesh.degree > CUBIC:
         size = COMPONENTS * len(present)
         by_cell = np.empty((len(mesh.nodes), size, size))
-        for cells, root in zip(chunks(mesh), made, strict=True):
+        for cells, root in zip(cell_portions(mesh), made, strict=True):
             _cell_matrices(mesh, cells, root, table, by_cell[cells])
         return CellMatrices(by_cell, cell_dofs(mesh), present, mesh.node_count * COMPONENTS * len(mesh.kinds))
     blocks = np.zeros((mesh.node_count, len(NEIGHBOURS), NODE_DOFS, NODE_DOFS))
     shape = (COMPONENTS, len(CORNERS), len(KINDS))
-    for cells, root in zip(chunks(mesh), made, strict=True):
+    for cells, root in zip(cell_portions(mesh), made, strict=True):
         matrices = _cell_matrices(mesh, cells, root, table)
         add_cell_matrices(blocks, mesh.nodes[cells], matrices.reshape(-1, *shape, *shape))
     return BlockMatrix(blocks, neighbour_columns(mesh))
@@ -115,7 +115,7 @@ class InternalForces:
         self._functions = len(CORNERS) * len(mesh.kinds)
         self._table = quadrature.table(DERIVATIVES, mesh.basis)
         self._portions = [
-            (cells, root, basis_scales(mesh, cells)) for cells, root in zip(chunks(mesh), roots, strict=True)
+            (cells, root, basis_scales(mesh, cells)) for cells, root in zip(cell_portions(mesh), roots, strict=True)
         ]
 
     def __call__(self, q: Array) -> Array:
@@ -148,7 +148,7 @@ def root_operators(mesh: TensorMesh, surface: Surface, material: Material, quadr
 
     It is by root strain and component (slow): see `stress_root_operator`.
     """
-    return [_root_operator(mesh, cells, surface, material, quadrature) for cells in chunks(mesh)]
+    return [_root_operator(mesh, cells, surface, material, quadrature) for cells in cell_portions(mesh)]
 
 
 def _cell_matrices(mesh: TensorMesh, cells: slice, operator: Array, table: Array, out: Array | None = None) -> Array:
@@ -175,7 +175,7 @@ def _root_operator(
 ) -> Array:
     points, weights = quadrature.on_cells(mesh, cells)
     count, per_cell = weights.shape
-    geometry = Midsurface.at(surface.derivatives(points.reshape(-1, 2), order=2))
+    geometry = Midsurface.from_position(surface.derivatives(points.reshape(-1, 2), order=2))
     moduli = stiffness_moduli(surface, material, points.reshape(-1, 2))
     operator = stress_root_operator(geometry, material, moduli)
     sizes = np.repeat(mesh.sizes[cells], per_cell, axis=0)
@@ -230,10 +230,10 @@ def _cell_products(
     present = present_functions(mesh.basis)
     table = tabulate(quadrature.points, (0, 0), mesh.basis).reshape(len(quadrature.points), -1)[:, present]
     products = np.einsum("qi,qj->qij", table, table).reshape(len(table), -1)
-    for cells in chunks(mesh):
+    for cells in cell_portions(mesh):
         points, weights = quadrature.on_cells(mesh, cells)
         flat = points.reshape(-1, 2)
-        area = Midsurface.at(surface.derivatives(flat, order=2)).area * weights.ravel()
+        area = Midsurface.from_position(surface.derivatives(flat, order=2)).area * weights.ravel()
         share = (density(flat) * area[:, None]).reshape(*weights.shape, COMPONENTS)
         scales = basis_scales(mesh, cells).reshape(len(weights), -1)[:, present]
         scalar = (np.swapaxes(share, 1, 2) @ products).reshape(-1, COMPONENTS, len(present), len(present))

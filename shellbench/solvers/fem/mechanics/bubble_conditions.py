@@ -30,7 +30,7 @@ def motion_at(
     return {key: np.stack([m[key] for m in at], axis=-1) for key in at[0]}
 
 
-def kept_normal(case: Case, mesh: TensorMesh, edge: Edge) -> Array | None:
+def constant_normal(case: Case, mesh: TensorMesh, edge: Edge) -> Array | None:
     """Return the unit normal (3,) of an edge if it keeps its direction along the edge; None if it turns.
 
     Bubbles hold the slope of a clamp on the first kind of edge, and Nitsche's terms on the second. Both use this
@@ -71,7 +71,7 @@ def bubble_conditions(
             mesh.degree, np.stack(sides, axis=1), at_inside[value].reshape(*inside.shape, *at_inside[value].shape[1:])
         )
 
-    kept = kept_normal(case, mesh, edge) if support.clamped else None
+    kept = constant_normal(case, mesh, edge) if support.clamped else None
     normals = np.zeros((0, 3)) if kept is None else kept[None]
     held = np.array([[float(c == name) for c in COMPONENTS] for name in support.held])
     if support.symmetry:

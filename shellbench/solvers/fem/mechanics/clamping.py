@@ -41,7 +41,7 @@ from shellbench.problems.shell.question.conditions import Support
 from shellbench.problems.shell.question.places import Edge
 from shellbench.solvers.fem.algebra.block_matrix import NODE_DOFS, BlockMatrix, add_cell_matrices
 from shellbench.solvers.fem.algebra.cell_matrices import CellMatrices
-from shellbench.solvers.fem.mechanics.bubble_conditions import GAUSS_POINTS, kept_normal
+from shellbench.solvers.fem.mechanics.bubble_conditions import GAUSS_POINTS, constant_normal
 from shellbench.solvers.fem.mechanics.kinematics import (
     DERIVATIVES,
     GRADIENT,
@@ -101,10 +101,10 @@ class ClampedEdge:
         # 4. Convert both to rows on the cells' degrees of freedom, with the length of edge and the spring k.
         # In the textbook, Nitsche's terms replace a strong condition. Here the ties hold theta strongly at the nodes,
         # and the terms act on the gap between nodes only.
-        if kept_normal(case, mesh, edge) is not None:
+        if constant_normal(case, mesh, edge) is not None:
             return None
         rule = EdgeRule.on_edge(mesh, edge, GAUSS_POINTS)
-        surface = Midsurface.at(case.surface.derivatives(rule.points, order=2))
+        surface = Midsurface.from_position(case.surface.derivatives(rule.points, order=2))
         outward = outward_conormal(surface, edge)
         parts = np.einsum("pai,pi->pa", surface.base, outward)  # n_a
         raised = np.einsum("pab,pb->pa", surface.contravariant_metric, parts)  # n^a
@@ -130,8 +130,8 @@ class ClampedEdge:
         return cls(
             cells=rule.cells,
             nodes=mesh.nodes[rule.cells],
-            tilt=_on_cells(mesh, rule, turning),
-            moment=_on_cells(mesh, rule, moments),
+            tilt=_rows_on_dofs(mesh, rule, turning),
+            moment=_rows_on_dofs(mesh, rule, moments),
             target=np.stack(target, axis=-1).reshape(*per_cell, -1),
             weights=lengths * rule.weights / 2 * rule.sizes[:, 1 - edge.axis, None],
             spring=GAMMA
@@ -162,16 +162,16 @@ class ClampedEdge:
         """Return the nodal forces (nodes, 12, states) of the prescribed rotation."""
         # The same terms with theta0 for theta(u), on the right-hand side.
         rows = self.moment + self.tilt * self.spring[..., None]
-        return self._scattered(rows, self.target, node_count)
+        return self._nodal_forces(rows, self.target, node_count)
 
     def gap_forces(self, q: Array) -> Array:
         """Return the nodal forces (nodes, 12, states) of the moments on the remaining gap theta - theta0."""
         local = q[self.nodes].reshape(len(self.nodes), len(CORNERS), COMPONENTS, self.kinds, -1)
         # The clamp exerts m and k times the gap. The term m(v) gap is no force of it, and must not count as a reaction.
         gap = self.tilt @ np.swapaxes(local, 1, 2).reshape(len(self.nodes), self.tilt.shape[-1], -1) - self.target
-        return self._scattered(self.moment, gap, len(q))
+        return self._nodal_forces(self.moment, gap, len(q))
 
-    def _scattered(self, rows: Array, values: Array, node_count: int) -> Array:
+    def _nodal_forces(self, rows: Array, values: Array, node_count: int) -> Array:
         work = np.swapaxes(rows, 1, 2) @ (values * self.weights[..., None])
         local = work.reshape(len(self.nodes), COMPONENTS, len(CORNERS), self.kinds, -1)
         carried = COMPONENTS * self.kinds
@@ -190,7 +190,7 @@ def clamped_edges(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iter
                 yield edge
 
 
-def _tables(mesh: TensorMesh, rule: EdgeRule) -> tuple[Array, Array, Array]:
+def _derivative_tables(mesh: TensorMesh, rule: EdgeRule) -> tuple[Array, Array, Array]:
     """Return the tables that map cells' degrees of freedom to the derivatives of u at points of an edge.
 
     These are the derivatives (g, 5, 4, 4) of the unit cell's basis, the powers (c, 5) of the cells' sizes that divide
@@ -202,9 +202,9 @@ def _tables(mesh: TensorMesh, rule: EdgeRule) -> tuple[Array, Array, Array]:
     return table, powers, kind_scales(rule.sizes, mesh.basis)[:, None] / mesh.node_scales[mesh.nodes[rule.cells]]
 
 
-def _on_cells(mesh: TensorMesh, rule: EdgeRule, rows: Array) -> Array:
+def _rows_on_dofs(mesh: TensorMesh, rule: EdgeRule, rows: Array) -> Array:
     """Turn rows (points, 3, 5) on the derivatives of u into rows (cells, g, 48) on the degrees of freedom."""
-    table, powers, scales = _tables(mesh, rule)
+    table, powers, scales = _derivative_tables(mesh, rule)
     shape = len(rule.cells), len(rule.unit)
     local = rows.reshape(*shape, COMPONENTS, -1) / powers[:, None, None]
     return np.asarray(np.einsum("egcd,gdak,eak->egcak", local, table, scales).reshape(*shape, -1))
@@ -252,10 +252,10 @@ class FiniteClamp:
         # 1. Find Gauss points on the edge, and the geometry there. If the normal keeps its direction, return None.
         # 2. n^a for theta, and B H^{abcd} n_a n_b for m: both refer to the undeformed edge.
         # 3. Length of edge, and the spring k by the cell's extent across the edge.
-        if kept_normal(case, mesh, edge) is not None:
+        if constant_normal(case, mesh, edge) is not None:
             return None
         rule = EdgeRule.on_edge(mesh, edge, GAUSS_POINTS)
-        surface = Midsurface.at(case.surface.derivatives(rule.points, order=2))
+        surface = Midsurface.from_position(case.surface.derivatives(rule.points, order=2))
         parts = np.einsum("pai,pi->pa", surface.base, outward_conormal(surface, edge))  # n_a
         raised = np.einsum("pab,pb->pa", surface.contravariant_metric, parts)
         pairs = np.stack([parts[:, 0] ** 2, parts[:, 1] ** 2, parts[:, 0] * parts[:, 1]], axis=-1)
@@ -276,16 +276,16 @@ class FiniteClamp:
             spring=GAMMA * bending / height,
         )
 
-    def at(self, q: Array, t: float) -> _Clamped:
+    def deform_edge(self, q: Array, t: float) -> _MovedClamp:
         """Deform the edge; the support's normals have turned as at the load factor or time t."""
         local = q.reshape(-1, COMPONENTS, len(KINDS))[self.nodes]  # (c, 4, 3, 4)
         local = np.swapaxes(local, 1, 2).reshape(len(self.nodes), 1, LOCAL, 1)
         gradients = (self.rows @ local).reshape(-1, len(DERIVATIVES), COMPONENTS)
-        return _Clamped(self, Deformation.from_gradients(self.reference, gradients), self.case.turn(self.support, t))
+        return _MovedClamp(self, Deformation.from_gradients(self.reference, gradients), self.case.turn(self.support, t))
 
 
 @dataclass(frozen=True)
-class _Clamped:
+class _MovedClamp:
     clamp: FiniteClamp
     deformation: Deformation
     turn: Array
@@ -327,11 +327,11 @@ class _Clamped:
         """Return the first variation of the potential (nodes, 12)."""
         # dJ = (m + k theta) dtheta + theta dm: the force of the clamp, and the term that makes the form symmetric.
         held = (self.moment + self.clamp.spring * self.gap)[:, None] * self.tilt
-        return self._scattered(held + self.gap[:, None] * self.moment_rate, node_count)
+        return self._nodal_forces(held + self.gap[:, None] * self.moment_rate, node_count)
 
     def gap_forces(self, node_count: int) -> Array:
         """Return the part of the gradient (nodes, 12) that is no force of the support: moments on the gap."""
-        return self._scattered(self.gap[:, None] * self.moment_rate, node_count)
+        return self._nodal_forces(self.gap[:, None] * self.moment_rate, node_count)
 
     def add_tangent(self, matrix: BlockMatrix) -> None:
         """Add the second variation, in place."""
@@ -348,7 +348,7 @@ class _Clamped:
         shape = (COMPONENTS, len(CORNERS), len(KINDS))
         add_cell_matrices(matrix.blocks, clamp.nodes, blocks.reshape(-1, *shape, *shape))
 
-    def _scattered(self, work: Array, node_count: int) -> Array:
+    def _nodal_forces(self, work: Array, node_count: int) -> Array:
         clamp = self.clamp
         weighted = (work * clamp.weights[:, None]).reshape(*clamp.rows.shape[:2], 1, GRADIENT)
         # At one corner of all cells no node occurs twice, so that indexed addition is complete.
@@ -370,7 +370,7 @@ def finite_clamps(case: Case, mesh: TensorMesh) -> Iterator[FiniteClamp]:
 
 def _derivative_rows(mesh: TensorMesh, rule: EdgeRule) -> Array:
     """Return the maps (c, g, 15, 48) from cells' scaled degrees of freedom to the derivatives of u at points."""
-    table, powers, scales = _tables(mesh, rule)
+    table, powers, scales = _derivative_tables(mesh, rule)
     shape = len(rule.cells), len(rule.unit)
     rows = np.zeros((*shape, len(DERIVATIVES), COMPONENTS, COMPONENTS, len(CORNERS), len(KINDS)))
     scaled = table * scales[:, None, None] / powers[:, None, :, None, None]

@@ -50,10 +50,10 @@ def support_ties(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Ties:
     InputError
         If a clamp can't be a condition at nodes, or supports contradict each other at a common node.
     """
-    return Ties.from_conditions(case, mesh, list(conditions(case, mesh, states)), states)
+    return Ties.from_conditions(case, mesh, list(support_conditions(case, mesh, states)), states)
 
 
-def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterator[Conditions]:
+def support_conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterator[Conditions]:
     """Yield the conditions of each support at each of its places.
 
     Raises
@@ -96,16 +96,17 @@ def _on_side(
     edge = place if isinstance(place, Edge) else None
     motion, carried = motion_at(case, support, place, mesh.domain, points, states), len(mesh.kinds)
     rows, values = (
-        _held_locally(case, support, edge, mesh.domain.wrap(points), motion)
+        _direction_conditions(case, support, edge, mesh.domain.wrap(points), motion)
         if support.local
-        else _held(support, place, motion, carried)
+        else _component_conditions(support, place, motion, carried)
     )
     if edge is not None and support.holds_slope:
         x = case.surface.derivatives(mesh.domain.wrap(points), order=2)
         turn = case.turn(support, states[-1])  # at finite strain there is one state at a time
-        slope = (
-            _mirror(edge, x, support, carried) if support.symmetry else _slope(edge, x, support, motion, turn, carried)
-        )
+        if support.symmetry:
+            slope = _mirror_condition(edge, x, support, carried)
+        else:
+            slope = _slope_conditions(edge, x, support, motion, turn, carried)
         slope = slope[0], np.broadcast_to(slope[1], (*slope[0].shape[:2], len(states)))
         rows = np.concatenate([rows, slope[0]], axis=1)
         values = np.concatenate([values, slope[1]], axis=1)
@@ -116,7 +117,7 @@ def _dof(component: int, kind: Derivative, kinds: int) -> int:
     return component * kinds + KINDS.index(kind)
 
 
-def _held(support: Support, place: Place, motion: Motion, carried: int) -> tuple[Array, Array]:
+def _component_conditions(support: Support, place: Place, motion: Motion, carried: int) -> tuple[Array, Array]:
     """Prescribe the held components: on an edge with their tangential derivative, on the whole surface with all."""
     # A Lagrange element holds values only. The Hermite trace needs the slope along the edge too, or the edge bulges
     # between the nodes. The slopes across are left free: to hold them all would clamp, and stop membrane shear.
@@ -135,7 +136,7 @@ def _held(support: Support, place: Place, motion: Motion, carried: int) -> tuple
     return rows, values
 
 
-def _held_locally(
+def _direction_conditions(
     case: Case, support: Support, edge: Edge | None, points: Array, motion: Motion
 ) -> tuple[Array, Array]:
     """Prescribe u . d for directions d that may turn along an edge, with its derivative, u,t . d + u . d,t."""
@@ -169,7 +170,7 @@ def why_no_mirror(case: Case) -> str | None:
         if support.symmetry is None or not isinstance(place, Edge):
             continue
         points = place.samples(case.surface.domain, MIRROR_SAMPLES)
-        surface = Midsurface.at(case.surface.derivatives(case.surface.domain.wrap(points), order=2))
+        surface = Midsurface.from_position(case.surface.derivatives(case.surface.domain.wrap(points), order=2))
         across = COMPONENTS.index(support.held[0])
         base = surface.base / np.linalg.norm(surface.base, axis=-1, keepdims=True)
         # The edge lies in the plane, and the shell crosses it at right angles: only the coordinate lines are wrong.
@@ -179,7 +180,7 @@ def why_no_mirror(case: Case) -> str | None:
     return None
 
 
-def _mirror(edge: Edge, x: Mapping[Derivative, Array], support: Support, carried: int) -> tuple[Array, Array]:
+def _mirror_condition(edge: Edge, x: Mapping[Derivative, Array], support: Support, carried: int) -> tuple[Array, Array]:
     """Make a field its own mirror image: components in the plane of symmetry have no derivative across it.
 
     This holds the slope, and is also the natural condition of the membrane shear. A part of a symmetric mesh therefore
@@ -207,14 +208,14 @@ def why_no_slope(case: Case) -> str | None:
             continue
         points = place.samples(case.surface.domain, MIRROR_SAMPLES)
         x = case.surface.derivatives(case.surface.domain.wrap(points), order=2)
-        if _needs_more(place, x, support, np.cross(x[1, 0], x[0, 1])):
+        if _needs_missing_derivative(place, x, support, np.cross(x[1, 0], x[0, 1])):
             return (
                 f"on oblique lines, as at '{place.name}', it holds a slope only with the displacement along the normal"
             )
     return None
 
 
-def _needs_more(edge: Edge, x: Mapping[Derivative, Array], support: Support, normal: Array) -> bool:
+def _needs_missing_derivative(edge: Edge, x: Mapping[Derivative, Array], support: Support, normal: Array) -> bool:
     """Return True if the slope about an edge, at points of it, contains a derivative that is no degree of freedom.
 
     On oblique lines it contains u,tt . N. This is known only if the support prescribes the edge's displacement along N.
@@ -232,7 +233,7 @@ def _needs_more(edge: Edge, x: Mapping[Derivative, Array], support: Support, nor
     return bool(np.any(oblique & (np.abs(normal[:, loose]) > ROUNDING * length)))
 
 
-def _slope(
+def _slope_conditions(
     edge: Edge, x: Mapping[Derivative, Array], support: Support, motion: Motion, turn: Array, carried: int
 ) -> tuple[Array, Array]:
     """Prescribe the rotation about an edge, and its derivative along the edge; `turn` carries its normal along."""
@@ -262,7 +263,7 @@ def _slope(
             twice: -kt * normal,
         },
     }
-    if _needs_more(edge, x, support, normal):
+    if _needs_missing_derivative(edge, x, support, normal):
         raise InputError(
             f"support '{support.name}' holds the slope of '{edge.name}', where the coordinate lines are oblique,"
             " without holding the displacement along the normal: fem can't state that at its nodes"

@@ -16,7 +16,7 @@ from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix, add_cell_ma
 from shellbench.solvers.fem.algebra.cell_matrices import CellMatrices
 from shellbench.solvers.fem.mechanics.kinematics import Midsurface, stiffness_moduli
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CORNERS, TensorMesh, gauss_rule, tabulate
-from shellbench.solvers.fem.mesh.quadrature import Quadrature, basis_scales, chunks
+from shellbench.solvers.fem.mesh.quadrature import Quadrature, basis_scales, cell_portions
 
 Array = NDArray[np.float64]
 Matrix = BlockMatrix | CellMatrices
@@ -69,10 +69,10 @@ class ContactPoints:
         rule = Quadrature(unit, one * two)
         table = tabulate(unit, (0, 0), mesh.basis)
         points, areas, values, stiffness, lengths, longest = [], [], [], [], [], []
-        for cells in chunks(mesh):
+        for cells in cell_portions(mesh):
             at, weights = rule.on_cells(mesh, cells)
             flat = at.reshape(-1, 2)
-            surface = Midsurface.at(case.surface.derivatives(flat, order=2))
+            surface = Midsurface.from_position(case.surface.derivatives(flat, order=2))
             bending = stiffness_moduli(case.surface, case.material, flat)[:, 1].reshape(weights.shape)
             area = surface.area.reshape(weights.shape)
             sides = np.linalg.norm(surface.base, axis=-1).reshape(*weights.shape, 2) * mesh.sizes[cells][:, None]
@@ -91,7 +91,7 @@ class ContactPoints:
         found = np.einsum("cmak,caik->cmi", self.values, nodal, optimize=True)
         return np.asarray(found.reshape(-1, COMPONENTS))
 
-    def nodal(self, forces: Array) -> Array:
+    def nodal_forces(self, forces: Array) -> Array:
         """Return the nodal forces (nodes, 12, 1) of forces (c m, 3), N, at the points."""
         spread = np.einsum("cmak,cmi->caik", self.values, forces.reshape(*self.areas.shape, COMPONENTS), optimize=True)
         result = np.zeros((self.mesh.node_count, COMPONENTS, len(self.mesh.kinds)))
@@ -99,7 +99,7 @@ class ContactPoints:
             np.add.at(result, self.mesh.nodes[:, corner], spread[:, corner])
         return result.reshape(len(result), -1, 1)
 
-    def stiffened(self, matrix: Matrix, normals: Array, penalty: Array) -> Matrix:
+    def with_penalty(self, matrix: Matrix, normals: Array, penalty: Array) -> Matrix:
         """Return a stiffness matrix with the penalty (c m,) of the points in contact, N/m^3, zero at others."""
         stiff = (self.areas * penalty.reshape(self.areas.shape))[..., None]
         cells = np.flatnonzero(np.any(stiff > 0, axis=(1, 2)))
@@ -112,7 +112,7 @@ class ContactPoints:
         shape = (COMPONENTS, *values.shape[2:])
         terms = terms.reshape(-1, *shape, *shape)
         if isinstance(matrix, CellMatrices):
-            stiffened = matrix.with_own(cells)
+            stiffened = matrix.with_cells_copied(cells)
             stiffened.add(cells, terms)
             return stiffened
         result = replace(matrix, blocks=matrix.blocks.copy())
@@ -124,20 +124,20 @@ class ContactPoints:
         """(c m,) stiffness of each point, N/m^3."""
         return self.stiffness.ravel()
 
-    def softness(self) -> Array:
+    def penalty_factors(self) -> Array:
         """Return factors of the penalty, increasing to 1: the first has the length of the shell."""
         size = float(np.ptp(self.case.surface.position(self.points), axis=0).max())
         coarse = size / (self.reach.min() / REACH)
         return np.asarray([SOFTER**k for k in range(math.ceil(-math.log(coarse**4) / math.log(SOFTER)), 0, -1)])
 
-    def nearest(self, touch: Touch) -> NDArray[np.int64]:
+    def nearest_points_of(self, touch: Touch) -> NDArray[np.int64]:
         """Return the numbers (c m,) of the nearest points of another mesh."""
         _, nearest = cKDTree(touch.points / self.mesh.domain.size).query(self.points / self.mesh.domain.size)
         return np.asarray(nearest)
 
-    def pressed(self, touch: Touch) -> Flags:
+    def pressed_near(self, touch: Touch) -> Flags:
         """Return a mask (c m,) of the points that are nearest to pressed points of another mesh."""
-        return np.asarray(np.any(touch.forces[self.nearest(touch)] != 0, axis=-1))
+        return np.asarray(np.any(touch.forces[self.nearest_points_of(touch)] != 0, axis=-1))
 
     def touch(self, forces: Array) -> Touch:
         """Return forces (c m, 3) at the points as contact."""

@@ -182,10 +182,10 @@ def break_exponents(case: Case) -> dict[tuple[int, Side, float], float]:
 
     The keys are the axis and the side of the edge, and the running coordinate.
     """
-    return dict(_breaks(case))
+    return dict(_exponents_at_breaks(case))
 
 
-def _breaks(case: Case) -> Iterator[tuple[tuple[int, Side, float], float]]:
+def _exponents_at_breaks(case: Case) -> Iterator[tuple[tuple[int, Side, float], float]]:
     # A point within an edge is a corner of angle pi, with one rim on either side.
     domain = case.surface.domain
     edges = [place for _, place in case.supported_places() if isinstance(place, Edge)]
@@ -196,7 +196,7 @@ def _breaks(case: Case) -> Iterator[tuple[tuple[int, Side, float], float]]:
         if not inside and not seam:
             continue
         edge = Edge("", axis, side)
-        surface = Midsurface.at(case.surface.derivatives(edge.points(domain, np.array([at])), order=2))
+        surface = Midsurface.from_position(case.surface.derivatives(edge.points(domain, np.array([at])), order=2))
         tangent = surface.base[0, running] / np.linalg.norm(surface.base[0, running])
         across = surface.base[0, axis] * (1.0 if side == "min" else -1.0)  # inward
         normal = np.cross(tangent, across)
@@ -205,7 +205,7 @@ def _breaks(case: Case) -> Iterator[tuple[tuple[int, Side, float], float]]:
             _rim(_supports_beside(case, edge, at + sign * NEARBY * domain.size[running]), sign * tangent, normal)
             for sign in (1.0, -1.0)
         ]
-        found = _exponent(case, excited(case), np.pi, rims[0], rims[1])
+        found = _exponent(case, may_bend_and_stretch(case), np.pi, rims[0], rims[1])
         if found < INFINITE:
             yield (axis, side, at), found
 
@@ -223,7 +223,7 @@ def _supports_beside(case: Case, edge: Edge, running: float) -> list[Support]:
 
 
 def _exponent(case: Case, acting: tuple[bool, bool], angle: float, first: Rim, second: Rim) -> float:
-    """Return the least exponent between two rims, of the fields that loads can excite: `acting`, see `excited`."""
+    """Return the least exponent between two rims, of the fields that loads excite: see `may_bend_and_stretch`."""
     across, within = acting
     nu, nu_of_bending = case.material.poissons_ratios
     found = INFINITE
@@ -238,15 +238,15 @@ def corner_exponents(case: Case) -> dict[tuple[Side, Side], float]:
     """Return the least exponent at each corner (side of xi1, side of xi2) where moments or forces are infinite."""
     if any(case.surface.domain.periodic):
         return {}
-    return dict(_corners(case))
+    return dict(_exponents_at_corners(case))
 
 
-def _corners(case: Case) -> Iterator[tuple[tuple[Side, Side], float]]:
-    domain, acting = case.surface.domain, excited(case)
+def _exponents_at_corners(case: Case) -> Iterator[tuple[tuple[Side, Side], float]]:
+    domain, acting = case.surface.domain, may_bend_and_stretch(case)
     for sides in product(SIDES, SIDES):
         edges = [_edge(case, axis, side) for axis, side in enumerate(sides)]
         corner = np.array([[edge.coordinate(domain) for edge in edges]])
-        surface = Midsurface.at(case.surface.derivatives(corner, order=2))
+        surface = Midsurface.from_position(case.surface.derivatives(corner, order=2))
         # Both edges as seen from the corner: the edge xi1 = const runs along a2, inward.
         inward = [1.0 if side == "min" else -1.0 for side in sides]
         along = [inward[1] * surface.base[0, 1], inward[0] * surface.base[0, 0]]
@@ -354,10 +354,10 @@ def _grading(exponent: float) -> float:
     return min(GRADED_RATE / (2 * exponent), STEEPEST)
 
 
-def excited(case: Case) -> tuple[bool, bool]:
+def may_bend_and_stretch(case: Case) -> tuple[bool, bool]:
     """Return two flags: True if the case may bend, True if it may stretch. On a plate, not every load does both."""
     domain = case.surface.domain
-    normals = Midsurface.at(case.surface.derivatives(domain.grid(5, 5).reshape(-1, 2), order=2)).normal
+    normals = Midsurface.from_position(case.surface.derivatives(domain.grid(5, 5).reshape(-1, 2), order=2)).normal
     if np.ptp(normals, axis=0).max() > ROUNDING or any(s.motion is not None for s in case.supports):
         return True, True
     if case.modal:

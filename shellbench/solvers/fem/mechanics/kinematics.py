@@ -48,7 +48,7 @@ STRAINS: tuple[tuple[int, int], ...] = ((0, 0), (1, 1), (0, 1))  # covariant com
 SECOND: tuple[Derivative, ...] = ((2, 0), (0, 2), (1, 1))  # the second derivative that goes with each of STRAINS
 
 
-def empty(count: int, *shape: int) -> Array:
+def empty_points_fastest(count: int, *shape: int) -> Array:
     """Return an array (count, *shape) of numbers to be filled in, the points running fastest in memory."""
     # Most work at points is done component by component. If components run fastest, NumPy's loops are short and take
     # several times as long.
@@ -63,7 +63,7 @@ def points_fastest(array: Array) -> Array:
 
 def cross(first: Array, second: Array) -> Array:
     """Return the vector products (n, ..., 3); NumPy's own takes four times as long over its axes."""
-    product = empty(*np.broadcast_shapes(first.shape, second.shape))
+    product = empty_points_fastest(*np.broadcast_shapes(first.shape, second.shape))
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3
         np.multiply(first[..., i], second[..., j], out=product[..., k])
@@ -101,7 +101,7 @@ class Midsurface:
     area: Array
 
     @classmethod
-    def at(cls, x: Mapping[Derivative, Array]) -> Midsurface:
+    def from_position(cls, x: Mapping[Derivative, Array]) -> Midsurface:
         """Compute it from the derivatives (n, 3) of the position up to order 2."""
         base = np.stack([x[1, 0], x[0, 1]], axis=-2)
         product = cross(x[1, 0], x[0, 1])
@@ -187,7 +187,7 @@ def linear_strains(surface: Midsurface, gradients: Array) -> Array:
     turned = cross(u[:, 0], x[:, 1]) + cross(x[:, 0], u[:, 1])
     turned -= dot(turned, normal)[:, None] * normal
     turned /= surface.area[:, None]
-    strains = empty(len(u), 6)
+    strains = empty_points_fastest(len(u), 6)
     for row, (i, j) in enumerate(STRAINS):
         strains[:, row] = (dot(x[:, i], u[:, j]) + dot(x[:, j], u[:, i])) / 2
         strains[:, 3 + row] = -dot(u[:, 2 + row], normal) - dot(surface.second[:, row], turned)
@@ -292,7 +292,7 @@ class Deformation:
         """(n, 6) eps_11, eps_22, eps_12, kappa_11, kappa_22, kappa_12."""
         x, a, second = self.reference.base, self.current.base, self.reference.second
         u = points_fastest(self.gradients)
-        strains = empty(len(u), 6)
+        strains = empty_points_fastest(len(u), 6)
         for row, (i, j) in enumerate(STRAINS):
             strains[:, row] = (dot(a[:, i], u[:, j]) + dot(x[:, j], u[:, i])) / 2
         strains[:, 3:] = -dot(u[:, 2:], self.current.normal[:, None]) - dot(second, self.rise[:, None])
@@ -312,7 +312,7 @@ class Deformation:
         base, normal, second = self.current.base, self.current.normal, self.current.second
         n11, n22, n12 = (component[:, None] for component in resultants.T[:3])
         moments = resultants[:, 3:]
-        form = empty(len(normal), len(DERIVATIVES), 3)
+        form = empty_points_fastest(len(normal), len(DERIVATIVES), 3)
         np.multiply(moments[:, :, None], -normal[:, None], out=form[:, 2:])
         pulled = dot(second.transpose(0, 2, 1), moments[:, None])
         pulled -= dot(pulled, normal)[:, None] * normal
@@ -325,19 +325,19 @@ class Deformation:
         return form.reshape(-1, GRADIENT)
 
     @cached_property
-    def _spread(self) -> Array:
+    def _base_variation(self) -> Array:
         """(n, 3, 6) dg as a linear map of du,1 and du,2."""
         a1, a2 = self.current.base[:, 0], self.current.base[:, 1]
         return np.concatenate([-cross_matrix(a2), cross_matrix(a1)], axis=-1)
 
     @cached_property
-    def turning(self) -> Array:
+    def normal_change(self) -> Array:
         """(n, 3, 6) dn as a linear map of du,1 and du,2."""
-        n, spread = self.current.normal, self._spread
+        n, spread = self.current.normal, self._base_variation
         tangential = spread - n[:, :, None] * (n[:, None] @ spread)
         return np.asarray(tangential / self.current.area[:, None, None])
 
-    def second_turning(self, vectors: Array) -> Array:
+    def second_normal_change(self, vectors: Array) -> Array:
         """Return vectors . d2n (n, 6, 6) as symmetric forms of du,1 and du,2, for vectors (n, 3)."""
         # With s = n . dg / j and p = v . dn one product gives -(v . n) dn . dn - p s - s p. The part of d2g, of
         # du,1 x du,2, is added to it.
@@ -345,11 +345,11 @@ class Deformation:
         along = np.einsum("nc,nc->n", vectors, n)[:, None]
         tangential = vectors - along * n
         rates = np.empty((len(n), 5, 6))
-        rates[:, :3] = self.turning
-        rates[:, 3:4] = (n / area[:, None])[:, None] @ self._spread
-        rates[:, 4:] = tangential[:, None] @ self.turning
+        rates[:, :3] = self.normal_change
+        rates[:, 3:4] = (n / area[:, None])[:, None] @ self._base_variation
+        rates[:, 4:] = tangential[:, None] @ self.normal_change
         others = np.empty_like(rates)
-        others[:, :3] = -along[:, :, None] * self.turning
+        others[:, :3] = -along[:, :, None] * self.normal_change
         others[:, 3], others[:, 4] = -rates[:, 4], -rates[:, 3]
         form = np.swapaxes(rates, 1, 2) @ others
         across = cross_matrix(tangential / area[:, None])
@@ -373,13 +373,13 @@ class Deformation:
         membrane, bending = resultants[:, :3], resultants[:, 3:]
         form = np.zeros((len(resultants), GRADIENT, GRADIENT))
         pulled = np.einsum("nk,nkc->nc", bending, self.current.second)
-        form[:, FIRST, FIRST] = -self.second_turning(pulled)
+        form[:, FIRST, FIRST] = -self.second_normal_change(pulled)
         tensor = np.empty((len(form), 2, 2))
         tensor[:, 0, 0], tensor[:, 1, 1] = membrane[:, 0], membrane[:, 1]
         tensor[:, 0, 1] = tensor[:, 1, 0] = membrane[:, 2] / 2
         for c in range(3):  # components of u do not mix
             form[:, c : FIRST.stop : 3, c : FIRST.stop : 3] += tensor
-        coupling = (bending[:, :, None, None] * self.turning[:, None]).reshape(len(form), -1, FIRST.stop)
+        coupling = (bending[:, :, None, None] * self.normal_change[:, None]).reshape(len(form), -1, FIRST.stop)
         form[:, FIRST.stop :, FIRST] = -coupling
         form[:, FIRST, FIRST.stop :] = -np.swapaxes(coupling, 1, 2)
         return form

@@ -50,7 +50,7 @@ def layer_gradings(case: Case) -> Ends:
     mirrors: set[tuple[int, str]] = set()
     for support, place in case.supported_places():
         if isinstance(place, Edge) and support.symmetry is None:
-            steep = _steepness(relative_layer(case, replace(place, between=None), support.clamped))
+            steep = _exponent(relative_layer(case, replace(place, between=None), support.clamped))
             found[place.axis, place.side] = max(found[place.axis, place.side], steep)
         elif isinstance(place, Edge):
             mirrors.add((place.axis, place.side))
@@ -58,11 +58,11 @@ def layer_gradings(case: Case) -> Ends:
     for axis in (0, 1):
         for side, other in zip(SIDES, reversed(SIDES), strict=True):
             if found[axis, other] > found[axis, side] == 1 and (axis, side) not in mirrors:
-                found[axis, side] = _steepness(relative_layer(case, Edge(f"xi{axis + 1}_{side}", axis, side), True))
+                found[axis, side] = _exponent(relative_layer(case, Edge(f"xi{axis + 1}_{side}", axis, side), True))
     return (found[0, "min"], found[0, "max"]), (found[1, "min"], found[1, "max"])
 
 
-def _steepness(relative: float) -> float:
+def _exponent(relative: float) -> float:
     """Return the exponent that puts `SHARE` of the cells into a layer; 1 if the layer is not thin."""
     return min(math.log(relative) / math.log(SHARE), STEEPEST) if relative < THIN else 1.0
 
@@ -71,7 +71,7 @@ def relative_layer(case: Case, edge: Edge, clamped: bool) -> float:
     """Return the length l of the thinnest layer along an edge over the way to the middle, in the coordinate across."""
     domain, axis, along = case.surface.domain, edge.axis, 1 - edge.axis
     points = domain.wrap(edge.samples(domain, EDGE_SAMPLES))
-    surface = Midsurface.at(case.surface.derivatives(points, order=2))
+    surface = Midsurface.from_position(case.surface.derivatives(points, order=2))
     tangent = np.linalg.norm(surface.base[:, along], axis=-1)
     across = surface.area / tangent  # m a unit of the coordinate, normal to the edge
     curvature = np.abs(np.sum(surface.second[:, along] * surface.normal, axis=-1)) / tangent**2

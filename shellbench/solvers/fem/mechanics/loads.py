@@ -49,7 +49,7 @@ from shellbench.solvers.fem.mesh.mesh import (
     kind_scales,
     tabulate,
 )
-from shellbench.solvers.fem.mesh.quadrature import EdgeRule, Quadrature, basis_scales, chunks
+from shellbench.solvers.fem.mesh.quadrature import EdgeRule, Quadrature, basis_scales, cell_portions
 
 Array = NDArray[np.float64]
 
@@ -90,7 +90,7 @@ class EdgeMoment:
     def on_edge(cls, case: Case, mesh: TensorMesh, load: MomentLoad, edge: Edge) -> EdgeMoment:
         """Tabulate an edge."""
         rule = EdgeRule.on_edge(mesh, edge, EDGE_GAUSS_POINTS)
-        reference = Midsurface.at(case.surface.derivatives(rule.points, order=2))
+        reference = Midsurface.from_position(case.surface.derivatives(rule.points, order=2))
         running = 1 - edge.axis
         speed = np.linalg.norm(reference.base[:, running], axis=-1)
         table = np.stack([tabulate(rule.unit, d, mesh.basis).reshape(len(rule.unit), -1) for d in SLOPES], axis=1)
@@ -160,7 +160,7 @@ class EdgeMoment:
         """Return d theta (n, 6) on du,1 and du,2."""
         n, e = deformation.current.normal, self.axis
         across = 1 - (n @ e) ** 2
-        return np.asarray((np.cross(e, n)[:, None] @ deformation.turning)[:, 0] / across[:, None])
+        return np.asarray((np.cross(e, n)[:, None] @ deformation.normal_change)[:, 0] / across[:, None])
 
     def _angle_form(self, deformation: Deformation) -> Array:
         """Return d2 theta (n, 6, 6)."""
@@ -168,10 +168,10 @@ class EdgeMoment:
         along = n @ e
         across = (1 - along**2)[:, None, None]
         lean = np.cross(e, n)
-        turned, tilted = (lean[:, None] @ deformation.turning)[:, 0], e @ deformation.turning
+        turned, tilted = (lean[:, None] @ deformation.normal_change)[:, 0], e @ deformation.normal_change
         product = 2 * along[:, None, None] * turned[:, :, None] * tilted[:, None, :]
         symmetric = (product + np.swapaxes(product, 1, 2)) / 2
-        return np.asarray(deformation.second_turning(lean) / across + symmetric / across**2)
+        return np.asarray(deformation.second_normal_change(lean) / across + symmetric / across**2)
 
 
 def edge_moments(case: Case, mesh: TensorMesh) -> Iterator[EdgeMoment]:
@@ -210,10 +210,10 @@ class AreaPortion:
 
 def area_rule(case: Case, mesh: TensorMesh, quadrature: Quadrature) -> Iterator[AreaPortion]:
     """Yield the cells of a mesh, portion by portion."""
-    for cells in chunks(mesh, LOADED):
+    for cells in cell_portions(mesh, LOADED):
         points, weights = quadrature.on_cells(mesh, cells)
         flat = points.reshape(-1, 2)
-        surface = Midsurface.at(case.surface.derivatives(flat, order=2))
+        surface = Midsurface.from_position(case.surface.derivatives(flat, order=2))
         yield AreaPortion(cells, flat, surface, weights.ravel() * surface.area, basis_scales(mesh, cells))
 
 
@@ -316,7 +316,7 @@ class _Builder:
             weights = quadrature.weights * np.prod(sizes[some], axis=-1, keepdims=True)
             flat = points.reshape(-1, 2)
             wrapped = self.mesh.domain.wrap(flat)
-            surface = Midsurface.at(self.case.surface.derivatives(wrapped, order=2))
+            surface = Midsurface.from_position(self.case.surface.derivatives(wrapped, order=2))
             density = np.stack([self._density([load], wrapped, surface, t) for t in states], axis=-1)
             self._add_forces(flat, density * (weights.ravel() * surface.area)[:, None, None])
 
@@ -348,7 +348,7 @@ class _Builder:
         h = np.diff(line)[loaded, None]
         points = edge.points(self.mesh.domain, (line[:-1][loaded, None] + h * (x + 1) / 2).ravel())
         points = self.mesh.domain.wrap(points)
-        surface = Midsurface.at(self.case.surface.derivatives(points, order=2))
+        surface = Midsurface.from_position(self.case.surface.derivatives(points, order=2))
         length = (h * w / 2).ravel() * np.linalg.norm(surface.base[:, running], axis=-1)
         given = [self.case.evaluate(load.vector, points, t)[0, 0] for t in states]
         if load.frame == "local":

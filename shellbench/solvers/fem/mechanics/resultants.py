@@ -74,18 +74,18 @@ def why_infinite(case: Case, quantity: ResultantQuantity) -> str | None:
 def resultants(solution: FemSolution, name: str, points: Array, at: float | None) -> Array:
     """Return recovered resultants at points (n, 2): see `shellbench.problems.shell.field.RESULTANTS`."""
     part = int(name != "membrane_force")
-    portions = [_recovered(solution, part, points[k : k + AT_ONCE], at) for k in range(0, len(points), AT_ONCE)]
+    portions = [_recover(solution, part, points[k : k + AT_ONCE], at) for k in range(0, len(points), AT_ONCE)]
     found = np.concatenate(portions) if portions else np.zeros((0, 3, 3))
-    surface = Midsurface.at(solution.case.surface.derivatives(solution.mesh.domain.wrap(points), order=2))
+    surface = Midsurface.from_position(solution.case.surface.derivatives(solution.mesh.domain.wrap(points), order=2))
     if name == "shear_force":
-        return np.asarray(np.einsum("na,nai->ni", _divergence(surface, found), _along_frame(surface)))
-    return in_frame(surface, found[:, 0])
+        return np.asarray(np.einsum("na,nai->ni", _divergence(surface, found), _frame_components(surface)))
+    return components_in_frame(surface, found[:, 0])
 
 
-def contravariant(solution: FemSolution, part: int, points: Array, at: float | None) -> Array:
+def contravariant_resultants(solution: FemSolution, part: int, points: Array, at: float | None) -> Array:
     """Return n^ab (part 0) or m^ab (1) directly from the strains, (n, 3): 11, 22, 12, at points (n, 2)."""
     wrapped = solution.mesh.domain.wrap(points)
-    surface = Midsurface.at(solution.case.surface.derivatives(wrapped, order=2))
+    surface = Midsurface.from_position(solution.case.surface.derivatives(wrapped, order=2))
     gradients = np.stack([solution.derivative(points, d, at) for d in GRADIENTS], axis=-1)
     rows = strain_operator(surface)[:, 3 * part : 3 * part + 3].reshape(len(points), 3, -1)
     strains = (rows @ gradients.reshape(len(points), -1, 1))[..., 0]
@@ -94,20 +94,20 @@ def contravariant(solution: FemSolution, part: int, points: Array, at: float | N
     return np.asarray(moduli * stresses * HALF)
 
 
-def in_frame(surface: Midsurface, tensor: Array) -> Array:
+def components_in_frame(surface: Midsurface, tensor: Array) -> Array:
     """Return components 11, 22, 12 (n, 3) in the orthonormal frame of a tensor t^ab (n, 3)."""
-    along = _along_frame(surface)
-    return np.stack([_contracted(tensor, along[:, :, i], along[:, :, j]) for i, j in STRAINS], axis=-1)
+    along = _frame_components(surface)
+    return np.stack([_contraction(tensor, along[:, :, i], along[:, :, j]) for i, j in STRAINS], axis=-1)
 
 
-def _along_frame(surface: Midsurface) -> Array:
+def _frame_components(surface: Midsurface) -> Array:
     """Return a_a . e_i (n, 2, 2), with e_1 along a_1 and e_2 = a_3 x e_1."""
     first = surface.base[:, 0] / np.linalg.norm(surface.base[:, 0], axis=-1, keepdims=True)
     frame = np.stack([first, np.cross(surface.normal, first)], axis=-1)
     return np.asarray(surface.base @ frame)
 
 
-def _contracted(tensor: Array, one: Array, two: Array) -> Array:
+def _contraction(tensor: Array, one: Array, two: Array) -> Array:
     """Return t^ab one_a two_b (n,) of symmetric tensors (n, 3) and vectors (n, 2)."""
     mixed = one[:, 0] * two[:, 1] + one[:, 1] * two[:, 0]
     return np.asarray(
@@ -127,16 +127,16 @@ def _divergence(surface: Midsurface, found: Array) -> Array:
     return np.asarray(slopes + turned)
 
 
-def _recovered(solution: FemSolution, part: int, points: Array, at: float | None) -> Array:
+def _recover(solution: FemSolution, part: int, points: Array, at: float | None) -> Array:
     """Return t^ab at points (n, 2) and its slopes along both coordinates, (n, 3, 3): by derivative and component."""
     breaks = [break_coordinates(solution.case, axis) for axis in (0, 1)]
     sides = [
-        [_fitted(solution.mesh, axis, float(xi[axis]), breaks[axis]) for axis in (0, 1)]
-        for xi in solution.mesh.brought_in(points)
+        [_fit_weights(solution.mesh, axis, float(xi[axis]), breaks[axis]) for axis in (0, 1)]
+        for xi in solution.mesh.into_period(points)
     ]
     grids = [np.stack(np.meshgrid(one[0], two[0], indexing="ij"), axis=-1).reshape(-1, 2) for one, two in sides]
     sampled = np.split(
-        contravariant(solution, part, np.concatenate(grids), at), np.cumsum([len(g) for g in grids])[:-1]
+        contravariant_resultants(solution, part, np.concatenate(grids), at), np.cumsum([len(g) for g in grids])[:-1]
     )
     found = []
     for (one, two), values in zip(sides, sampled, strict=True):
@@ -146,9 +146,9 @@ def _recovered(solution: FemSolution, part: int, points: Array, at: float | None
     return np.array(found)
 
 
-def _fitted(mesh: TensorMesh, axis: int, at: float, breaks: list[float]) -> tuple[Array, Array]:
+def _fit_weights(mesh: TensorMesh, axis: int, at: float, breaks: list[float]) -> tuple[Array, Array]:
     """Return the Gauss points (k,) of a patch along a coordinate, and weights (2, k) of the fit's value and slope."""
-    ends = patch(mesh, axis, at, breaks)
+    ends = patch_lines(mesh, axis, at, breaks)
     gauss, _ = gauss_rule(mesh.degree - 1)
     samples = (ends[:-1, None] + np.diff(ends)[:, None] * (gauss + 1) / 2).ravel()
     middle, half = (ends[0] + ends[-1]) / 2, (ends[-1] - ends[0]) / 2
@@ -163,7 +163,7 @@ def _fitted(mesh: TensorMesh, axis: int, at: float, breaks: list[float]) -> tupl
     return samples, np.array([basis, slopes]) @ fit
 
 
-def patch(mesh: TensorMesh, axis: int, at: float, breaks: list[float]) -> Array:
+def patch_lines(mesh: TensorMesh, axis: int, at: float, breaks: list[float]) -> Array:
     """Return the mesh lines (k,) of a patch around a coordinate; those beyond a seam go on increasing."""
     line = mesh.lines[axis]
     cells, period = len(line) - 1, line[-1] - line[0]

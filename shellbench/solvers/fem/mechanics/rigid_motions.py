@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.posed.rigid import middle_and_size, motions_of
 from shellbench.problems.shell.symmetry.symmetry import axis_of_revolution
-from shellbench.solvers.fem.mesh.bubbles import interpolated
+from shellbench.solvers.fem.mesh.bubbles import interpolation_coefficients
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CUBIC, KINDS, SAME, Derivative, TensorMesh
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ def nodal_rigid_motions(case: Case, mesh: TensorMesh) -> Array:
         at = arms(mesh.node_points)
         nodal = np.stack([at[kind] for kind in KINDS], axis=1)
     else:
-        nodal = np.swapaxes(interpolated(mesh, arms), 1, 2)
+        nodal = np.swapaxes(interpolation_coefficients(mesh, arms), 1, 2)
     motions = motions_of(nodal, False)
     motions[:, KINDS.index((0, 0)), :, :COMPONENTS] = np.eye(COMPONENTS)
     scaled = np.swapaxes(motions, 1, 2) * mesh.node_scales[:, None, :, None]
@@ -92,7 +92,7 @@ class Revolution:
             return None
         return cls(mesh, Rotation.from_rotvec(steps[0] * axis).as_matrix())
 
-    def direction(self, q: Array) -> Array | None:
+    def wave_direction(self, q: Array) -> Array | None:
         """Return the difference (nodes, 12) of a state turned forward and back by a cell; None if it is symmetric."""
         fields = q.reshape(*self.mesh.shape, COMPONENTS, len(KINDS))
         on = np.einsum("cd,ijdk->ijck", self.turn, np.roll(fields, 1, axis=0))

@@ -66,7 +66,7 @@ def support_nodes(mesh: TensorMesh, place: Place) -> Integers:
 
 
 @dataclass(frozen=True)
-class End:
+class EdgeEnd:
     """The end of a support's edge: its force there is a sum of those at the next two nodes along it."""
 
     support: int
@@ -75,7 +75,7 @@ class End:
     parts: tuple[float, float]
 
 
-def ends(support: int, nodes: Integers, line: Array) -> Iterator[End]:
+def edge_ends(support: int, nodes: Integers, line: Array) -> Iterator[EdgeEnd]:
     """Yield both ends of an edge with nodes (n,) at coordinates (n,)."""
     # The force per length is linear over the first three cells. A nodal force is its value at the centroid of the
     # node's function, times half of the cells at the node.
@@ -87,7 +87,7 @@ def ends(support: int, nodes: Integers, line: Array) -> Iterator[End]:
         ahead = (at[0] - CENTROID * first) / (at[1] - at[0])
         parts = first * np.array([1 + ahead, -ahead]) / np.array([first + second, second + third])
         end, *beside = nodes[order][:3]
-        yield End(support, int(end), (int(beside[0]), int(beside[1])), (float(parts[0]), float(parts[1])))
+        yield EdgeEnd(support, int(end), (int(beside[0]), int(beside[1])), (float(parts[0]), float(parts[1])))
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class Sharing:
 
     holders: Flags
     values: Integers
-    ends: tuple[End, ...]
+    ends: tuple[EdgeEnd, ...]
     meeting: Integers
     division: Array
 
@@ -119,12 +119,12 @@ class Sharing:
     ) -> Sharing:
         """Divide by the rows (k, r, d) at nodes (k,), and the supports (k, r) that state them."""
         count = 1 + max((c.support for c in stated), default=-1)
-        holders, found = np.zeros((len(nodes), count, rows.shape[2]), dtype=bool), list[End]()
+        holders, found = np.zeros((len(nodes), count, rows.shape[2]), dtype=bool), list[EdgeEnd]()
         for c in stated:
             at = np.searchsorted(nodes, c.nodes)
             holders[at, c.support] |= c.acting
             if c.edge is not None and not mesh.domain.periodic[1 - c.edge.axis]:
-                found += ends(c.support, at, mesh.node_points[c.nodes, 1 - c.edge.axis])
+                found += edge_ends(c.support, at, mesh.node_points[c.nodes, 1 - c.edge.axis])
         # A force R^T m has its least multipliers m: unique where conditions differ, equal where they are the same.
         meeting = np.flatnonzero((holders.sum(axis=1) > 1).any(axis=1))
         least = np.swapaxes(np.linalg.pinv(rows[meeting], rcond=RANK_TOLERANCE), 1, 2)

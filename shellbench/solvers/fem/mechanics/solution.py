@@ -29,7 +29,7 @@ from shellbench.solvers.fem.mechanics.kinematics import (
 )
 from shellbench.solvers.fem.mechanics.resultants import resultants
 from shellbench.solvers.fem.mechanics.rigid_motions import nodal_rigid_motions
-from shellbench.solvers.fem.mesh.bubbles import interpolated
+from shellbench.solvers.fem.mesh.bubbles import interpolation_coefficients
 from shellbench.solvers.fem.mesh.mesh import (
     COMPONENTS,
     CUBIC,
@@ -41,7 +41,7 @@ from shellbench.solvers.fem.mesh.mesh import (
     kind_scales,
     present_on_axis,
 )
-from shellbench.solvers.fem.mesh.quadrature import CHUNK, Quadrature, chunks
+from shellbench.solvers.fem.mesh.quadrature import CHUNK, Quadrature, cell_portions
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -114,7 +114,7 @@ class FemSolution(ShellSolution):
         # collected once, by cell. The points run fastest, so that sums over a and b are sums of long rows.
         xi = np.asarray(points, dtype=float)
         flat, basis = xi.reshape(-1, 2), self.mesh.basis
-        carried = self._by_cell(self.state(at))
+        carried = self._factors_by_cell(self.state(at))
         found = np.empty((len(flat), COMPONENTS))
         for start in range(0, len(flat), POINTS):  # in portions that stay in the cache
             portion = slice(start, start + POINTS)
@@ -136,11 +136,11 @@ class FemSolution(ShellSolution):
         return found.reshape(*xi.shape[:-1], COMPONENTS)
 
     @cached_property
-    def _by_cell(self) -> Callable[[int], Array]:
+    def _factors_by_cell(self) -> Callable[[int], Array]:
         """Factors of the cells' functions at a state, (3, p + 1, p + 1, cells), as a function; see `cell_functions`."""
-        return lru_cache(maxsize=1)(self._collected)
+        return lru_cache(maxsize=1)(self._collect_factors)
 
-    def _collected(self, state: int) -> Array:
+    def _collect_factors(self, state: int) -> Array:
         nodes, sizes = self.mesh.cell_corners
         corners, kinds = cell_functions(self.mesh.basis)
         carried = self.coefficients[..., state].transpose(1, 2, 0)[:, kinds[..., None], nodes.T[corners]]
@@ -164,7 +164,7 @@ class FemSolution(ShellSolution):
 
         return lru_cache(maxsize=1)(strained)
 
-    def told(self, **more: Any) -> FemSolution:
+    def with_description(self, **more: Any) -> FemSolution:
         """Return the solution with changed fields that describe it; integrals of its displacement field stay cached."""
         found = replace(self, **more)
         found.__dict__.update({name: self.__dict__[name] for name in INTEGRATED if name in self.__dict__})
@@ -179,7 +179,7 @@ class FemSolution(ShellSolution):
 
         `gradients` (n, 5, 3) are the derivatives of the displacement in the order of `DERIVATIVES`.
         """
-        surface = Midsurface.at(self.case.surface.derivatives(self.mesh.domain.wrap(points), order=2))
+        surface = Midsurface.from_position(self.case.surface.derivatives(self.mesh.domain.wrap(points), order=2))
         strains = self._strained(surface, gradients).reshape(-1, 2, 3)
         material = self.case.material
         stiffness = stiffness_moduli(self.case.surface, material, self.mesh.domain.wrap(points))
@@ -198,7 +198,7 @@ class FemSolution(ShellSolution):
         quadrature, total = Quadrature.of_order(self.mesh, self.quadrature_order), 0.0
         for cells in self._cells():
             points, weights = quadrature.on_cells(self.mesh, cells)
-            surface = Midsurface.at(self.case.surface.derivatives(points.reshape(-1, 2), order=2))
+            surface = Midsurface.from_position(self.case.surface.derivatives(points.reshape(-1, 2), order=2))
             total += float(weights.ravel() @ surface.area)
         return total * self.images[0] * self.images[1]
 
@@ -238,7 +238,7 @@ class FemSolution(ShellSolution):
         for cells in self._cells():
             points, weights = quadrature.on_cells(self.mesh, cells)
             flat = points.reshape(-1, 2)
-            surface = Midsurface.at(case.surface.derivatives(flat, order=2))
+            surface = Midsurface.from_position(case.surface.derivatives(flat, order=2))
             share = stiffness_moduli(case.surface, case.material, flat) * (weights.ravel() * surface.area)[:, None]
             stiffness = elasticities(surface, case.material) * share[:, :, None, None]
             rule.append((cells, surface.with_points_fastest(), points_fastest(stiffness)))
@@ -256,7 +256,7 @@ class FemSolution(ShellSolution):
         """(k, kinds, 3) the midsurface in the basis, at nodes with supports."""
         wrap, surface = self.mesh.domain.wrap, self.case.surface
         if self.mesh.degree > CUBIC:
-            found = interpolated(self.mesh, lambda points: surface.derivatives(wrap(points), order=2))
+            found = interpolation_coefficients(self.mesh, lambda points: surface.derivatives(wrap(points), order=2))
             return np.swapaxes(found[self.support_nodes], 1, 2)
         x = surface.derivatives(wrap(self.mesh.node_points[self.support_nodes]), order=2)
         return np.stack([x[kind] for kind in KINDS], axis=1)
@@ -318,7 +318,7 @@ def mean_rigid_motion(case: Case, mesh: TensorMesh, quadrature: Quadrature, coef
     fields = np.concatenate([coefficients, motions], axis=-1)
     products = np.zeros((loose.shape[1], fields.shape[-1]))
     centre, size = middle_and_size(case.surface)
-    for cells in chunks(mesh):
+    for cells in cell_portions(mesh):
         points, weights = quadrature.on_cells(mesh, cells)
         x = case.surface.derivatives(points.reshape(-1, 2), order=1)
         area = weights.ravel() * np.linalg.norm(cross(x[1, 0], x[0, 1]), axis=-1)

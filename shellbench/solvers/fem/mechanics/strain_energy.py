@@ -19,7 +19,7 @@ from shellbench.solvers.fem.mechanics.kinematics import (
     Midsurface,
     dot,
     elasticities,
-    empty,
+    empty_points_fastest,
     points_fastest,
     stiffness_moduli,
 )
@@ -58,7 +58,7 @@ class Portion:
 
     def stresses(self, strains: Array) -> Array:
         """Return the stresses conjugate to strains (n, 6), in J."""
-        stresses = empty(len(strains), 6)
+        stresses = empty_points_fastest(len(strains), 6)
         for part, rows in enumerate((slice(0, 3), slice(3, 6))):
             stresses[:, rows] = dot(self.moduli[:, part], strains[:, None, rows])
         return stresses
@@ -70,7 +70,7 @@ class Portion:
 
 
 @dataclass(frozen=True)
-class Strained:
+class StrainedMesh:
     """A deformed mesh.
 
     Attributes
@@ -117,7 +117,7 @@ class StrainEnergy:
             cells = slice(start, min(start + CELLS, count))
             points, weights = self.quadrature.on_cells(mesh, cells)
             moduli = stiffness_moduli(self.surface, self.material, points.reshape(-1, 2))
-            reference = Midsurface.at(self.surface.derivatives(points.reshape(-1, 2), order=2))
+            reference = Midsurface.from_position(self.surface.derivatives(points.reshape(-1, 2), order=2))
             share = (weights.ravel() * reference.area)[:, None, None, None]
             tensor = elasticities(reference, self.material)
             sizes = mesh.sizes[cells]
@@ -154,7 +154,7 @@ class StrainEnergy:
         gradients = by_cell / portion.steps.T[:, None, :, None]
         return np.ascontiguousarray(gradients).reshape(len(DERIVATIVES), COMPONENTS, -1).transpose(2, 0, 1)
 
-    def at(self, q: Array) -> Strained:
+    def deform(self, q: Array) -> StrainedMesh:
         """Deform the mesh."""
         forces = np.zeros((self.mesh.node_count, NODE_DOFS))
         energies = np.zeros(2)
@@ -167,17 +167,17 @@ class StrainEnergy:
             self._add_forces(forces, portion, deformation.first_variation(stress))
             deformations.append(deformation)
             stresses.append(stress)
-        return Strained(float(energies[0]), float(energies[1]), forces, tuple(deformations), tuple(stresses))
+        return StrainedMesh(float(energies[0]), float(energies[1]), forces, tuple(deformations), tuple(stresses))
 
     def parts(self, q: Array) -> tuple[float, float]:
-        """Return the membrane and the bending part of the strain energy, J, at half the cost of `at`."""
+        """Return the membrane and the bending part of the strain energy, J, at half the cost of `deform`."""
         energies = np.zeros(2)
         for portion in self.portions:
             strains = Deformation.from_gradients(portion.reference, self.gradients(portion, q)).strains
             energies += _work(strains, portion.stresses(strains))
         return float(energies[0]), float(energies[1])
 
-    def predicted_stresses(self, strained: Strained, step: Array) -> tuple[Array, ...]:
+    def predicted_stresses(self, strained: StrainedMesh, step: Array) -> tuple[Array, ...]:
         """Return the stresses by portion that the strains' first variation predicts after a step (nodes, 12)."""
         predicted = []
         for portion, deformation, stress in zip(self.portions, strained.deformations, strained.stresses, strict=True):
@@ -185,7 +185,7 @@ class StrainEnergy:
             predicted.append(stress + portion.stresses((deformation.operator @ change)[..., 0]))
         return tuple(predicted)
 
-    def tangent(self, strained: Strained, stresses: tuple[Array, ...] | None = None) -> BlockMatrix:
+    def tangent(self, strained: StrainedMesh, stresses: tuple[Array, ...] | None = None) -> BlockMatrix:
         """Return the second variation of the energy.
 
         `stresses`, by portion, replace the displacement's own in the geometric part (see `problem`).

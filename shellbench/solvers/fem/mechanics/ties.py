@@ -79,10 +79,10 @@ class Ties:
             rows[at[:, None], place] = condition.rows
             values[at[:, None], place] = condition.values
             owners[at[:, None], place] = condition.support
-        free = np.tile(mesh.carried, len(COMPONENTS))
+        free = np.tile(mesh.used_dofs, len(COMPONENTS))
         particular = np.zeros((mesh.node_count, carried, len(states)))
         basis = np.zeros((len(nodes), carried, carried))
-        for group in _tied_together(mesh.kinds):
+        for group in _dof_groups(mesh.kinds):
             stating = np.flatnonzero(np.any(rows[:, :, group], axis=(0, 2)))
             several = max(len(stating), len(group))
             part, asked = np.zeros((len(nodes), several, len(group))), np.zeros((len(nodes), several, len(states)))
@@ -102,10 +102,10 @@ class Ties:
         misfit = np.abs(rows @ particular[nodes] - values)
         if misfit.size and misfit.max() > RANK_TOLERANCE * np.abs(values).max():
             node = nodes[np.unravel_index(np.argmax(misfit), misfit.shape)[0]]
-            raise InputError(_contradiction(case, mesh, stated, int(node)))
+            raise InputError(_contradiction_in_words(case, mesh, stated, int(node)))
         return cls(nodes, basis, free, particular, Sharing.from_conditions(stated, nodes, rows, owners, mesh))
 
-    def pinned(self, nodes: Integers, dofs: Integers) -> Ties:
+    def with_pins(self, nodes: Integers, dofs: Integers) -> Ties:
         """Return the same ties with further single degrees of freedom, of untied nodes, held at zero."""
         free = self.free.copy()
         free[nodes, dofs] = False
@@ -136,7 +136,7 @@ class Ties:
         node, dof = np.divmod(dofs, carried)
         tied, free = np.any(place[node] >= 0, axis=1), self.free.ravel()[dofs]
         partly = ~free.all(axis=1)
-        result = matrix.with_own(np.flatnonzero(tied | partly))
+        result = matrix.with_cells_copied(np.flatnonzero(tied | partly))
         blocks = result.instead
         for at_edge, number in ((k, cell) for k, cell in enumerate(result.changed) if tied[cell]):
             at, own = place[node[number]], dof[number]
@@ -173,7 +173,7 @@ class Ties:
         return BlockMatrix(blocks, matrix.columns)
 
 
-def _tied_together(kinds: Sequence[tuple[int, int]]) -> Iterator[Integers]:
+def _dof_groups(kinds: Sequence[tuple[int, int]]) -> Iterator[Integers]:
     """Yield the degrees of freedom of a node that conditions may tie: of the vertex, and of each bubble on a side."""
     carried = {kind: number for number, kind in enumerate(kinds)}
     most = max(max(kind) for kind in kinds)
@@ -186,7 +186,7 @@ def _tied_together(kinds: Sequence[tuple[int, int]]) -> Iterator[Integers]:
         yield (np.arange(len(COMPONENTS))[:, None] * len(kinds) + numbers).ravel()
 
 
-def _contradiction(case: Case, mesh: TensorMesh, stated: Sequence[Conditions], node: int) -> str:
+def _contradiction_in_words(case: Case, mesh: TensorMesh, stated: Sequence[Conditions], node: int) -> str:
     names = sorted({f"'{case.supports[c.support].name}'" for c in stated if node in c.nodes and c.support >= 0})
     where = ", ".join(f"{v:.6g}" for v in mesh.node_points[node])
     who = f"supports {' and '.join(names)} contradict each other" if len(names) > 1 else f"support {names[0]}"

@@ -51,7 +51,7 @@ def fitted_bubbles(degree: Degree, ends: Array, inside: Array) -> Array:
     return np.asarray(np.einsum("bg,cg...->cb...", moments, left))
 
 
-def interpolated(mesh: TensorMesh, derivatives: Derivatives) -> Array:
+def interpolation_coefficients(mesh: TensorMesh, derivatives: Derivatives) -> Array:
     """Return the coefficients (nodes, ..., kinds) of functions whose values, slopes and u,12 are given at points."""
     # Take values of f, f,1, f,2 and f,12 on the tensor grid of mesh lines and moment points; then fit one coordinate
     # after the other.
@@ -66,9 +66,9 @@ def interpolated(mesh: TensorMesh, derivatives: Derivatives) -> Array:
     tail = given[0, 0].shape[1:]
     at = {key: given[key].reshape(*grid.shape[:2], *tail) for key in ((0, 0), (1, 0), (0, 1), (1, 1))}
     result = np.zeros((*mesh.shape, *tail, len(mesh.kinds)))
-    second = {m: _along(mesh, 0, at[0, m], at[1, m], sizes[0]) for m in (0, 1)}
+    second = {m: _coefficients_along(mesh, 0, at[0, m], at[1, m], sizes[0]) for m in (0, 1)}
     columns = {
-        k: _along(mesh, 1, np.swapaxes(second[0][k], 0, 1), np.swapaxes(second[1][k], 0, 1), sizes[1])
+        k: _coefficients_along(mesh, 1, np.swapaxes(second[0][k], 0, 1), np.swapaxes(second[1][k], 0, 1), sizes[1])
         for k in mesh.basis.numbers(0)
     }
     for number, (k, m) in enumerate(mesh.kinds):
@@ -77,7 +77,7 @@ def interpolated(mesh: TensorMesh, derivatives: Derivatives) -> Array:
     return result.reshape(mesh.node_count, *tail, len(mesh.kinds))
 
 
-def _along(mesh: TensorMesh, axis: int, values: Array, slopes: Array, h: Array) -> list[Array]:
+def _coefficients_along(mesh: TensorMesh, axis: int, values: Array, slopes: Array, h: Array) -> list[Array]:
     """Return value, slope and bubbles, of samples along the first axis of arrays: at lines, or by cell.
 
     Across folds the slope is the mean of both sides, and its jump comes last.

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.question.features import quickness
+from shellbench.problems.shell.question.features import quickness_in_words
 from shellbench.problems.shell.question.loads import PointLoad
 from shellbench.problems.shell.question.places import Edge, Point
 from shellbench.solvers.fem.mesh.mesh import CUBIC, ROUNDING, SAME, Degree, TensorMesh
@@ -34,7 +34,7 @@ def singular_points(case: Case) -> list[tuple[float, float]]:
     return sorted({*(place.xi for place in places if isinstance(place, Point)), *peaks})
 
 
-def segment(cells: int, exponents: tuple[float, float]) -> Array:
+def graded_segment(cells: int, exponents: tuple[float, float]) -> Array:
     """Return lines (cells + 1,) from 0 to 1 whose distances from either end grow by these powers; 1 grades nothing.
 
     Raises
@@ -46,11 +46,11 @@ def segment(cells: int, exponents: tuple[float, float]) -> Array:
     if last == 1:
         return np.asarray(np.linspace(0.0, 1.0, cells + 1) ** first)
     if first == 1:
-        return np.asarray(1.0 - segment(cells, (last, first))[::-1])
+        return np.asarray(1.0 - graded_segment(cells, (last, first))[::-1])
     half, odd = divmod(cells, 2)
     if odd:
         raise ValueError("a segment that is graded toward both ends needs an even number of cells")
-    return np.concatenate([segment(half, (first, 1)) / 2, 1.0 - segment(half, (last, 1))[-2::-1] / 2])
+    return np.concatenate([graded_segment(half, (first, 1)) / 2, 1.0 - graded_segment(half, (last, 1))[-2::-1] / 2])
 
 
 def marked_coordinates(case: Case, axis: int) -> list[float]:
@@ -121,12 +121,12 @@ def axis_lines(
     counts = np.ceil(cells * (reaches / reaches.max()) ** (1 / exponent) - SAME).astype(int)
     lines = [np.array([stops[0]])]
     for (start, stop), exponents, parts, count in zip(pairwise(stops), toward, halves, counts, strict=True):
-        inside = segment(parts * max(int(count), FEWEST), exponents)[1:-1]
+        inside = graded_segment(parts * max(int(count), FEWEST), exponents)[1:-1]
         lines += [start + (stop - start) * inside, np.array([stop])]
-    return _resolving(case, axis, cells, np.concatenate(lines))
+    return _refine_at_quick_stiffness(case, axis, cells, np.concatenate(lines))
 
 
-def _resolving(case: Case, axis: int, cells: int, lines: Array) -> Array:
+def _refine_at_quick_stiffness(case: Case, axis: int, cells: int, lines: Array) -> Array:
     """Return the mesh lines with further ones where the stiffness of a case varies quickly.
 
     At `USUAL` cells these are the ends of the cells that resolve it; other meshes have more or fewer in proportion.
@@ -153,18 +153,18 @@ def _resolving(case: Case, axis: int, cells: int, lines: Array) -> Array:
     return lines
 
 
-def unresolved(case: Case, mesh: TensorMesh) -> str | None:
+def why_unresolved(case: Case, mesh: TensorMesh) -> str | None:
     """Return a formula that varies within less than a cell of the mesh, and its place, as one clause, or None."""
     for feature in case.features if not case.modal else ():
         division = feature.division
         for axis in (0, 1) if feature.role == "stiffness" else ():
             there = division.narrow[:, axis]
-            middles = mesh.brought_in((division.low + division.high)[there] / 2)[:, axis]
+            middles = mesh.into_period((division.low + division.high)[there] / 2)[:, axis]
             line = mesh.lines[axis]
             cells = np.diff(line)[np.clip(np.searchsorted(line, middles) - 1, 0, len(line) - 2)]
             needed = (division.high - division.low)[there, axis]
             if np.any(cells > COARSE * needed):
-                return f"{feature.what} {quickness(case, feature, axis)}, and the mesh does not resolve it"
+                return f"{feature.what} {quickness_in_words(case, feature, axis)}, and the mesh does not resolve it"
     return None
 
 

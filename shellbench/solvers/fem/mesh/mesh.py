@@ -281,7 +281,7 @@ class TensorMesh:
         return np.asarray((first[:, None] | second).ravel())
 
     @cached_property
-    def carried(self) -> NDArray[np.bool_]:
+    def used_dofs(self) -> NDArray[np.bool_]:
         """(nodes, (p - 1)^2) mask of the numbers that are used: at the last node no cell begins."""
         result = np.ones((*self.shape, len(self.kinds)), dtype=bool)
         for number, (k, m) in enumerate(self.kinds):
@@ -369,7 +369,7 @@ class TensorMesh:
 
     def node_at(self, xi: tuple[float, float]) -> int:
         """Return the node at a point, or raise ValueError if there is none."""
-        point = self.brought_in(np.asarray(xi))
+        point = self.into_period(np.asarray(xi))
         index = []
         for axis, line in enumerate(self.lines):
             nearest = int(np.argmin(np.abs(line - point[axis])))
@@ -378,7 +378,7 @@ class TensorMesh:
             index.append(nearest % self.shape[axis])
         return index[0] * self.shape[1] + index[1]
 
-    def brought_in(self, points: ArrayLike) -> Array:
+    def into_period(self, points: ArrayLike) -> Array:
         """Bring points (..., 2) into the period that the mesh spans; others are left as they are."""
         xi = np.array(points, dtype=float)
         for axis, line in enumerate(self.lines):
@@ -400,7 +400,7 @@ class TensorMesh:
             Node numbers of the corners (n, 4) of the cells that hold the points, in the order of `CORNERS`;
             coordinates (n, 2) in the unit cell; and the cells' sizes (n, 2).
         """
-        index, unit, sizes = self._found(points)
+        index, unit, sizes = self._find(points)
         corners = np.array(CORNERS)
         first = (index[0][:, None] + corners[:, 0]) % self.shape[0]
         second = (index[1][:, None] + corners[:, 1]) % self.shape[1]
@@ -408,11 +408,11 @@ class TensorMesh:
 
     def find_cells(self, points: ArrayLike) -> tuple[Integers, Array, Array]:
         """Find points as `locate` does; return their cells (n,), by number in `cell_corners`, instead of nodes."""
-        index, unit, sizes = self._found(points)
+        index, unit, sizes = self._find(points)
         return index[0] * self.cells[1] + index[1], unit, sizes
 
-    def _found(self, points: ArrayLike) -> tuple[Integers, Array, Array]:
-        xi = self.brought_in(points)
+    def _find(self, points: ArrayLike) -> tuple[Integers, Array, Array]:
+        xi = self.into_period(points)
         index = np.empty((2, len(xi)), dtype=np.int64)
         unit, sizes = np.empty_like(xi), np.empty_like(xi)
         for axis, line in enumerate(self.lines):

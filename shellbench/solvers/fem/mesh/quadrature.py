@@ -94,7 +94,7 @@ class EdgeRule:
         return cls(cells, sizes, unit, w, points.reshape(-1, 2))
 
 
-def chunks(mesh: TensorMesh, size: int = CHUNK) -> Iterator[slice]:
+def cell_portions(mesh: TensorMesh, size: int = CHUNK) -> Iterator[slice]:
     """Yield the cells of a mesh in portions."""
     count = len(mesh.nodes)
     for start in range(0, count, size):

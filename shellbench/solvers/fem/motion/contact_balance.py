@@ -34,7 +34,7 @@ APART, SLIPS, STICKS = 0, 1, 2
 
 
 @dataclass
-class Framed:
+class Delassus:
     """A compliance of w points in local axes, and the last factorised part of it.
 
     Attributes
@@ -50,7 +50,7 @@ class Framed:
     _factored: tuple[bytes, Array, Array] | None = None
 
     @classmethod
-    def from_compliance(cls, compliance: Array, normal: Array, rough: bool) -> Framed:
+    def from_compliance(cls, compliance: Array, normal: Array, rough: bool) -> Delassus:
         """Turn a compliance (w, 3, w, 3) into axes of normals (w, 3)."""
         axes = normal[:, None]
         if rough:
@@ -104,7 +104,7 @@ class Balance:
     least
         Gap that is rounding, m.
     kept
-        `framed` of an earlier one with this compliance, and these normals.
+        `local_compliance` of an earlier one with this compliance, and these normals.
     """
 
     compliance: Array
@@ -113,12 +113,12 @@ class Balance:
     gap: Array
     slip: Array
     least: float
-    kept: Framed | None = None
+    kept: Delassus | None = None
 
     @cached_property
-    def framed(self) -> Framed:
+    def local_compliance(self) -> Delassus:
         """The compliance along normals and, with friction, across them."""
-        return self.kept or Framed.from_compliance(self.compliance, self.normal, bool(np.any(self.friction > 0)))
+        return self.kept or Delassus.from_compliance(self.compliance, self.normal, bool(np.any(self.friction > 0)))
 
     def forces(self, before: Array) -> Array:
         """Return the forces (w, 3), N; NotConvergedError if none are found. `before` (w, 3) are a first guess."""
@@ -132,11 +132,11 @@ class Balance:
         heading = np.zeros_like(self.normal)
         fewest, lives = len(status) + 1, PATIENCE
         for _ in range(MOST_ROUNDS):
-            found = self._balanced(status, heading)
+            found = self._forces_by_status(status, heading)
             moved = (self.compliance.reshape(found.size, -1) @ found.ravel()).reshape(found.shape)
             pressure = np.sum(self.normal * found, axis=-1)
             # Alart & Curnier: the force less the one that would cancel the slip decides between sticking and slipping
-            tried = self._along(found - (self.slip + moved) / np.where(able, own, np.inf)[:, None])
+            tried = self._tangential_parts(found - (self.slip + moved) / np.where(able, own, np.inf)[:, None])
             sizes, bound = np.linalg.norm(tried, axis=-1), self.friction * pressure * (1 + ROUNDING)
             pressed = np.where(
                 status == APART, self.gap + np.sum(self.normal * moved, axis=-1) < -self.least, pressure >= 0
@@ -157,20 +157,20 @@ class Balance:
             status[wrong] = after[wrong]
         raise NotConvergedError
 
-    def _along(self, vectors: Array) -> Array:
+    def _tangential_parts(self, vectors: Array) -> Array:
         """Return the parts of vectors (w, 3) along obstacles."""
         return np.asarray(vectors - np.sum(vectors * self.normal, axis=-1, keepdims=True) * self.normal)
 
-    def _balanced(self, status: Integers, heading: Array) -> Array:
+    def _forces_by_status(self, status: Integers, heading: Array) -> Array:
         """Return the forces (w, 3) that close all gaps in contact and hold the sticking points."""
         # Unknowns are pressures and, of points that stick, two forces along the obstacle. Friction of points that slip
         # goes with their pressure: it is no unknown, and the matrix has no symmetry.
         pressed, stuck = np.flatnonzero(status != APART), np.flatnonzero(status == STICKS)
         if not len(pressed):
             return np.zeros_like(self.normal)
-        axes = self.framed.axes
+        axes = self.local_compliance.axes
         rubbed = np.where(status == SLIPS, self.friction, 0.0)[:, None, None] * (axes[:, 1:] @ heading[..., None])
         known = np.zeros(axes.shape[:2])
         known[:, 0], known[:, 1:] = self.gap, (axes[:, 1:] @ self.slip[..., None])[..., 0]
-        forces = self.framed.forces(pressed, stuck, rubbed[..., 0], known)
+        forces = self.local_compliance.forces(pressed, stuck, rubbed[..., 0], known)
         return np.asarray((forces[:, None] @ axes)[:, 0])

@@ -34,7 +34,7 @@ from shellbench.solvers.fem.mechanics.contact_points import REACH
 from shellbench.solvers.fem.mechanics.kinematics import Midsurface
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS, ROUNDING, TensorMesh, gauss_rule, tabulate
 from shellbench.solvers.fem.mesh.quadrature import basis_scales
-from shellbench.solvers.fem.motion.contact_balance import Balance, Framed
+from shellbench.solvers.fem.motion.contact_balance import Balance, Delassus
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -45,7 +45,7 @@ STEEPER = 2.0  # weight of depths in the merit, in the largest force: more than 
 PORTION = 300  # unit forces that are solved for at once
 
 
-def _rule(first: bool, last: bool) -> tuple[Array, Array]:
+def _rule_of_cell(first: bool, last: bool) -> tuple[Array, Array]:
     """Return points and weights on the unit cell: Gauss's two, and with the edges of the shell Radau's or Lobatto's."""
     # All are exact for cubics: a shell on a flat floor has an even pressure, and does not bend. There are as many
     # points as degrees of freedom of a C1 cubic spline. Gauss points alone would leave out the edges, which hit first
@@ -91,7 +91,7 @@ class TouchingPoints:
             ends = [
                 (k == 0, k == count - 1) if not mesh.domain.periodic[axis] else (False, False) for k in range(count)
             ]
-            rules = [_rule(*end) for end in ends]
+            rules = [_rule_of_cell(*end) for end in ends]
             rows.append(
                 (
                     np.repeat(np.arange(count), [len(x) for x, _ in rules]),
@@ -104,7 +104,7 @@ class TouchingPoints:
             np.stack(np.meshgrid(*pair, indexing="ij"), axis=-1).reshape(-1, 2) for pair in ((x, y), (v, w))
         )
         points = mesh.domain.wrap(mesh.origins[cells] + unit * mesh.sizes[cells])
-        base = Midsurface.at(case.surface.derivatives(points, order=2)).base
+        base = Midsurface.from_position(case.surface.derivatives(points, order=2)).base
         sides = np.linalg.norm(base, axis=-1).reshape(-1, 2) * mesh.sizes[cells]
         values = (tabulate(unit, (0, 0)) * basis_scales(mesh, slice(None))[cells]).reshape(len(cells), -1)
         # row: a point's component; column: node, component, kind
@@ -118,19 +118,19 @@ class TouchingPoints:
         return cls(case, mesh, points, operator, sides * shares, REACH * sides.max(axis=0))
 
     @cached_property
-    def rest(self) -> Array:
+    def rest_positions(self) -> Array:
         """(n, 3) where the points are at rest, m."""
         return self.case.surface.position(self.points)
 
-    def nearest(self, u: Array, t: float) -> tuple[Array, Array, Integers]:
+    def nearest_obstacles(self, u: Array, t: float) -> tuple[Array, Array, Integers]:
         """Return gaps (n,), m, normals (n, 3) and numbers of obstacles (n,) for points displaced by u (n, 3)."""
-        return nearest_obstacle(self.case, self.points, u, t, self.rest)
+        return nearest_obstacle(self.case, self.points, u, t, self.rest_positions)
 
     def displacement(self, q: Array) -> Array:
         """Return the displacement (n, 3) at the points of q (nodes, 12)."""
         return np.asarray((self.operator @ q.ravel()).reshape(-1, COMPONENTS))
 
-    def nodal(self, forces: Array) -> Array:
+    def nodal_forces(self, forces: Array) -> Array:
         """Return the nodal forces (nodes, 12) of forces (n, 3), N, at the points."""
         return np.asarray((self.operator.T @ forces.ravel()).reshape(self.mesh.node_count, -1))
 
@@ -155,15 +155,15 @@ class Compliance:
     solve: Solve
     chosen: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     matrix: Array = field(default_factory=lambda: np.zeros((0, COMPONENTS, 0, COMPONENTS)))
-    _framed: Framed | None = None
+    _framed: Delassus | None = None
 
-    def framed(self, normal: Array, rough: bool) -> Framed:
+    def in_axes(self, normal: Array, rough: bool) -> Delassus:
         """Return the matrix in axes of normals (w, 3): the last ones as long as these are the same."""
         if self._framed is None or not np.array_equal(self._framed.axes[:, 0], normal):
-            self._framed = Framed.from_compliance(self.matrix, normal, rough)
+            self._framed = Delassus.from_compliance(self.matrix, normal, rough)
         return self._framed
 
-    def extend(self, more: Integers) -> None:
+    def add_points(self, more: Integers) -> None:
         """Add points."""
         old = len(self.chosen)
         self.chosen = np.concatenate([self.chosen, more])
@@ -184,7 +184,7 @@ class Compliance:
 
 
 @dataclass(frozen=True)
-class Pushed:
+class StepPush:
     """Contact in an iteration: forces (n, 3), N, and their part in the equation of the step's unknown.
 
     That part is `nodal` (nodes, 12), and `rubbing` (nodes, 12) of friction alone. `weight`, N, multiplies the depths in
@@ -221,13 +221,13 @@ class StepContact:
 
     def gap(self, u: Array) -> tuple[Array, Array, Integers]:
         """Return gaps (n,), m, normals (n, 3) and obstacles' numbers (n,) at the step's end, displaced by u (n, 3)."""
-        return self.points.nearest(u, self.end)
+        return self.points.nearest_obstacles(u, self.end)
 
     def depths(self, u: Array) -> Array:
         """Return the depths (n,) of points in obstacles at the step's end, m."""
         return np.maximum(-self.gap(u)[0], 0.0)
 
-    def pushed(self, u: Array, step: Array, compliance: Compliance, share: float, whole: float) -> tuple[Array, Array]:
+    def repel(self, u: Array, step: Array, compliance: Compliance, share: float, whole: float) -> tuple[Array, Array]:
         """Return the forces (n, 3), N, that keep points out of obstacles, taken as planes, and the step with them.
 
         Parameters
@@ -256,7 +256,7 @@ class StepContact:
         obstacles = self.points.case.obstacles
         friction = np.array([o.friction for o in obstacles])[nearest]
         rough = any(o.friction > 0 for o in obstacles)
-        slip = u - self.start - self._shifts[nearest]
+        slip = u - self.start - self._obstacle_shifts[nearest]
         free = whole * self.points.displacement(step)
         least = ROUNDING * max(np.abs(gap).max(), np.abs(free).max())
         forces, moved, answer = np.zeros_like(u), free, step
@@ -265,25 +265,25 @@ class StepContact:
             wanted |= gap + np.sum(normal * moved, axis=-1) < -least
             wanted[compliance.chosen] = False
             if np.any(wanted):
-                compliance.extend(np.flatnonzero(wanted))
+                compliance.add_points(np.flatnonzero(wanted))
             elif answer is not step or not len(compliance.chosen):
                 return forces, answer
             w = compliance.chosen
             unit = share * whole
             small = Balance(
                 compliance.matrix, normal[w], friction[w], (gap + np.sum(normal * free, axis=-1))[w] / unit,
-                (slip + free)[w] / unit, least / unit, compliance.framed(normal[w], rough),
+                (slip + free)[w] / unit, least / unit, compliance.in_axes(normal[w], rough),
             )  # fmt: skip
             forces[w] = small.forces(self.before[w])
-            answer = step + share * compliance.solve(self.points.nodal(forces)[..., None])[..., 0]
+            answer = step + share * compliance.solve(self.points.nodal_forces(forces)[..., None])[..., 0]
             moved = whole * self.points.displacement(answer)
 
     def work(self, forces: Array) -> float:
         """Return the work that moving obstacles do by forces (n, 3), J."""
-        _, _, nearest = self.points.nearest(self.start, self.begin)
-        return float(np.sum(forces * self._shifts[nearest]))
+        _, _, nearest = self.points.nearest_obstacles(self.start, self.begin)
+        return float(np.sum(forces * self._obstacle_shifts[nearest]))
 
     @property
-    def _shifts(self) -> Array:
+    def _obstacle_shifts(self) -> Array:
         """(obstacles, 3) displacements of the obstacles in the step, m."""
         return np.array([o.at(self.end)[0] - o.at(self.begin)[0] for o in self.points.case.obstacles])

@@ -67,7 +67,7 @@ ROOM = 1 / 16  # of that error, below which the next step may be twice as long, 
 FRAMES = 240  # instants that are kept of a run, evenly; between them the motion is interpolated
 
 
-def declined(case: Case) -> str | None:
+def why_declined(case: Case) -> str | None:
     """Return the property of a case in motion that fem can't take, as a clause, or None."""
     if any(isinstance(load, MomentLoad) for load in case.loads):
         return "it can't follow moments on edges in time"
@@ -179,22 +179,22 @@ def solve(
         # Small whole numbers of cells grow by less, or not at all: changes then underestimate the error.
         last = [k for k, n in enumerate(meshes) if n not in meshes[k + 1 :]]  # the level with the least step on each
         for name, v in values.items():
-            least = estimate([v[k] for k in last], _as_asked([meshes[k] for k in last]), ORDER).uncertainty
+            least = estimate([v[k] for k in last], _asked_refinement([meshes[k] for k in last]), ORDER).uncertainty
             estimates[name] = replace(estimates[name], uncertainty=max(estimates[name].uncertainty, least))
-        scales = {q.name: _scale(found, q, quantities) for q in case.quantities}
+        scales = {q.name: _uncertainty_scale(found, q, quantities) for q in case.quantities}
         error = max(estimates[name].uncertainty / scales[name] for name in values)
         seconds = time.perf_counter() - began
         levels.append(
             Step(level, seconds, found.history[-1].energy, found.parameters, case.states[-1], None, quantities)
         )
-        solution = _finished(found, levels, estimates, tolerance, error, h, scheme)
+        solution = _with_estimates(found, levels, estimates, tolerance, error, h, scheme)
         if error <= tolerance or UNPREDICTABLE < error < math.inf:
             break
     assert solution is not None  # there is a first level
     return solution
 
 
-def _as_asked(meshes: list[float]) -> list[float]:
+def _asked_refinement(meshes: list[float]) -> list[float]:
     """Return the refinement of meshes; three or more that grow nearly evenly count as even, without rounding."""
     # An observed rate of three meshes is sensitive to rounded numbers: 12, 18, 24 cells are meant to grow evenly. Two
     # meshes show no rate, and growth far from even is kept as it is.
@@ -209,7 +209,7 @@ def _cells(mesh: TensorMesh) -> str:
     return f"{mesh.cells[0]} x {mesh.cells[1]} cells"
 
 
-def _scale(solution: MotionSolution, quantity: QuantityModel, quantities: Mapping[str, float]) -> float:
+def _uncertainty_scale(solution: MotionSolution, quantity: QuantityModel, quantities: Mapping[str, float]) -> float:
     """Return the scale of a quantity's uncertainty: the size of the shell, the sum of energies, or the weight.
 
     If the shell hardly moves, the scale is its largest displacement, or its own energies: these are nothing beside its
@@ -237,7 +237,7 @@ def _scale(solution: MotionSolution, quantity: QuantityModel, quantities: Mappin
             return max(value, farthest if hardly else size, float(np.finfo(float).tiny))
 
 
-def _finished(
+def _with_estimates(
     found: MotionSolution,
     levels: list[Step],
     estimates: Mapping[str, Estimate],
@@ -299,7 +299,7 @@ def follow(
     allowed = SMOOTH * shell_size(case)
     # A whole number of equal steps, so that the last one is not a short one.
     usual = until / math.ceil(until / usual * (1 - SAME))
-    h, now = usual, shell.at_rest(usual)
+    h, now = usual, shell.initial_instant(usual)
     kept, drift = [now], 0.0
     reactions: list[tuple[float, Array]] = []
     steps: list[Step] = []

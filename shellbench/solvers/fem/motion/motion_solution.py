@@ -87,19 +87,19 @@ class MotionSolution(ShellSolution):
             coefficients=self._hermite(at)[..., None],
             states=(at,),
             support_nodes=self.support_nodes,
-            support_forces=self._forces(at)[..., None],
+            support_forces=self._reactions_at(at)[..., None],
             quadrature_order=self.quadrature_order,
             parameters=self.parameters,
         )
 
-    def _span(self, at: float) -> tuple[int, float, float]:
+    def _interval_of(self, at: float) -> tuple[int, float, float]:
         """Return the number of the interval that contains a time, its length, and the position in it."""
         number = int(np.clip(np.searchsorted(self.times, at, side="right") - 1, 0, len(self.times) - 2))
         length = float(self.times[number + 1] - self.times[number])
         return number, length, (at - float(self.times[number])) / length
 
     def _hermite(self, at: float, rate: bool = False) -> Array:
-        k, h, s = self._span(at)
+        k, h, s = self._interval_of(at)
         if rate:
             values = (6 * s**2 - 6 * s) / h, (6 * s - 6 * s**2) / h
             slopes = 3 * s**2 - 4 * s + 1, 3 * s**2 - 2 * s
@@ -112,7 +112,7 @@ class MotionSolution(ShellSolution):
         )
         return np.asarray(values[0] * u + values[1] * u_next + slopes[0] * v + slopes[1] * v_next)
 
-    def _forces(self, at: float) -> Array:
+    def _reactions_at(self, at: float) -> Array:
         """Interpolate the reactions by the polynomial through the nearest ones."""
         count = min(STENCIL, len(self.reaction_times))
         first = int(np.searchsorted(self.reaction_times, at)) - count // 2
@@ -123,13 +123,13 @@ class MotionSolution(ShellSolution):
 
     def displacement_at(self, xi: Array, at: float | None) -> Array:
         """Return the displacement (N, 3) at points (N, 2) and any time that was reached."""
-        return self._on(xi, self.frame(at).coefficients[..., 0])
+        return self._field_at_points(xi, self.frame(at).coefficients[..., 0])
 
     def velocity_at(self, xi: Array, at: float | None) -> Array:
         """Return the velocity (N, 3) at points (N, 2) and any time that was reached."""
-        return self._on(xi, self._hermite(self.frame(at).states[0], rate=True))
+        return self._field_at_points(xi, self._hermite(self.frame(at).states[0], rate=True))
 
-    def _on(self, xi: Array, coefficients: Array) -> Array:
+    def _field_at_points(self, xi: Array, coefficients: Array) -> Array:
         """Return a field with coefficients (nodes, 3, 4) at points (N, 2); the basis there is cached."""
         return np.asarray(self._bases(xi.tobytes()) @ np.swapaxes(coefficients, 1, 2).reshape(-1, COMPONENTS))
 

@@ -31,11 +31,11 @@ from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix
 from shellbench.solvers.fem.algebra.factor import Factor, NotPositiveDefiniteError, factorise
 from shellbench.solvers.fem.mechanics.assembly import mass_matrix, spring_matrix
 from shellbench.solvers.fem.mechanics.contact_points import CLOSED
-from shellbench.solvers.fem.mechanics.strain_energy import Strained
+from shellbench.solvers.fem.mechanics.strain_energy import StrainedMesh
 from shellbench.solvers.fem.mechanics.ties import Ties
-from shellbench.solvers.fem.motion.contact_in_motion import STEEPER, Compliance, Pushed, StepContact, TouchingPoints
+from shellbench.solvers.fem.motion.contact_in_motion import STEEPER, Compliance, StepContact, StepPush, TouchingPoints
 from shellbench.solvers.fem.motion.generalised_alpha import Instant, Scheme
-from shellbench.solvers.fem.path.finite_state import on_free
+from shellbench.solvers.fem.path.finite_state import solve_on_free
 from shellbench.solvers.fem.path.problem import FiniteProblem
 from shellbench.solvers.stepping.control import NotConvergedError
 
@@ -57,7 +57,7 @@ SHORTEST_SEARCH = 2.0**-10  # of the Newton step
 
 
 @dataclass
-class _Kept:
+class _Tangent:
     """A factorised tangent, used as long as it converges quickly; for one length of step, without obstacles."""
 
     factor: Factor | None = None
@@ -71,7 +71,7 @@ class MovingShell:
 
     problem: FiniteProblem
     scheme: Scheme
-    _kept: _Kept = field(default_factory=_Kept)
+    _kept: _Tangent = field(default_factory=_Tangent)
 
     @cached_property
     def mass(self) -> BlockMatrix:
@@ -97,7 +97,7 @@ class MovingShell:
     def _sparse_springs(self) -> sp.csr_matrix | None:
         return None if self.springs is None else self.springs.to_csr()
 
-    def pull(self, q: Array) -> Array:
+    def spring_forces(self, q: Array) -> Array:
         """Return the forces (nodes, 12) of the springs on a displacement (nodes, 12), N."""
         springs = self._sparse_springs
         return np.zeros_like(q) if springs is None else np.asarray((springs @ q.ravel()).reshape(q.shape))
@@ -112,7 +112,7 @@ class MovingShell:
         """The factorised mass matrix; the held degrees of freedom do not depend on the time."""
         return factorise(self.problem.ties(0.0).reduce(self.mass), self.problem.dissection)
 
-    def at_rest(self, h: float) -> Instant:
+    def initial_instant(self, h: float) -> Instant:
         """Return the initial state; over the step `h`, supports are assumed to accelerate evenly."""
         problem = self.problem
         q = np.zeros((problem.mesh.node_count, 12))
@@ -121,20 +121,20 @@ class MovingShell:
         # acceleration, u0 = a h^2 / 2.
         moved = 2 / h**2 * problem.ties(h).particular[..., 0]
         right = problem.loads(0.0) - self.momentum(moved)
-        a = moved + on_free(ties, self._inertia, right)
+        a = moved + solve_on_free(ties, self._inertia, right)
         reaction = np.zeros_like(q)
         reaction[ties.nodes] = (self.momentum(a) - problem.loads(0.0))[ties.nodes]
         return Instant(0.0, q, np.zeros_like(q), a, reaction)
 
     def energies(self, instant: Instant) -> tuple[float, float]:
         """Return kinetic energy, and that of strains and springs, J."""
-        return self._kinetic(instant.v), sum(self.problem.energy.parts(instant.q)) + self._sprung(instant.q)
+        return self._kinetic(instant.v), sum(self.problem.energy.parts(instant.q)) + self._spring_energy(instant.q)
 
     def _kinetic(self, v: Array) -> float:
         return 0.5 * float(np.sum(v * self.momentum(v)))
 
-    def _sprung(self, q: Array) -> float:
-        return 0.0 if self.springs is None else 0.5 * float(np.sum(q * self.pull(q)))
+    def _spring_energy(self, q: Array) -> float:
+        return 0.0 if self.springs is None else 0.5 * float(np.sum(q * self.spring_forces(q)))
 
     def step(self, start: Instant, h: float) -> Instant:
         """Return the state after a step.
@@ -159,29 +159,29 @@ class MovingShell:
         free = coast - h**2 * s.beta * s.alpha_m / (1 - s.alpha_m) * start.a
         target = (1 - s.alpha_f) * free + s.alpha_f * start.q  # x*
         weight = (1 - s.alpha_m) / ((1 - s.alpha_f) * s.beta * h**2)
-        contact = None if self.points is None else self._contact(self.points, start, end)
+        contact = None if self.points is None else self._step_contact(self.points, start, end)
         guess = start.q + h * start.velocity + h**2 / 2 * start.a
         if start.impulse is not None:
             guess = guess + h / 2 * start.impulse
         guess = ties.particular[..., 0] + ties.to_nodal(ties.to_free(guess[..., None]))[..., 0]
         x = (1 - s.alpha_f) * guess + s.alpha_f * start.q
-        minimum = _Minimum(self, ties, middle, loads, target, weight, self._kinetic(start.v), start.q, contact)
-        x, residual, forces, iterations = minimum.find(x, h)
-        q = minimum.end(x)
+        minimum = _StepPotential(self, ties, middle, loads, target, weight, self._kinetic(start.v), start.q, contact)
+        x, residual, forces, iterations = minimum.minimise(x, h)
+        q = minimum.end_displacement(x)
         push = np.zeros_like(q)  # r of `contact_in_motion`
         touched: dict[str, Array] = {}
         supplied, lost = start.supplied, start.lost
         if contact is not None:
-            nodal = contact.points.nodal(forces)
-            push = on_free(ties, self._inertia, nodal)
+            nodal = contact.points.nodal_forces(forces)
+            push = solve_on_free(ties, self._inertia, nodal)
             touched = {"touch": forces, "impulse": h * push}
             supplied += contact.work(forces)
             # impulses change the kinetic energy by their work on the velocity in their middle
             lost += contact.work(forces) - h * float(np.sum(nodal * (start.v + h / 2 * push)))
-            # the equation of x contains impulses `share` times, and reactions contain them once
-            residual = residual + (minimum.share - 1) * (self.momentum(push) - nodal)
+            # the equation of x contains impulses `impulse_factor` times, and reactions contain them once
+            residual = residual + (minimum.impulse_factor - 1) * (self.momentum(push) - nodal)
         for clamp in problem.clamps:  # the part of its terms without dm is the force of its support
-            clamped = clamp.at(x, middle)
+            clamped = clamp.deform_edge(x, middle)
             residual = residual + clamped.gradient(len(x)) - clamped.gap_forces(len(x))
         a = (q - coast - h**2 * push) / (s.beta * h**2)
         v = start.v + h * ((1 - s.gamma) * start.a + s.gamma * a + push)
@@ -196,7 +196,7 @@ class MovingShell:
         supplied += float(np.sum(loaded * (q - start.q)))
         return Instant(end, q, v, a, reaction, h, iterations, supplied, lost, **touched)
 
-    def _contact(self, points: TouchingPoints, start: Instant, end: float) -> StepContact:
+    def _step_contact(self, points: TouchingPoints, start: Instant, end: float) -> StepContact:
         before = np.zeros((len(points.points), 3)) if start.touch is None else start.touch
         return StepContact(points, start.t, end, points.displacement(start.q), before)
 
@@ -206,7 +206,7 @@ class MovingShell:
 
 
 @dataclass(frozen=True)
-class _Minimum:
+class _StepPotential:
     """The incremental potential of one step, with forces balanced at the time t.
 
     `kinetic` is the kinetic energy, J, at the beginning of the step, and `begin` the displacement.
@@ -222,17 +222,17 @@ class _Minimum:
     begin: Array = field(default_factory=lambda: np.zeros(()))
     contact: StepContact | None = None
 
-    def end(self, x: Array) -> Array:
+    def end_displacement(self, x: Array) -> Array:
         """Return the displacement (nodes, 12) at the step's end."""
         late = self.shell.scheme.alpha_f
         return np.asarray((x - late * self.begin) / (1 - late))
 
     @property
-    def share(self) -> float:
+    def impulse_factor(self) -> float:
         """Factor, in the equation of x, of a force R that moves the step's end by h^2 M^-1 R."""
         return (1 - self.shell.scheme.alpha_m) / self.shell.scheme.beta
 
-    def find(self, x: Array, h: float) -> tuple[Array, Array, Array, int]:
+    def minimise(self, x: Array, h: float) -> tuple[Array, Array, Array, int]:
         """Return the minimum from a guess that satisfies the supports, and the residual, forces and iterations there.
 
         Forces (n, 3), N, are those of obstacles.
@@ -250,7 +250,7 @@ class _Minimum:
         # c depends on the length of the step.
         if kept.length != h:
             kept.factor, kept.length = None, h
-        strained = energy.at(x)
+        strained = energy.deform(x)
         value, size = self._potential(x, strained)
         residual, before, share = self._residual(x, strained), np.inf, 0.0
         for iteration in range(1, MOST_ITERATIONS + 1):
@@ -259,27 +259,27 @@ class _Minimum:
             if kept.factor is None:
                 kept.factor, kept.compliance = self._factorised(x, strained), None
                 before = np.inf
-            step = on_free(self.ties, kept.factor, residual)
-            touch = Pushed(np.zeros((0, 3)), np.zeros(x.shape), np.zeros(x.shape), 0.0)
+            step = solve_on_free(self.ties, kept.factor, residual)
+            touch = StepPush(np.zeros((0, 3)), np.zeros(x.shape), np.zeros(x.shape), 0.0)
             if self.contact is not None:
-                touch, step = self._pushed(self.contact, x, step, kept)
+                touch, step = self._contact_step(self.contact, x, step, kept)
             decrement = float(np.sum((residual + touch.nodal) * step))
             if self.contact is None and iteration > 1 and share == 1.0 and abs(decrement) <= UNMOVED * CONVERGED * size:
                 return x, residual, touch.forces, iteration - 1
             # Near the minimum a difference of potentials is rounding: without the floor the search would fail there.
             # The floor's energies include the kinetic one, since a shell in free fall has hardly another.
-            share, floor, merit = 1.0, CONVERGED * size, value + self._entered(x, touch)
+            share, floor, merit = 1.0, CONVERGED * size, value + self._contact_merit(x, touch)
             while True:
                 moved = x + share * step
-                strained = energy.at(moved)
+                strained = energy.deform(moved)
                 found, size = self._potential(moved, strained)
-                if found + self._entered(moved, touch) <= merit - SUFFICIENT * share * decrement + floor:
+                if found + self._contact_merit(moved, touch) <= merit - SUFFICIENT * share * decrement + floor:
                     break
                 share /= 2
                 if share < SHORTEST_SEARCH:
                     raise NotConvergedError
             x, value, residual = moved, found, self._residual(moved, strained)
-            if decrement <= floor and share == 1.0 and self._closed(x):
+            if decrement <= floor and share == 1.0 and self._gaps_are_closed(x):
                 return x, residual + touch.nodal, touch.forces, iteration
             # A new tangent has no earlier decrement, so that its first step never replaces it.
             if decrement > SLOW * before or share < 1.0:
@@ -287,48 +287,48 @@ class _Minimum:
             before = decrement
         raise NotConvergedError
 
-    def _pushed(self, contact: StepContact, x: Array, step: Array, kept: _Kept) -> tuple[Pushed, Array]:
+    def _contact_step(self, contact: StepContact, x: Array, step: Array, kept: _Tangent) -> tuple[StepPush, Array]:
         """Return the contact forces if a step would enter obstacles, and the step with these forces."""
         factor, ties = kept.factor, self.ties
         assert factor is not None
         if kept.compliance is None:
-            kept.compliance = Compliance(contact.points, lambda right: _solved(ties, factor, right))
+            kept.compliance = Compliance(contact.points, lambda right: _solve_on_free(ties, factor, right))
         whole = 1 / (1 - self.shell.scheme.alpha_f)
-        u = contact.points.displacement(self.end(x))
-        forces, step = contact.pushed(u, step, kept.compliance, self.share, whole)
+        u = contact.points.displacement(self.end_displacement(x))
+        forces, step = contact.repel(u, step, kept.compliance, self.impulse_factor, whole)
         normal = contact.gap(u)[1]
         pressure = np.sum(forces * normal, axis=-1, keepdims=True)
-        rubbing = self.share * contact.points.nodal(forces - pressure * normal)
-        weight = STEEPER * self.share / whole * float(pressure.max())
-        return Pushed(forces, self.share * contact.points.nodal(forces), rubbing, weight), step
+        rubbing = self.impulse_factor * contact.points.nodal_forces(forces - pressure * normal)
+        weight = STEEPER * self.impulse_factor / whole * float(pressure.max())
+        return StepPush(forces, self.impulse_factor * contact.points.nodal_forces(forces), rubbing, weight), step
 
-    def _entered(self, x: Array, touch: Pushed) -> float:
+    def _contact_merit(self, x: Array, touch: StepPush) -> float:
         """Return the merit without the potential, J: depths in obstacles, and work against friction as a dead force."""
         if self.contact is None:
             return 0.0
-        u = self.contact.points.displacement(self.end(x))
+        u = self.contact.points.displacement(self.end_displacement(x))
         return touch.weight * float(self.contact.depths(u).sum()) - float(np.sum(touch.rubbing * x))
 
-    def _closed(self, x: Array) -> bool:
+    def _gaps_are_closed(self, x: Array) -> bool:
         if self.contact is None:
             return True
-        depths = self.contact.depths(self.contact.points.displacement(self.end(x)))
+        depths = self.contact.depths(self.contact.points.displacement(self.end_displacement(x)))
         return bool(depths.max() <= CLOSED * self.shell._size)
 
-    def _potential(self, x: Array, strained: Strained) -> tuple[float, float]:
+    def _potential(self, x: Array, strained: StrainedMesh) -> tuple[float, float]:
         """Return the incremental potential, and the magnitude of the energies that it is made of, J."""
         away = x - self.target
         inertia = self.weight / 2 * float(np.sum(away * self.shell.momentum(away)))
-        elastic = strained.energy + self.shell.problem.clamped(x, self.t) + self.shell._sprung(x)
+        elastic = strained.energy + self.shell.problem.clamp_potential(x, self.t) + self.shell._spring_energy(x)
         work = float(np.sum(self.loads * x))
         return inertia + elastic - work, self.kinetic + inertia + elastic + abs(work)
 
-    def _residual(self, x: Array, strained: Strained) -> Array:
+    def _residual(self, x: Array, strained: StrainedMesh) -> Array:
         forces = self.loads - strained.forces - self.weight * self.shell.momentum(x - self.target)
-        forces -= sum(clamp.at(x, self.t).gradient(len(x)) for clamp in self.shell.problem.clamps)
-        return forces if self.shell.springs is None else forces - self.shell.pull(x)
+        forces -= sum(clamp.deform_edge(x, self.t).gradient(len(x)) for clamp in self.shell.problem.clamps)
+        return forces if self.shell.springs is None else forces - self.shell.spring_forces(x)
 
-    def _factorised(self, x: Array, strained: Strained) -> Factor:
+    def _factorised(self, x: Array, strained: StrainedMesh) -> Factor:
         matrix = self.shell.problem.tangent(x, self.t, strained, strained.stresses)
         matrix.blocks[...] += self.weight * self.shell.mass.blocks
         if self.shell.springs is not None:
@@ -342,6 +342,6 @@ class _Minimum:
             raise NotConvergedError from None
 
 
-def _solved(ties: Ties, factor: Factor, right: Array) -> Array:
+def _solve_on_free(ties: Ties, factor: Factor, right: Array) -> Array:
     """Return the displacements (nodes, 12, n) of the free unknowns under forces (nodes, 12, n)."""
     return np.asarray(ties.to_nodal(factor.solve(ties.to_free(right)) * ties.free[..., None]))

@@ -31,10 +31,10 @@ from shellbench.solvers.fem.algebra.factor import Factor, NotPositiveDefiniteErr
 from shellbench.solvers.fem.mechanics.assembly import weighted_products
 from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS
-from shellbench.solvers.fem.path.finite_state import FiniteState, Hold, TangentFactor, on_free
-from shellbench.solvers.fem.path.newton import carried, equilibrium
+from shellbench.solvers.fem.path.finite_state import FiniteState, HeldDirection, TangentFactor, solve_on_free
+from shellbench.solvers.fem.path.newton import equilibrium, move_supports
 from shellbench.solvers.fem.path.problem import FiniteProblem
-from shellbench.solvers.stepping.control import CUT, EASY, GROWTH, Illinois, NotConvergedError, PathEndsError, landing
+from shellbench.solvers.stepping.control import CUT, EASY, GROWTH, Illinois, NotConvergedError, PathEndsError, step_end
 
 Array = NDArray[np.float64]
 
@@ -82,10 +82,10 @@ def following_steps(
     # Textbooks switch branches at the critical point by its eigenvector. This needs an isolated, simple mode. Thin
     # shells buckle in clusters of modes, and the branch found may be unstable; a descent finds a minimum.
     buckling = Buckling(problem)
-    state, step, buckled = problem.rest(), first, False
+    state, step, buckled = problem.at_rest(), first, False
     for mark in marks:
         while state.t < mark:
-            target = landing(state.t, mark, step)
+            target = step_end(state.t, mark, step)
             try:
                 found = buckling.equilibrium(state, target, holding=buckled)
                 stable = found.stable
@@ -93,14 +93,14 @@ def following_steps(
                 found, stable = state, False
             # A step that did not converge is no sign of buckling: only an unstable equilibrium starts the search.
             if not stable and not buckled and found is not state:
-                state = buckling.critical(state, found)
+                state = buckling.last_stable_state(state, found)
                 yield replace(state, critical=True)
                 if problem.case.ends_critical:
                     if any(mark > state.t for mark in problem.case.states):
                         raise PathEndsError(f"the shell buckles at load factor {state.t:.6g}")
                     return
                 buckled, step = True, BEYOND * state.t
-                state = _left_to_itself(buckling, state, min(mark, state.t + step))
+                state = _relax_or_end(buckling, state, min(mark, state.t + step))
                 yield state
                 continue
             if not stable:
@@ -108,16 +108,16 @@ def following_steps(
                 if step >= shortest:
                     continue
                 step = max(BEYOND * state.t, shortest)  # far enough for the instability to show
-                found = _left_to_itself(buckling, state, min(mark, state.t + step))
+                found = _relax_or_end(buckling, state, min(mark, state.t + step))
             elif found.iterations <= EASY_WITH_OLD * EASY:
                 step = max(step, (target - state.t) * GROWTH)
             state = found
             yield state
 
 
-def _left_to_itself(buckling: Buckling, state: FiniteState, t: float) -> FiniteState:
+def _relax_or_end(buckling: Buckling, state: FiniteState, t: float) -> FiniteState:
     try:
-        return buckling.relaxed(state, t)
+        return buckling.relax(state, t)
     except NotConvergedError:
         raise PathEndsError(f"no stable state was found at load factor {t:.6g}") from None
 
@@ -137,15 +137,15 @@ class Buckling:
         )
 
     @cached_property
-    def softest(self) -> float:
+    def softest_stiffness(self) -> float:
         """Stiffness of the softest mode at rest, N/m^3."""
-        rest = self.problem.rest()
+        rest = self.problem.at_rest()
         if rest.factor is None:
             raise NotConvergedError
         return self.softest_mode(self.problem.ties(0.0), rest.factor)[1]
 
     @cached_property
-    def holding(self) -> FiniteProblem:
+    def problem_with_held_waves(self) -> FiniteProblem:
         """The problem with travelling waves held."""
         return replace(self.problem, holding=True)
 
@@ -155,10 +155,10 @@ class Buckling:
         # x . K x = x . M m where K x = M m. In a cluster any mixture of its modes is soft, and only the direction of a
         # push is needed. The seed is fixed, so that answers are reproducible.
         mode, stiffness = np.random.default_rng(0).normal(size=(self.problem.mesh.node_count, 12)), math.inf
-        weighted = _times(self.area, mode)
+        weighted = _product(self.area, mode)
         for _ in range(INVERSE_STEPS):
-            mode, before = on_free(ties, factor, weighted), stiffness
-            work, weighted = float(np.sum(mode * weighted)), _times(self.area, mode)
+            mode, before = solve_on_free(ties, factor, weighted), stiffness
+            work, weighted = float(np.sum(mode * weighted)), _product(self.area, mode)
             stiffness = work / float(np.sum(mode * weighted))
             size = np.abs(mode[:, :: len(KINDS)]).max()
             mode, weighted = mode / size, weighted / size
@@ -189,7 +189,7 @@ class Buckling:
         except NotPositiveDefiniteError:
             raise NotConvergedError from None
 
-    def critical(self, below: FiniteState, above: FiniteState) -> FiniteState:
+    def last_stable_state(self, below: FiniteState, above: FiniteState) -> FiniteState:
         """Return the last stable state between a stable and an unstable one, within `BRACKET` of the stability limit.
 
         Raises
@@ -203,7 +203,7 @@ class Buckling:
         root = Illinois(self._least_stiffness(below), self._least_stiffness(above))
         while high - low.t > BRACKET * high:
             # The trial is beside the root, where the tangent is singular, toward the farther end.
-            share = root.share
+            share = root.trial_share
             trial = low.t + share * (high - low.t) + math.copysign(BRACKET / 4 * high, 0.5 - share)
             try:
                 middle = self.equilibrium(low, trial)
@@ -231,11 +231,11 @@ class Buckling:
         """
         # Newton's method leaves the tangent of an earlier iteration, which is too inaccurate near a critical state. The
         # next step also begins with the state's own tangent.
-        problem = self.holding if holding else self.problem
+        problem = self.problem_with_held_waves if holding else self.problem
         found = equilibrium(problem, start, t, frugal=True)
         tangent = self.tangent(found)
         factor = self.stiffness(tangent, t)
-        forgiven = int(Hold.from_ties(problem.ties(t), factor, problem.travelling(found.q)).negative)
+        forgiven = int(HeldDirection.from_ties(problem.ties(t), factor, problem.wave_direction(found.q)).negative)
         return replace(found, tangent=tangent, factor=factor, forgiven=forgiven)
 
     def _least_stiffness(self, state: FiniteState) -> float:
@@ -245,7 +245,7 @@ class Buckling:
         least = abs(self.softest_mode(self.problem.ties(state.t), state.factor)[1])
         return least if state.stable else -least
 
-    def relaxed(self, start: FiniteState, t: float) -> FiniteState:
+    def relax(self, start: FiniteState, t: float) -> FiniteState:
         """Return a stable state at a load factor, by descent from another state whose supports are moved there.
 
         Raises
@@ -257,11 +257,11 @@ class Buckling:
         # 2. Push the state along its softest mode, off a saddle or critical point.
         # 3. Descend until the gain is small, then try Newton's method, which converges quadratically.
         # 4. Accept a minimum. If Newton's method finds a saddle or nothing, descend further; in the end, push again.
-        state = self._carried(start, t)
+        state = self._move_supports(start, t)
         for _ in range(SADDLES):
-            state = self._pushed(state)
+            state = self._push_along_softest_mode(state)
             for relaxed in RELAXED:
-                state = self._downhill(state, relaxed)
+                state = self._descend(state, relaxed)
                 try:
                     found = self.equilibrium(state, t, holding=True)
                 except NotConvergedError:
@@ -270,15 +270,15 @@ class Buckling:
                     return found  # a saddle is not accepted: a descent direction exists
         raise NotConvergedError
 
-    def _carried(self, start: FiniteState, t: float) -> FiniteState:
+    def _move_supports(self, start: FiniteState, t: float) -> FiniteState:
         """Return a state with its supports moved, and the shell's response by its tangent."""
         ties = self.problem.ties(t)
         moved = ties.particular[..., 0] + ties.to_nodal(ties.to_free(start.q[..., None]))[..., 0] - start.q
         if np.any(moved):
-            moved, _ = carried(self.holding, start, t, ties, moved)
+            moved, _ = move_supports(self.problem_with_held_waves, start, t, ties, moved)
         return self.problem.state_at(t, start.q + moved, start)
 
-    def _pushed(self, state: FiniteState) -> FiniteState:
+    def _push_along_softest_mode(self, state: FiniteState) -> FiniteState:
         """Return a state pushed along its softest mode, to the side where the energy is less."""
         # At a symmetric state both sides gain equally in second order. The energy itself decides, third order included.
         mode, _ = self.softest_mode(self.problem.ties(state.t), self.stiffness(self.tangent(state), state.t))
@@ -286,7 +286,7 @@ class Buckling:
         sides = [self.problem.state_at(state.t, state.q + sign * push, state) for sign in (1.0, -1.0)]
         return min(sides, key=self.problem.potential)
 
-    def _downhill(self, state: FiniteState, relaxed: float) -> FiniteState:
+    def _descend(self, state: FiniteState, relaxed: float) -> FiniteState:
         """Descend in the potential energy until a step is predicted to gain at most a share of it."""
         problem, ties = self.problem, self.problem.ties(state.t)
         # Pseudo-transient continuation, a step in four:
@@ -296,14 +296,14 @@ class Buckling:
         # 4. Lower mu if it fell by a fair share of the prediction, and raise it otherwise.
         # Kelley and Keyes set mu by the residual's norm, which may rise while the energy falls. Here steps are judged
         # by the energy, as in a trust region with the radius 1 / mu.
-        mu, value, tangent = self.softest, problem.potential(state), self.tangent(state)
+        mu, value, tangent = self.softest_stiffness, problem.potential(state), self.tangent(state)
         for _ in range(MOST_RELAXING_STEPS):
             factor = self.stiffness(tangent, state.t, mu)
-            if factor.negative:
+            if factor.negative_count:
                 mu *= HARDER
                 continue
             residual = problem.forces(state.q, state.t) - state.strained.forces
-            step = on_free(ties, factor, residual)
+            step = solve_on_free(ties, factor, residual)
             predicted = float(np.sum(residual * step)) / 2
             if predicted <= relaxed * state.strained.energy:
                 return state
@@ -312,9 +312,9 @@ class Buckling:
             if gained > 0:
                 state, value, tangent = found, value - gained, self.tangent(found)
             # Where waves may travel, K is nearly singular at the minimum too. A step without mu would run along them.
-            mu = max(mu * EASIER, NEUTRAL * self.softest) if gained >= GAINED * predicted else mu * HARDER
+            mu = max(mu * EASIER, NEUTRAL * self.softest_stiffness) if gained >= GAINED * predicted else mu * HARDER
         raise NotConvergedError
 
 
-def _times(matrix: BlockMatrix, vector: Array) -> Array:
+def _product(matrix: BlockMatrix, vector: Array) -> Array:
     return np.asarray((matrix @ vector[..., None])[..., 0])

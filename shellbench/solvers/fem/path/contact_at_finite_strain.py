@@ -30,7 +30,7 @@ DIFFERENCE = 1e-6
 
 
 @dataclass(frozen=True)
-class Pressed:
+class ContactState:
     """Contact of obstacles with a displaced shell.
 
     Attributes
@@ -58,14 +58,14 @@ class Pressed:
     nodal: Array
 
     @property
-    def closed(self) -> bool:
+    def gaps_are_closed(self) -> bool:
         """True if no point is inside an obstacle, and no pressed point is off it."""
         gap = np.where(self.pressure > 0, np.abs(self.gap), -self.gap)
         return bool(np.all(gap <= CLOSED * np.abs(self.displacement).max()))
 
 
 @dataclass(frozen=True)
-class Pressing:
+class Obstacles:
     """Obstacles at a load factor; see the module's docstring.
 
     Attributes
@@ -94,13 +94,13 @@ class Pressing:
         return self.points.penalty * (self.softer[0] if self.softer else 1.0)
 
     @classmethod
-    def from_pressure(cls, points: ContactPoints, t: float, pressure: Array | None) -> Pressing:
+    def from_pressure(cls, points: ContactPoints, t: float, pressure: Array | None) -> Obstacles:
         """Begin with the pressures (n,) of another state and its points in contact, or else with a soft k."""
         if pressure is None or not np.any(pressure > 0):
-            return cls(points, t, np.zeros(len(points.points)), None, tuple(points.softness()))
+            return cls(points, t, np.zeros(len(points.points)), None, tuple(points.penalty_factors()))
         return cls(points, t, pressure, pressure > 0)
 
-    def at(self, q: Array) -> Pressed:
+    def contact_at(self, q: Array) -> ContactState:
         """Return the contact with the shell displaced by q (nodes, 12)."""
         points = self.points
         u = points.displacement(q[..., None])
@@ -109,9 +109,9 @@ class Pressing:
         active = pushed > 0 if self.held is None else self.held
         pressure = np.where(active, pushed, 0.0)
         forces = (pressure * points.areas.ravel())[:, None] * normal
-        return Pressed(u, gap, normal, pressure, active, forces, points.nodal(forces)[..., 0])
+        return ContactState(u, gap, normal, pressure, active, forces, points.nodal_forces(forces)[..., 0])
 
-    def add_stiffness(self, matrix: BlockMatrix, pressed: Pressed) -> None:
+    def add_stiffness(self, matrix: BlockMatrix, pressed: ContactState) -> None:
         """Add the second derivative of the augmented Lagrangian at points in contact to a matrix."""
         # k n n - (p - k g) dn/dx. The second term is that of curved obstacles: the force on a point that slides on a
         # ball turns. Without this term Newton's method is slow there, and the inertia does not show stability.
@@ -136,12 +136,12 @@ class Pressing:
         terms = np.einsum("emij,emak,embl->eiakjbl", weighted, values, values, optimize=True)
         add_cell_matrices(matrix.blocks, points.mesh.nodes[cells], terms)
 
-    def next_round(self, pressed: Pressed) -> Pressing:
+    def next_round(self, pressed: ContactState) -> Obstacles:
         """Take the pressures as multipliers."""
         return replace(self, multipliers=pressed.pressure)
 
 
-def carried_pressure(points: ContactPoints, touch: Touch) -> Array:
+def nearest_pressure(points: ContactPoints, touch: Touch) -> Array:
     """Return the pressure (n,) at points, Pa, of the nearest ones of another mesh."""
     pressure = np.linalg.norm(touch.forces, axis=-1) / np.prod(touch.lengths, axis=-1)
-    return np.asarray(pressure[points.nearest(touch)])
+    return np.asarray(pressure[points.nearest_points_of(touch)])

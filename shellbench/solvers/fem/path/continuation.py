@@ -24,7 +24,7 @@ from shellbench.problems.shell.question.places import Point
 from shellbench.problems.shell.records.path_end import branch_passed
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS, kind_scales, tabulate
 from shellbench.solvers.fem.path.finite_state import Constraint, FiniteState
-from shellbench.solvers.fem.path.newton import equilibrium, on_path
+from shellbench.solvers.fem.path.newton import equilibrium, state_on_path
 from shellbench.solvers.fem.path.problem import FiniteProblem
 from shellbench.solvers.stepping import paths
 from shellbench.solvers.stepping.control import (
@@ -40,7 +40,7 @@ from shellbench.solvers.stepping.control import (
     NotConvergedError,
     PathEndsError,
     checked_rate,
-    same,
+    equal_marks,
 )
 from shellbench.solvers.stepping.paths import Marks
 
@@ -72,7 +72,7 @@ class Station:
 
 
 @dataclass(frozen=True)
-class ByDisplacement:
+class DisplacementControl:
     """A problem whose path is controlled by the displacement row . q."""
 
     problem: FiniteProblem
@@ -80,7 +80,7 @@ class ByDisplacement:
 
     def rate(self, state: FiniteState) -> float:
         """Return the rate of the displacement in the load factor."""
-        return float(np.sum(self.row * self.problem.drift(state)))
+        return float(np.sum(self.row * self.problem.path_rate(state)))
 
     def first_rate(self, drift: Array) -> float:
         """Return the rate of the displacement at rest by dq/dt; PathEndsError if the loads don't move it."""
@@ -88,19 +88,19 @@ class ByDisplacement:
 
     def to_displacement(self, state: FiniteState, value: float, target: float) -> FiniteState:
         """Return the state at a displacement, predicted along the tangent at another."""
-        drift = self.problem.drift(state)
+        drift = self.problem.path_rate(state)
         rate = float(np.sum(self.row * drift))
         if rate == 0.0:
             raise NotConvergedError
         change = (target - value) / rate
-        return on_path(self.problem, state, Constraint(self.row, 0.0, target), (change * drift, change))
+        return state_on_path(self.problem, state, Constraint(self.row, 0.0, target), (change * drift, change))
 
     def check_branch(self, found: FiniteState, rises: bool) -> None:
         """Check that only limit points were passed: they change the tangent's inertia by one, and the load's sense."""
         # At a limit point one eigenvalue changes its sign, and so does dt along the path. At a branch dt does not.
         # Therefore the load rises if the number of negative eigenvalues is even. Two branches in one step are not
         # detected.
-        if found.factor is not None and (found.factor.negative % 2 == 0) != rises:
+        if found.factor is not None and (found.factor.negative_count % 2 == 0) != rises:
             raise PathEndsError(branch_passed(self.problem.case, found.t))
 
 
@@ -109,10 +109,10 @@ def load_steps(
 ) -> Iterator[FiniteState]:
     """Yield the states of equilibrium under load from rest, or from `start`; see `stepping.paths.load_steps`."""
     easy = EASY if problem.points is None else EASY_IN_CONTACT
-    yield from paths.load_steps(partial(equilibrium, problem), start or problem.rest(), marks, first, shortest, easy)
+    yield from paths.load_steps(partial(equilibrium, problem), start or problem.at_rest(), marks, first, shortest, easy)
 
 
-def functional(problem: FiniteProblem, quantity: DisplacementQuantity) -> Array:
+def dof_row(problem: FiniteProblem, quantity: DisplacementQuantity) -> Array:
     """Return the row (nodes, 12) whose product with q is a displacement quantity."""
     mesh, case = problem.mesh, problem.case
     places = [case.places[name] for name in quantity.points]
@@ -130,8 +130,8 @@ def displacement_steps(
     problem: FiniteProblem, row: Array, marks: Sequence[float], end: float, share: float = STEP_SHARE
 ) -> Iterator[FiniteState]:
     """Yield the states at increasing values of the displacement row . q; see `stepping.paths.displacement_steps`."""
-    path, rest = ByDisplacement(problem, row), problem.rest()
-    first = path.first_rate(problem.drift(rest))
+    path, rest = DisplacementControl(problem, row), problem.at_rest()
+    first = path.first_rate(problem.path_rate(rest))
     yield from paths.displacement_steps(path, rest, first, marks, end, share)
 
 
@@ -175,13 +175,13 @@ def arc_length_steps(
         """Return dq/dt at a state, the sign of dt along the path, and the rates of load and displacement in the arc."""
         # The last step determines the direction of travel. The textbook takes the sign of det K, which changes at a
         # branch too, where the path continues straight.
-        drift = problem.drift(found)
+        drift = problem.path_rate(found)
         sign = float(np.sign(np.sum(weights * (found.q - start.q) * drift)))
         return drift, sign, sign / size(drift) * np.array([1.0, np.sum(row * drift)])
 
-    state, value, path = problem.rest(), 0.0, ByDisplacement(problem, row)
+    state, value, path = problem.at_rest(), 0.0, DisplacementControl(problem, row)
     landings = Marks(path, marks, end)
-    drift = problem.drift(state)
+    drift = problem.path_rate(state)
     first = path.first_rate(drift)
     sign = float(np.sign(first))
     rates = sign / size(drift) * np.array([1.0, first])
@@ -197,7 +197,7 @@ def arc_length_steps(
         while leading and not planned and np.sum(row_of_arc * (leading[0].q + astray)) <= along:
             leading.popleft()
         station = leading[0] if leading and not planned else None
-        on_mark = station is not None and same(station.value, landings.waiting[0])
+        on_mark = station is not None and equal_marks(station.value, landings.waiting[0])
         if station is None:
             arc = planned[0] if planned else arc
             change = sign * arc / size(drift)
@@ -208,7 +208,7 @@ def arc_length_steps(
             guess = np.zeros_like(row), 0.0
         constraint = Constraint(row, 0.0, landings.waiting[0]) if on_mark else Constraint(row_of_arc, 0.0, along + arc)
         try:
-            found = on_path(problem, start, constraint, guess, state.factor if station and arc <= short else None)
+            found = state_on_path(problem, start, constraint, guess, state.factor if station and arc <= short else None)
             arc = float(np.sum(row_of_arc * found.q)) - along
             # The arc is the step's component along the tangent, so that this ratio is a cosine.
             if arc < STRAIGHT * size(found.q - state.q):
@@ -229,12 +229,12 @@ def arc_length_steps(
             there = arc * float(np.min((rates / (rates - rates_found))[turns]))  # rates are nearly linear in the arc
             landing = arc <= short * (1 + SAME)
             planned = (
-                _crowded(there, short * CROWDED) if landing else [min(max(there - short, short), CUT * arc), short]
+                _arcs_around(there, short * CROWDED) if landing else [min(max(there - short, short), CUT * arc), short]
             )
             continue
         path.check_branch(found, sign_found * first > 0)
         reached = landings.waiting[0] if on_mark else float(np.sum(row * found.q))
-        yield from landings.passed(state, value, found, reached)
+        yield from landings.states_passed(state, value, found, reached)
         if not landings.waiting:
             return
         if station is not None:
@@ -252,7 +252,7 @@ def arc_length_steps(
     raise PathEndsError(f"the path did not reach a displacement of {end:.6g} in {MOST_ARCS} steps")
 
 
-def _crowded(there: float, close: float) -> list[float]:
+def _arcs_around(there: float, close: float) -> list[float]:
     """Return arcs to a turning point and beyond, shorter the closer they are to it."""
     places = [place for place in (there - 3 * close, there - close) if place > close / 2]
     return [float(arc) for arc in np.diff([0.0, *places, there, there + close])]

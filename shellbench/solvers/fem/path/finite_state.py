@@ -10,7 +10,7 @@ from scipy.sparse.linalg import LinearOperator, gmres
 
 from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix
 from shellbench.solvers.fem.algebra.factor import Factor
-from shellbench.solvers.fem.mechanics.strain_energy import Strained
+from shellbench.solvers.fem.mechanics.strain_energy import StrainedMesh
 from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.mesh import ROUNDING
 
@@ -20,7 +20,7 @@ KRYLOV = 60  # products of a step; a longer iteration is stopped, which makes Ne
 
 
 @dataclass(frozen=True)
-class PressedFactor:
+class UnsymmetricFactor:
     """The tangent K - A on the free unknowns, with K factorised.
 
     Attributes
@@ -38,18 +38,18 @@ class PressedFactor:
     skew: BlockMatrix
 
     @classmethod
-    def on_free(cls, symmetric: Factor, skew: BlockMatrix, ties: Ties) -> PressedFactor:
+    def on_free(cls, symmetric: Factor, skew: BlockMatrix, ties: Ties) -> UnsymmetricFactor:
         """Reduce A to the free unknowns."""
         return cls(symmetric, ties.free.astype(float), ties.reduce(skew))
 
     @property
-    def negative(self) -> int:
+    def negative_count(self) -> int:
         """Number of negative eigenvalues of K.
 
         If there is none, no step does negative work, whatever A is: the state does not diverge. The converse is not
         true, so that a path may end too early.
         """
-        return self.symmetric.negative
+        return self.symmetric.negative_count
 
     def solve(self, right: Array) -> Array:
         """Solve (K - A) x = right for (nodes, 12, n) right-hand sides."""
@@ -74,7 +74,7 @@ class PressedFactor:
 
 
 @dataclass(frozen=True)
-class TurnedFactor:
+class MovedSupportsFactor:
     """The factorised tangent of a state, used as an approximation after supports have moved.
 
     Attributes
@@ -90,9 +90,9 @@ class TurnedFactor:
     ties: Ties
 
     @property
-    def negative(self) -> int:
+    def negative_count(self) -> int:
         """Number of negative eigenvalues at the state."""
-        return self.factor.negative
+        return self.factor.negative_count
 
     def solve(self, right: Array) -> Array:
         """Solve for (nodes, 12, n) right-hand sides."""
@@ -101,7 +101,7 @@ class TurnedFactor:
         return self.ties.to_free(self.before.to_nodal(self.factor.solve(free) * self.before.free[..., None]))
 
 
-TangentFactor = Factor | PressedFactor | TurnedFactor
+TangentFactor = Factor | UnsymmetricFactor | MovedSupportsFactor
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ class FiniteState:
 
     t: float
     q: Array
-    strained: Strained
+    strained: StrainedMesh
     angles: tuple[Array, ...]
     factor: TangentFactor | None
     iterations: int = 0
@@ -154,10 +154,10 @@ class FiniteState:
         A pressure that follows the shell has no potential. Then it is True if all steps from the state do positive
         work.
         """
-        return self.factor is not None and self.factor.negative == self.forgiven
+        return self.factor is not None and self.factor.negative_count == self.forgiven
 
     @property
-    def relieved(self) -> FiniteState:
+    def without_step_data(self) -> FiniteState:
         """The state without the data that only the next step needs, which take most of the memory."""
         return replace(self, factor=None, tangent=None, strained=replace(self.strained, deformations=(), stresses=()))
 
@@ -172,7 +172,7 @@ class Constraint:
 
 
 @dataclass(frozen=True)
-class Hold:
+class HeldDirection:
     """A direction w that is excluded from a step, w . dq = 0; no direction if `answer` is None.
 
     Attributes
@@ -188,16 +188,16 @@ class Hold:
     negative: bool = False
 
     @classmethod
-    def from_ties(cls, ties: Ties, factor: TangentFactor, row: Array | None) -> Hold:
+    def from_ties(cls, ties: Ties, factor: TangentFactor, row: Array | None) -> HeldDirection:
         """Hold a direction, if there is one, in addition to the supports."""
         if row is None:
             return cls(np.zeros(0))
         # A multiplier m holds w: K dq + m w = r and w . dq = 0. This takes one more solve, A = K^-1 w. By the inertia
         # of the bordered matrix, w . A < 0 means that K has one negative eigenvalue less across w.
-        answer = on_free(ties, factor, row)
+        answer = solve_on_free(ties, factor, row)
         return cls(row, answer, bool(np.sum(row * answer) < 0))
 
-    def step(self, step: Array) -> Array:
+    def without_direction(self, step: Array) -> Array:
         """Return a step without its part along w."""
         if self.answer is None:
             return step
@@ -205,7 +205,7 @@ class Hold:
         return step - self.answer * (np.sum(self.row * step) / np.sum(self.row * self.answer))
 
 
-def on_free(ties: Ties, factor: TangentFactor, right: Array) -> Array:
+def solve_on_free(ties: Ties, factor: TangentFactor, right: Array) -> Array:
     """Return the displacement of the shell under forces (nodes, 12) where the supports leave it free."""
     free = ties.to_free(right[..., None])
     return np.asarray(ties.to_nodal(factor.solve(free) * ties.free[..., None])[..., 0])

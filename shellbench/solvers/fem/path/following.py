@@ -61,7 +61,7 @@ class FollowingPressure:
         slopes = np.stack([tabulate(unit, d).reshape(len(unit), FUNCTIONS) for d in ((1, 0), (0, 1))], axis=1)
         return np.asarray(np.einsum("qi,qkj->qkij", self._values, slopes).reshape(-1, FUNCTIONS**2))
 
-    def _base(self, portion: Portion, q: Array) -> tuple[Array, Array]:
+    def _base_vectors(self, portion: Portion, q: Array) -> tuple[Array, Array]:
         """Return the deformed base vectors a1, a2 (n, 3)."""
         base = portion.reference.base + self.energy.gradients(portion, q)[:, :2]
         return base[:, 0], base[:, 1]
@@ -71,7 +71,7 @@ class FollowingPressure:
         mesh = self.energy.mesh
         forces = np.zeros((mesh.node_count, NODE_DOFS))
         for portion, (points, weights) in zip(self.energy.portions, self._points, strict=True):
-            push = (self.case.pressure(points, t) * weights)[:, None] * cross(*self._base(portion, q))
+            push = (self.case.pressure(points, t) * weights)[:, None] * cross(*self._base_vectors(portion, q))
             local = self._values.T @ push.reshape(len(portion.steps), -1, COMPONENTS) * portion.scales[..., None]
             local = local.reshape(-1, len(CORNERS), len(KINDS), COMPONENTS)
             nodes = mesh.nodes[portion.cells]
@@ -102,7 +102,7 @@ class FollowingPressure:
         """Return L as (cells, 3, 4, 4, 3, 4, 4), for pressures (n,) times parametric weights."""
         # 1. Compute dg = -a2 x w,1 + a1 x w,2 at each point, as matrices on the slopes of the unit cell.
         # 2. Multiply by all products of a value and a slope, and sum over the points of a cell.
-        a1, a2 = self._base(portion, q)
+        a1, a2 = self._base_vectors(portion, q)
         count = len(portion.steps)
         spread = np.stack([-cross_matrix(a2), cross_matrix(a1)], axis=1) * pressure[:, None, None, None]
         spread = spread.reshape(count, -1, 2, COMPONENTS, COMPONENTS) / portion.steps[:, None, :2, None, None]

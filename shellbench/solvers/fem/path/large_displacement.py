@@ -20,24 +20,24 @@ from shellbench.problems.shell.variants.edit import between
 from shellbench.solvers.fem.linear.equilibrium import Equilibrium, check_balance
 from shellbench.solvers.fem.mechanics.loads import Loading
 from shellbench.solvers.fem.mechanics.solution import FemSolution, mean_rigid_motion
-from shellbench.solvers.fem.mesh.bubbles import interpolated
+from shellbench.solvers.fem.mesh.bubbles import interpolation_coefficients
 from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CUBIC, KINDS, Derivative, TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.path.buckling import following_steps
-from shellbench.solvers.fem.path.contact_at_finite_strain import carried_pressure
+from shellbench.solvers.fem.path.contact_at_finite_strain import nearest_pressure
 from shellbench.solvers.fem.path.continuation import (
     STEP_SHARE,
     Station,
     arc_length_steps,
     displacement_steps,
-    functional,
+    dof_row,
     load_steps,
 )
 from shellbench.solvers.fem.path.finite_state import FiniteState
 from shellbench.solvers.fem.path.newton import equilibrium
 from shellbench.solvers.fem.path.problem import FiniteProblem
-from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError, same, state_at
-from shellbench.solvers.stepping.paths import over_edit
+from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError, equal_marks, number_of_state
+from shellbench.solvers.stepping.paths import follow_edit
 
 Array = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ class PathEndedError(SolveFailure):
         self.equilibrium = equilibrium
 
 
-def declined(case: Case) -> str | None:
+def why_declined(case: Case) -> str | None:
     """Return the property of a case of the non-linear theory that fem can't take, as a clause, or None."""
     for support in case.supports:
         if support.clamped and isinstance(support.motion, Value):
@@ -128,7 +128,7 @@ def solve(
     loose = free_motions(case)
     for t in () if not loose.size else case.states if case.path.quantity is None else (1.0,):
         check_balance(Loading.on_mesh(case, mesh, problem.quadrature, (t,)), loose)
-    quantities = {q.name: functional(problem, q) for q in case.quantities if isinstance(q, DisplacementQuantity)}
+    quantities = {q.name: dof_row(problem, q) for q in case.quantities if isinstance(q, DisplacementQuantity)}
     controlled = quantities.get(case.path.quantity or "")
     states: list[FiniteState] = []
     seconds: list[float] = []
@@ -136,7 +136,7 @@ def solve(
     try:
         for state in _path(problem, controlled, steps, share, trail):
             # Without its factorisation and deformations a state is small: whole paths stay in memory.
-            states.append(state.relieved)
+            states.append(state.without_step_data)
             seconds.append(time.perf_counter() - began)
             if tell:
                 tell(state.t)
@@ -153,15 +153,15 @@ def solve(
             iteration=number,
             seconds=after,
             energy=problem.potential(state),
-            unknowns=_unknowns(problem),
+            unknowns=_unknown_count(problem),
             at=state.t,
             quantities={name: float(np.sum(row * q)) for name, row in quantities.items()},
             phase="critical" if state.critical else "path",
             iterations=state.iterations,
         )
-        for number, (state, after, q) in enumerate(zip(states, seconds, _held(problem, states), strict=True))
+        for number, (state, after, q) in enumerate(zip(states, seconds, _without_motions(problem, states), strict=True))
     )
-    kept = _kept(case, marks, complete=reason is None)
+    kept = _states_to_keep(case, marks, complete=reason is None)
     kept = sorted({*kept, *(k for k, state in enumerate(states) if state.critical)})
     solution = _solution(problem, quadrature_order, [states[k] for k in kept], [marks[k] for k in kept], history)
     if reason is not None:
@@ -173,7 +173,7 @@ def solve(
     return equilibrium, _solution(problem, quadrature_order, states, marks, history)
 
 
-def prescribed(case: Case, mesh: TensorMesh, quadrature_order: int) -> Equilibrium:
+def interpolate_prescribed(case: Case, mesh: TensorMesh, quadrature_order: int) -> Equilibrium:
     """Return the interpolant of a displacement that the case prescribes everywhere, at its marks.
 
     The support carries the loads; its further forces, which keep the shell in shape, have no resultant.
@@ -184,7 +184,7 @@ def prescribed(case: Case, mesh: TensorMesh, quadrature_order: int) -> Equilibri
     def moved(points: Array, t: float) -> Mapping[Derivative, Array]:
         return case.motion(support, place, mesh.domain.wrap(points), t, order=2)
 
-    coefficients = np.stack([interpolated(mesh, partial(moved, t=t)) for t in case.states], axis=-1)
+    coefficients = np.stack([interpolation_coefficients(mesh, partial(moved, t=t)) for t in case.states], axis=-1)
     quadrature = Quadrature.of_order(mesh, quadrature_order)
     if case.linear or mesh.degree > CUBIC:
         carried = Loading.on_mesh(case, mesh, quadrature, case.states).nodal.reshape(coefficients.shape)
@@ -224,28 +224,28 @@ def _path(
             elif trail is None:
                 yield from load_steps(problem, case.states, *lengths)
             elif trail.case != case:
-                yield from _edited(problem, trail, lengths)
+                yield from _over_edit(problem, trail, lengths)
             else:
-                yield from _corrected(problem, trail)
+                yield from _correct_trail(problem, trail)
         case "displacement":
             assert controlled is not None
             yield from displacement_steps(problem, controlled, case.states, case.path.until, share)
         case "arc_length":
             assert controlled is not None
-            stations = _stations(problem.mesh, trail) if trail else ()
+            stations = _stations_on_mesh(problem.mesh, trail) if trail else ()
             yield from arc_length_steps(problem, controlled, case.states, case.path.until, share, stations)
 
 
-def _corrected(problem: FiniteProblem, trail: FemSolution) -> Iterator[FiniteState]:
+def _correct_trail(problem: FiniteProblem, trail: FemSolution) -> Iterator[FiniteState]:
     """Yield the states at the load factors of a trail, each from its own displacement there."""
     # Nested iteration: the coarser mesh's state at the same t is the initial guess of Newton's method. It may lie on a
     # branch that this mesh does not have. Then load steps reach t from the state before.
     before: FiniteState | None = None
     for t in trail.states:
-        near = before or problem.undeformed()
+        near = before or problem.undeformed_state()
         guess = problem.state_at(t, _interpolated(problem.mesh, trail, t), near)
         if problem.points is not None:
-            guess = replace(guess, pressure=carried_pressure(problem.points, trail.touch(t)))
+            guess = replace(guess, pressure=nearest_pressure(problem.points, trail.touch(t)))
         try:
             state = equilibrium(problem, guess, t, frugal=True)
         except NotConvergedError:
@@ -257,9 +257,9 @@ def _corrected(problem: FiniteProblem, trail: FemSolution) -> Iterator[FiniteSta
         yield state
 
 
-def _edited(problem: FiniteProblem, earlier: FemSolution, lengths: tuple[float, float]) -> Iterator[FiniteState]:
+def _over_edit(problem: FiniteProblem, earlier: FemSolution, lengths: tuple[float, float]) -> Iterator[FiniteState]:
     """Yield the asked states, starting from those of an earlier shell, or from rest if that fails."""
-    case, mesh, rest = problem.case, problem.mesh, problem.undeformed()
+    case, mesh, rest = problem.case, problem.mesh, problem.undeformed_state()
 
     def found_at(t: float, q: Array, share: float) -> tuple[FiniteState, Array]:
         part = problem
@@ -271,8 +271,8 @@ def _edited(problem: FiniteProblem, earlier: FemSolution, lengths: tuple[float, 
     states: list[FiniteState] = []
     try:
         for t in case.states:
-            q = _interpolated(mesh, earlier, earlier.states[state_at(earlier.states, t)])
-            found, iterations = over_edit(partial(found_at, t), q)
+            q = _interpolated(mesh, earlier, earlier.states[number_of_state(earlier.states, t)])
+            found, iterations = follow_edit(partial(found_at, t), q)
             states.append(replace(found, iterations=iterations))
     except PathEndsError:
         yield from load_steps(problem, case.states, *lengths)
@@ -280,7 +280,7 @@ def _edited(problem: FiniteProblem, earlier: FemSolution, lengths: tuple[float, 
     yield from states
 
 
-def _stations(mesh: TensorMesh, trail: FemSolution) -> Iterator[Station]:
+def _stations_on_mesh(mesh: TensorMesh, trail: FemSolution) -> Iterator[Station]:
     """Yield all states of a path on another mesh, interpolated on this one."""
     for number, (value, step) in enumerate(zip(trail.states, trail.history, strict=True)):
         # by number: on a path that turns, several states have the same displacement
@@ -294,23 +294,23 @@ def _interpolated(mesh: TensorMesh, solution: FemSolution, at: float) -> Array:
     return np.asarray((nodal * mesh.node_scales[:, None, :]).reshape(mesh.node_count, -1))
 
 
-def _kept(case: Case, marks: Sequence[float], complete: bool) -> list[int]:
+def _states_to_keep(case: Case, marks: Sequence[float], complete: bool) -> list[int]:
     """Return the numbers of the states at the case's marks that the path reached, and of its last one."""
     kept = []
     for mark in case.states:
         # The path lands on marks up to rounding. On a path that turns, the first passage counts.
-        there = [k for k, value in enumerate(marks) if same(value, mark)]
+        there = [k for k, value in enumerate(marks) if equal_marks(value, mark)]
         kept += there[:1]
     if not complete and len(marks) - 1 not in kept:
         kept.append(len(marks) - 1)
     return kept
 
 
-def _unknowns(problem: FiniteProblem) -> int:
+def _unknown_count(problem: FiniteProblem) -> int:
     return int(np.count_nonzero(problem.ties(problem.case.path.until).free))
 
 
-def _held(problem: FiniteProblem, states: Sequence[FiniteState]) -> list[Array]:
+def _without_motions(problem: FiniteProblem, states: Sequence[FiniteState]) -> list[Array]:
     """Return the displacements (nodes, 12) of states without free rigid motions."""
     loose, scales = free_motions(problem.case), problem.mesh.node_scales[:, None, :, None]
     if not loose.size:
@@ -351,7 +351,7 @@ def _solution(
         support_nodes=nodes,
         support_forces=forces * scales[nodes],
         quadrature_order=quadrature_order,
-        parameters=_unknowns(problem),
+        parameters=_unknown_count(problem),
         history=history,
         touching=tuple(points.touch(s.touch) for s in states if points is not None and s.touch is not None),
     )

@@ -23,7 +23,14 @@ from numpy.typing import NDArray
 from shellbench.solvers.fem.algebra.factor import NotPositiveDefiniteError
 from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.mesh import ROUNDING, UNSTRAINED
-from shellbench.solvers.fem.path.finite_state import Constraint, FiniteState, Hold, TangentFactor, TurnedFactor, on_free
+from shellbench.solvers.fem.path.finite_state import (
+    Constraint,
+    FiniteState,
+    HeldDirection,
+    MovedSupportsFactor,
+    TangentFactor,
+    solve_on_free,
+)
 from shellbench.solvers.fem.path.problem import FiniteProblem
 from shellbench.solvers.stepping.control import NotConvergedError
 
@@ -47,7 +54,7 @@ UNKNOWN = float(np.finfo(float).max)  # work before a first step by an old tange
 STRICT = 1e-4
 
 
-class Known(NamedTuple):
+class KnownTangent(NamedTuple):
     """A tangent beside a state, and the work of the residual on the step that was made by it, J."""
 
     factor: TangentFactor
@@ -70,9 +77,9 @@ def equilibrium(
     ties = problem.ties(t)
     # The change of q that moves the start onto the supports at t, and changes nothing else.
     moved = ties.particular[..., 0] + ties.to_nodal(ties.to_free(start.q[..., None]))[..., 0] - start.q
-    known: Known | None = None
-    if not _stays(problem, start, moved):
-        moved, known = carried(problem, start, t, ties, moved)
+    known: KnownTangent | None = None
+    if not _is_rounding(problem, start, moved):
+        moved, known = move_supports(problem, start, t, ties, moved)
     try:
         return _newton(problem, start, t, ties, moved, None, tolerance, known if frugal else None, frugal)
     except NotConvergedError:
@@ -82,38 +89,40 @@ def equilibrium(
         return _newton(problem, replace(start, pressure=None), t, ties, moved, None, tolerance, None, frugal)
 
 
-def _stays(problem: FiniteProblem, start: FiniteState, step: Array) -> bool:
+def _is_rounding(problem: FiniteProblem, start: FiniteState, step: Array) -> bool:
     """Return True if a step (nodes, 12) is no more than rounding; with possible contact, only if it is zero."""
     return bool(np.abs(step).max() <= (ROUNDING * np.abs(start.q).max() if problem.points is None else 0.0))
 
 
-def carried(problem: FiniteProblem, start: FiniteState, t: float, ties: Ties, moved: Array) -> tuple[Array, Known]:
+def move_supports(
+    problem: FiniteProblem, start: FiniteState, t: float, ties: Ties, moved: Array
+) -> tuple[Array, KnownTangent]:
     """Return a motion of the supports with the shell's response by its tangent at the start, and that tangent."""
     # A support that moves alone would strain only the cells beside it, and these far too much. One linear solve at the
     # start, K dq = r(q, t) - K moved, spreads the motion over the shell.
-    pressing = problem.pressing(start, t)
+    pressing = problem.obstacle_contact(start, t)
     own = None if pressing else start.tangent
     matrix = own or problem.tangent(start.q, start.t, start.strained, start.strained.stresses)
     right = problem.forces(start.q, t) - start.strained.forces
     if pressing:
-        pressed = pressing.at(start.q)
+        pressed = pressing.contact_at(start.q)
         pressing.add_stiffness(matrix, pressed)
         right = right + pressed.nodal
     right = right - (matrix @ moved[..., None])[..., 0]
     factor: TangentFactor
     if own and start.factor is not None:
-        factor = TurnedFactor(start.factor, problem.ties(start.t), ties)
+        factor = MovedSupportsFactor(start.factor, problem.ties(start.t), ties)
     else:
         try:
             factor = problem.reduced_factor(ties, matrix)
         except NotPositiveDefiniteError:
             raise NotConvergedError from None
-    hold = Hold.from_ties(ties, factor, problem.travelling(start.q))
-    step = hold.step(on_free(ties, factor, right))
-    return moved + step, Known(factor, abs(float(np.sum(right * step))))
+    hold = HeldDirection.from_ties(ties, factor, problem.wave_direction(start.q))
+    step = hold.without_direction(solve_on_free(ties, factor, right))
+    return moved + step, KnownTangent(factor, abs(float(np.sum(right * step))))
 
 
-def on_path(
+def state_on_path(
     problem: FiniteProblem,
     start: FiniteState,
     constraint: Constraint,
@@ -130,7 +139,7 @@ def on_path(
         If Newton's method does not get there.
     """
     ties = problem.ties(start.t)
-    known = None if nearby is None else Known(nearby, UNKNOWN)
+    known = None if nearby is None else KnownTangent(nearby, UNKNOWN)
     return _newton(problem, start, start.t + guess[1], ties, guess[0], constraint, CONVERGED, known, frugal=True)
 
 
@@ -142,7 +151,7 @@ def _newton(
     step: Array,
     constraint: Constraint | None,
     tolerance: float,
-    known: Known | None,
+    known: KnownTangent | None,
     frugal: bool,
 ) -> FiniteState:
     """Iterate from `start` after a first step that satisfies the supports (and is a mere prediction)."""
@@ -163,18 +172,18 @@ def _newton(
     # residual may grow at first although the step is right. The caller shortens a step that does not converge.
     q, strained, predicted = start.q, start.strained, partial(tuple, start.strained.stresses)
     factor: TangentFactor | None = None
-    pressing = problem.pressing(start, t)
+    pressing = problem.obstacle_contact(start, t)
     if np.any(step):
         predicted = partial(problem.energy.predicted_stresses, strained, step)
         q = q + step
-        strained = problem.energy.at(q)
-    first, before, residuals, waves = 0.0, np.inf, [], problem.travelling(start.q)
+        strained = problem.energy.deform(q)
+    first, before, residuals, waves = 0.0, np.inf, [], problem.wave_direction(start.q)
     if known is not None:
         factor, before = known.factor, known.work
-    elif _stays(problem, start, step):
+    elif _is_rounding(problem, start, step):
         factor = start.factor  # at the start itself the tangent is known
-    hold = None if factor is None else Hold.from_ties(ties, factor, waves)
-    pressed = pressing.at(q) if pressing else None
+    hold = None if factor is None else HeldDirection.from_ties(ties, factor, waves)
+    pressed = pressing.contact_at(q) if pressing else None
     membrane = problem.case.material.membrane_stiffness
     for iteration in range(1, (MOST_IN_CONTACT if pressing else MOST_ITERATIONS) + 1):
         forces = problem.forces(q, t)
@@ -183,7 +192,7 @@ def _newton(
         right = forces - strained.forces
         # The scale includes the start's forces: an unloaded shell has no others at its end.
         largest = max(np.abs(forces).max(), np.abs(strained.forces).max(), np.abs(start.strained.forces).max())
-        unbalanced, moved = _size(ties, right), UNSTRAINED * float(np.abs(q).max())
+        unbalanced, moved = _largest_free_force(ties, right), UNSTRAINED * float(np.abs(q).max())
         residuals.append(unbalanced / max(largest, np.finfo(float).tiny))
         aged = frugal and not pressing and factor is not None and before < np.inf
         if aged and factor is not None and hold is not None:
@@ -196,7 +205,7 @@ def _newton(
                     factor = problem.factorised(q, t, strained, predicted(), contact)
                 except NotPositiveDefiniteError:
                     raise NotConvergedError from None
-                hold = Hold.from_ties(ties, factor, waves)
+                hold = HeldDirection.from_ties(ties, factor, waves)
             assert factor is not None
             assert hold is not None
             step, change = _step(problem, ties, factor, right, q, t, constraint, hold)
@@ -204,7 +213,7 @@ def _newton(
         decrement = abs(float(np.sum(right * step)))
         predicted = partial(problem.energy.predicted_stresses, strained, step)
         q = q + step
-        strained = problem.energy.at(q)
+        strained = problem.energy.deform(q)
         # The scale also includes the start's energy, for the same reason.
         scale = max(strained.energy + abs(float(np.sum(forces * q))), start.strained.energy)
         first = first or decrement
@@ -220,10 +229,10 @@ def _newton(
             if pressing.softer and (settled or iteration % FEW == 0):
                 pressing, settled, first = replace(pressing, softer=pressing.softer[1:]), False, 0.0
             pressing = replace(pressing, held=None)
-            pressed = pressing.at(q)
-            if settled and not pressed.closed:
+            pressed = pressing.contact_at(q)
+            if settled and not pressed.gaps_are_closed:
                 pressing, settled = pressing.next_round(pressed), False
-                pressed = pressing.at(q)
+                pressed = pressing.contact_at(q)
         if settled:
             assert hold is not None
             angles, forgiven = problem.angles(q, start), int(hold.negative)
@@ -240,15 +249,15 @@ def _step(
     q: Array,
     t: float,
     constraint: Constraint | None,
-    hold: Hold,
+    hold: HeldDirection,
 ) -> tuple[Array, float]:
     """Return a step (nodes, 12) by a tangent, and that of the load factor."""
     if constraint is not None:
-        return _bordered(problem, ties, factor, right, q, t, constraint)
-    return hold.step(on_free(ties, factor, right)), 0.0
+        return _bordered_step(problem, ties, factor, right, q, t, constraint)
+    return hold.without_direction(solve_on_free(ties, factor, right)), 0.0
 
 
-def _bordered(
+def _bordered_step(
     problem: FiniteProblem, ties: Ties, factor: TangentFactor, right: Array, q: Array, t: float, constraint: Constraint
 ) -> tuple[Array, float]:
     # Bordering: the matrix [K, -f'; c, d] is neither symmetric nor of the mesh's pattern. Two solves with the
@@ -267,5 +276,5 @@ def _bordered(
     return fixed + change * moving, change
 
 
-def _size(ties: Ties, forces: Array) -> float:
+def _largest_free_force(ties: Ties, forces: Array) -> float:
     return float(np.abs(ties.to_free(forces[..., None])).max())

@@ -26,12 +26,12 @@ from shellbench.solvers.fem.mechanics.constraints import support_ties
 from shellbench.solvers.fem.mechanics.contact_points import ContactPoints
 from shellbench.solvers.fem.mechanics.loads import EdgeMoment, Loading, area_rule, edge_moments
 from shellbench.solvers.fem.mechanics.rigid_motions import Revolution, determinate_pins, nodal_rigid_motions
-from shellbench.solvers.fem.mechanics.strain_energy import Strained, StrainEnergy
+from shellbench.solvers.fem.mechanics.strain_energy import StrainedMesh, StrainEnergy
 from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
-from shellbench.solvers.fem.path.contact_at_finite_strain import Pressed, Pressing
-from shellbench.solvers.fem.path.finite_state import FiniteState, PressedFactor, TangentFactor, on_free
+from shellbench.solvers.fem.path.contact_at_finite_strain import ContactState, Obstacles
+from shellbench.solvers.fem.path.finite_state import FiniteState, TangentFactor, UnsymmetricFactor, solve_on_free
 from shellbench.solvers.fem.path.following import FollowingPressure
 from shellbench.solvers.stepping.control import NotConvergedError
 
@@ -86,9 +86,9 @@ class FiniteProblem:
             return None
         return ContactPoints.on_mesh(self.case, self.mesh)
 
-    def pressing(self, start: FiniteState, t: float) -> Pressing | None:
+    def obstacle_contact(self, start: FiniteState, t: float) -> Obstacles | None:
         """Return the obstacles at a load factor, with the pressures of a state; None without obstacles."""
-        return None if self.points is None else Pressing.from_pressure(self.points, t, start.pressure)
+        return None if self.points is None else Obstacles.from_pressure(self.points, t, start.pressure)
 
     @cached_property
     def ties(self) -> Callable[[float], Ties]:
@@ -109,7 +109,7 @@ class FiniteProblem:
         loose = free_motions(self.case)
         if not loose.size:
             return ties
-        return ties.pinned(*determinate_pins(ties.nodes, nodal_rigid_motions(self.case, self.mesh) @ loose))
+        return ties.with_pins(*determinate_pins(ties.nodes, nodal_rigid_motions(self.case, self.mesh) @ loose))
 
     @cached_property
     def loads(self) -> Callable[[float], Array]:
@@ -128,9 +128,9 @@ class FiniteProblem:
         unit = at(1.0)
         return lambda t: t * unit
 
-    def rest(self) -> FiniteState:
+    def at_rest(self) -> FiniteState:
         """Return the unloaded state, with its tangent."""
-        state = self.undeformed()
+        state = self.undeformed_state()
         try:
             # A mechanism has a singular tangent at rest, which ends a path only if its first step needs this tangent.
             return replace(state, factor=self.factorised(state.q, 0.0, state.strained, state.strained.stresses))
@@ -151,17 +151,17 @@ class FiniteProblem:
             raise NotConvergedError from None
         return replace(state, factor=factor)
 
-    def undeformed(self) -> FiniteState:
+    def undeformed_state(self) -> FiniteState:
         """Return the unloaded state without its tangent: no path starts from it; it only provides angles."""
         q = np.zeros((self.mesh.node_count, NODE_DOFS))
         angles = tuple(np.zeros(len(moment.points)) for moment in self.moments)
-        return FiniteState(0.0, q, self.energy.at(q), angles, None)
+        return FiniteState(0.0, q, self.energy.deform(q), angles, None)
 
     def state_at(self, t: float, q: Array, near: FiniteState) -> FiniteState:
         """Return a displacement as a state, without a check of equilibrium; angles are closest to those of `near`."""
-        return FiniteState(t, q, self.energy.at(q), self.angles(q, near), None)
+        return FiniteState(t, q, self.energy.deform(q), self.angles(q, near), None)
 
-    def applied(self, q: Array, t: float) -> Array:
+    def applied_forces(self, q: Array, t: float) -> Array:
         """Return the nodal forces (nodes, 12) of all loads on the deformed shell."""
         total = self.loads(t)
         for moment in self.moments:
@@ -172,19 +172,19 @@ class FiniteProblem:
 
     def forces(self, q: Array, t: float) -> Array:
         """Return the nodal forces (nodes, 12) of all loads, and of clamps between the nodes."""
-        total = self.applied(q, t)
+        total = self.applied_forces(q, t)
         for clamp in self.clamps:
-            total = total - clamp.at(q, t).gradient(len(q))
+            total = total - clamp.deform_edge(q, t).gradient(len(q))
         return total
 
     def reactions(self, state: FiniteState) -> Array:
         """Return the nodal forces (nodes, 12) that the supports exert."""
         # Internal forces less loads. In a clamp's terms between the nodes, the part with dm is no reaction.
-        total = state.strained.forces - self.applied(state.q, state.t)
+        total = state.strained.forces - self.applied_forces(state.q, state.t)
         if self.points is not None and state.touch is not None:
-            total = total - self.points.nodal(state.touch)[..., 0]
+            total = total - self.points.nodal_forces(state.touch)[..., 0]
         for clamp in self.clamps:
-            total = total + clamp.at(state.q, state.t).gap_forces(len(total))
+            total = total + clamp.deform_edge(state.q, state.t).gap_forces(len(total))
         return total
 
     def potential(self, state: FiniteState) -> float:
@@ -194,14 +194,14 @@ class FiniteProblem:
             work += float(np.sum(self.pressure.forces(state.q, state.t) * state.q))
         for moment, angles in zip(self.moments, state.angles, strict=True):
             work += float(moment.moments(state.t) @ angles)
-        clamped = self.clamped(state.q, state.t)
+        clamped = self.clamp_potential(state.q, state.t)
         return state.strained.energy + clamped - work
 
-    def clamped(self, q: Array, t: float) -> float:
+    def clamp_potential(self, q: Array, t: float) -> float:
         """Return the potential of clamps between the nodes, J."""
-        return sum(clamp.at(q, t).potential for clamp in self.clamps)
+        return sum(clamp.deform_edge(q, t).potential for clamp in self.clamps)
 
-    def tangent(self, q: Array, t: float, strained: Strained, stresses: tuple[Array, ...]) -> BlockMatrix:
+    def tangent(self, q: Array, t: float, strained: StrainedMesh, stresses: tuple[Array, ...]) -> BlockMatrix:
         """Return the symmetric part of -dr/dq, supports not applied, with these stresses in its geometric part.
 
         Only a pressure that follows has another part; see `factorised`.
@@ -212,10 +212,10 @@ class FiniteProblem:
         for moment in self.moments:
             moment.add_tangent(matrix, q, t)
         for clamp in self.clamps:
-            clamp.at(q, t).add_tangent(matrix)
+            clamp.deform_edge(q, t).add_tangent(matrix)
         return matrix
 
-    def drift(self, state: FiniteState) -> Array:
+    def path_rate(self, state: FiniteState) -> Array:
         """Return dq/dt (nodes, 12) along the path at a state.
 
         Raises
@@ -226,28 +226,28 @@ class FiniteProblem:
         if state.factor is None:
             raise NotConvergedError
         ties = self.ties(state.t)
-        return on_free(ties, state.factor, self.force_rate(state.q))
+        return solve_on_free(ties, state.factor, self.force_rate(state.q))
 
     @cached_property
     def revolution(self) -> Revolution | None:
         """The shell of revolution, if waves can travel around the case; else None."""
         return Revolution.from_case(self.case, self.mesh)
 
-    def travelling(self, q: Array) -> Array | None:
+    def wave_direction(self, q: Array) -> Array | None:
         """Return the direction in which a state's waves travel, if Newton's method has to hold them; else None."""
-        return self.revolution.direction(q) if self.holding and self.revolution is not None else None
+        return self.revolution.wave_direction(q) if self.holding and self.revolution is not None else None
 
     def force_rate(self, q: Array) -> Array:
         """Return df/dt (nodes, 12); the loads are proportional to t where this is needed."""
-        return self.applied(q, 1.0)
+        return self.applied_forces(q, 1.0)
 
     def factorised(
         self,
         q: Array,
         t: float,
-        strained: Strained,
+        strained: StrainedMesh,
         stresses: tuple[Array, ...],
-        contact: tuple[Pressing, Pressed] | None = None,
+        contact: tuple[Obstacles, ContactState] | None = None,
     ) -> TangentFactor:
         """Return the factorised tangent on the free unknowns; NotPositiveDefiniteError if it is singular."""
         ties, matrix = self.ties(t), self.tangent(q, t, strained, stresses)
@@ -256,7 +256,7 @@ class FiniteProblem:
         symmetric = self.reduced_factor(ties, matrix)
         if self.pressure is None:
             return symmetric
-        return PressedFactor.on_free(symmetric, self.pressure.skew(q, t), ties)
+        return UnsymmetricFactor.on_free(symmetric, self.pressure.skew(q, t), ties)
 
     def reduced_factor(self, ties: Ties, matrix: BlockMatrix) -> Factor:
         """Return a symmetric matrix factorised on the free unknowns; NotPositiveDefiniteError if singular."""

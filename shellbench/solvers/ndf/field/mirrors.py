@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.posed.mirrors import Mirror, Sight, mirror_of
+from shellbench.problems.shell.posed.mirrors import ComparisonPoints, Mirror, mirror_of
 from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.problems.shell.question.places import Edge
 from shellbench.problems.shell.question.surface import Domain
@@ -165,7 +165,7 @@ def mirrors_of(case: Case) -> Mirrors:
     others = moments or case.focus or case.obstacles or case.dynamics or any(case.kinks)
     found: list[Mirror] = []
     if held and not others and case.linear and not case.modal:
-        sight = Sight.spread(case)
+        sight = ComparisonPoints.spread_over(case)
         for axis, (start, size) in enumerate(zip(domain.lower, domain.size, strict=True)):
             for at in (start, start + size / 4) if domain.periodic[axis] else (start + size / 2,):
                 mirror = mirror_of(case, axis, at, sight)

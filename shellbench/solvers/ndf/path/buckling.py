@@ -38,7 +38,7 @@ from shellbench.solvers.stepping.control import (
     Illinois,
     NotConvergedError,
     PathEndsError,
-    landing,
+    step_end,
 )
 
 NEUTRAL = 1e-4
@@ -206,7 +206,7 @@ def _to_buckling(problem: PathProblem, marks: Sequence[float], coarse: dict[floa
     for mark in marks:
         while state.t < mark:
             near = coarse.pop(mark, None)
-            target = mark if near else min(landing(state.t, mark, step), (1 + OVERSHOT) * max(foretold, state.t))
+            target = mark if near else min(step_end(state.t, mark, step), (1 + OVERSHOT) * max(foretold, state.t))
             found = _stepped(problem, state, target, near)
             if found is not None and found.stable:
                 if found.iterations <= EASY:
@@ -239,7 +239,7 @@ def _beyond_buckling(
     for mark in marks:
         while state.t < mark:
             near = coarse.pop(mark, None)
-            target = mark if near else landing(state.t, mark, step)
+            target = mark if near else step_end(state.t, mark, step)
             found = _stepped(problem, state, target, near, straight=False)
             if found is None and not near and target - state.t > SHORT_BUCKLED * end:
                 step = (target - state.t) * CUT
@@ -270,7 +270,7 @@ def _critical(problem: PathProblem, stable: PathState, unstable: PathState | Non
     for _ in range(SECANTS):
         if beyond - stable.t <= LOCATED * beyond or abs(_lowest(stable)) <= NEUTRAL:
             break
-        t = stable.t + min(max(root.share, LOCATED), 1 - LOCATED) * (beyond - stable.t)
+        t = stable.t + min(max(root.trial_share, LOCATED), 1 - LOCATED) * (beyond - stable.t)
         found = _stepped(problem, stable, t)
         if found is not None and found.stable and _lowest(found) > _lowest(stable):
             found = None

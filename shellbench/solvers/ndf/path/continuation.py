@@ -137,7 +137,7 @@ def arc_length_steps(problem: PathProblem, row: Tensor, marks: Sequence[float], 
             continue
         path.check_branch(found, sign_found * first > 0)
         reached = float(row @ found.weights)
-        yield from landings.passed(state, value, found, reached)
+        yield from landings.states_passed(state, value, found, reached)
         if not landings.waiting:
             return
         state, value = found, reached

@@ -1,8 +1,8 @@
 """Paths of edited shells from the states of an earlier path, on its features.
 
 Each asked state is reached from the earlier state at the same load factor, through the shells between
-(`shellbench.problems.shell.variants.edit.between`, `shellbench.solvers.stepping.paths.over_edit`). The branch may jump
-within one easy step; then the energy differs from that of a path from rest.
+(`shellbench.problems.shell.variants.edit.between`, `shellbench.solvers.stepping.paths.follow_edit`). The branch may
+jump within one easy step; then the energy differs from that of a path from rest.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from shellbench.solvers.ndf.field.ansatz import Combined
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.newton import PathState, equilibrium
-from shellbench.solvers.stepping.control import state_at
-from shellbench.solvers.stepping.paths import over_edit
+from shellbench.solvers.stepping.control import number_of_state
+from shellbench.solvers.stepping.paths import follow_edit
 
 
 def start_of_path(start: Solution, case: Case, solver: str, widths: Sequence[int]) -> tuple[PathSolution, int]:
@@ -65,8 +65,8 @@ def states_of_edit(
         return state, _as_drawn(part, state.weights)
 
     for t in marks:
-        output = start.states[state_at(start.marks, t)].field.output
-        state, iterations = over_edit(partial(found_at, t), output)
+        output = start.states[number_of_state(start.marks, t)].field.output
+        state, iterations = follow_edit(partial(found_at, t), output)
         yield replace(state, iterations=iterations)
 
 

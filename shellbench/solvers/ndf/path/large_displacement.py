@@ -34,7 +34,7 @@ from shellbench.solvers.ndf.path.levels import PathLevel, disagreement, state_so
 from shellbench.solvers.ndf.path.newton import Deformed, PathState, equilibrium
 from shellbench.solvers.ndf.path.path_challenge import challenged, prescribed
 from shellbench.solvers.ndf.strains.energy import exploits
-from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError, same
+from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError, equal_marks
 
 Training = Callable[[PathLevel, PathProblem, Sequence[PathState]], PathLevel | None]
 """Returns a level with hidden layers trained at states of its path, or None if nothing is gained."""
@@ -224,7 +224,7 @@ class _Run:
         marks = [s.t if self.controlled is None else float(self.controlled @ s.weights) for s in states]
         kept = []
         for mark in case.states:
-            there = [k for k, value in enumerate(marks) if same(value, mark)]
+            there = [k for k, value in enumerate(marks) if equal_marks(value, mark)]
             kept += there[:1]
         kept = sorted({*kept, *(k for k, state in enumerate(states) if state.critical)})
         if not complete and len(states) - 1 not in kept:

@@ -52,7 +52,7 @@ from shellbench.solvers.ndf.linear.regularised import JITTER, RegularisedInverse
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.newton import Deformed, PathState
-from shellbench.solvers.stepping.control import same
+from shellbench.solvers.stepping.control import equal_marks
 
 SETTLED_STATE = 2e-2  # of a scale: energies have twice the error of displacements, whose tolerance is at most 1e-2
 RULE_GROWTH = (1 + TRAINED_SHARE) ** 0.5  # of panels a side: the same number of points a feature as without challengers
@@ -293,7 +293,7 @@ def _asked(q: QuantityModel, solution: PathSolution, offset: int) -> tuple[int, 
     along = [step.at if path.quantity is None else step.quantities[path.quantity] for step in steps]
     if not isinstance(q, LimitPoint):
         mark = solution.marks[-1] if q.at is None else q.at
-        there = (k for k, value in enumerate(along) if same(value, mark))
+        there = (k for k, value in enumerate(along) if equal_marks(value, mark))
         return tuple(islice(there, 1))
     values = np.array([0.0, *([step.at for step in steps] if q.turning == "load" else along)])
     turns = np.nonzero(np.diff(np.sign(np.diff(values))))[0]  # state k + 1 of rest and the others is k of these

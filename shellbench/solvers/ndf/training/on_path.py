@@ -41,7 +41,7 @@ from shellbench.solvers.ndf.training.gauss_newton import (
     unflatten,
 )
 from shellbench.solvers.ndf.training.training import AGREEMENT, ATTEMPTS, EASE, HARDEN
-from shellbench.solvers.stepping.control import NotConvergedError, same
+from shellbench.solvers.stepping.control import NotConvergedError, equal_marks
 
 PATH_ITERATIONS = 12  # at most, a level; on plates, roofs and cantilevers the last ones gain little
 WIDEST = 150  # network that is trained: each step takes the third power of the width, for each of the states
@@ -138,7 +138,7 @@ def trained_level(
     # 4. Stop if the gain is small.
     # The model leaves out the geometric stiffness: it is then positive for any state, and only the speed depends on it.
     marks, least = problem.ansatz.case.states, problem.unstrained
-    wanted = [s for s in states if s.deformed.magnitude > least and any(same(s.t, mark) for mark in marks)]
+    wanted = [s for s in states if s.deformed.magnitude > least and any(equal_marks(s.t, mark) for mark in marks)]
     if not wanted:
         return None
     every = -(-len(wanted) // MOST_STATES)
