@@ -36,9 +36,9 @@ from shellbench.solvers.fem.linear.equilibrium import Equilibrium
 from shellbench.solvers.fem.mechanics.contact_points import REACH
 from shellbench.solvers.fem.mechanics.kinematics import stiffness_moduli
 from shellbench.solvers.fem.mechanics.solution import FemSolution
+from shellbench.solvers.fem.mesh.basis import ROUNDING, UNSTRAINED
 from shellbench.solvers.fem.mesh.convergence import ASYMPTOTIC, Estimate, estimate, observed_rate
 from shellbench.solvers.fem.mesh.grading import FEWEST, SIZE_POINTS, Cells, shell_size
-from shellbench.solvers.fem.mesh.mesh import ROUNDING, UNSTRAINED
 from shellbench.solvers.fem.path.buckling import BRACKET
 
 Array = NDArray[np.float64]

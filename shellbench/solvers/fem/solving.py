@@ -24,6 +24,7 @@ from shellbench.solvers.fem.linear.symmetry import Folding
 from shellbench.solvers.fem.mechanics.corners import Singularities
 from shellbench.solvers.fem.mechanics.layers import layer_gradings
 from shellbench.solvers.fem.mechanics.solution import FemSolution
+from shellbench.solvers.fem.mesh.basis import CUBIC, Degree
 from shellbench.solvers.fem.mesh.convergence import ASYMPTOTIC
 from shellbench.solvers.fem.mesh.grading import (
     UNBROKEN,
@@ -35,7 +36,7 @@ from shellbench.solvers.fem.mesh.grading import (
     singular_points,
     why_unresolved,
 )
-from shellbench.solvers.fem.mesh.mesh import CUBIC, Degree, TensorMesh
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.motion import motion
 from shellbench.solvers.fem.motion.generalised_alpha import Scheme
 from shellbench.solvers.fem.motion.motion_solution import MotionSolution

@@ -13,9 +13,9 @@ from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.solvers.fem.mechanics.assembly import stiffness
 from shellbench.solvers.fem.mechanics.rigid_motions import nodal_rigid_motions
 from shellbench.solvers.fem.mechanics.solution import FemSolution
+from shellbench.solvers.fem.mesh.basis import SAME, Basis, axis_functions, kinds_of, present_functions, tabulate
 from shellbench.solvers.fem.mesh.bubbles import interpolation_coefficients
 from shellbench.solvers.fem.mesh.grading import graded_mesh
-from shellbench.solvers.fem.mesh.mesh import SAME, Basis, axis_functions, kinds_of, present_functions, tabulate
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.solver import FemSettings, FemSolver, takes_bubbles
 from tests.solvers.fem.shells import EVERY_EDGE, SURFACES, shell

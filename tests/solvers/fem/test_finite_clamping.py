@@ -10,7 +10,8 @@ from shellbench.problems.shell.case import build_case, rotation_matrix
 from shellbench.problems.shell.question.conditions import Rotation
 from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix, neighbour_columns
 from shellbench.solvers.fem.mechanics.clamping import finite_clamps
-from shellbench.solvers.fem.mesh.mesh import KINDS, TensorMesh
+from shellbench.solvers.fem.mesh.basis import KINDS
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.path.large_displacement import solve
 from shellbench.solvers.fem.path.newton import equilibrium

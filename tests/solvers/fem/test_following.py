@@ -8,8 +8,8 @@ from shellbench.problems.shell.quantities.measure import area_rule
 from shellbench.solvers.fem.algebra.block_matrix import NEIGHBOURS, NODE_DOFS, BlockMatrix, neighbour_columns
 from shellbench.solvers.fem.mechanics.loads import Loading
 from shellbench.solvers.fem.mechanics.strain_energy import StrainEnergy
+from shellbench.solvers.fem.mesh.basis import COMPONENTS, KINDS
 from shellbench.solvers.fem.mesh.grading import graded_mesh
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.motion import motion
 from shellbench.solvers.fem.path import large_displacement

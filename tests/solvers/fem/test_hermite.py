@@ -5,7 +5,7 @@ import pytest
 from skfem import Basis, MeshQuad
 from skfem.element import ElementQuadBFS
 
-from shellbench.solvers.fem.mesh.mesh import CORNERS, KINDS, axis_functions, kind_scales, tabulate
+from shellbench.solvers.fem.mesh.basis import CORNERS, KINDS, axis_functions, kind_scales, tabulate
 
 
 def test_each_function_carries_one_nodal_value():

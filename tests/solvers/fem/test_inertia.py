@@ -6,7 +6,8 @@ from scipy.special import erf
 
 from shellbench.solvers.fem.algebra.block_matrix import NODE_DOFS
 from shellbench.solvers.fem.mechanics.assembly import mass_matrix, spring_matrix, weighted_products
-from shellbench.solvers.fem.mesh.mesh import KINDS, TensorMesh
+from shellbench.solvers.fem.mesh.basis import KINDS
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from tests.solvers.fem.shells import HYPAR, LARGEST, MATERIAL, PolynomialField, shell
 

@@ -13,8 +13,9 @@ from shellbench.problems.shell.question.conditions import Rotation
 from shellbench.solvers.fem.algebra.block_matrix import NEIGHBOURS, NODE_DOFS, BlockMatrix, neighbour_columns
 from shellbench.solvers.fem.linear.equilibrium import nodal_rigid_motions
 from shellbench.solvers.fem.mechanics.loads import Loading, edge_moments
+from shellbench.solvers.fem.mesh.basis import KINDS
 from shellbench.solvers.fem.mesh.grading import graded_mesh
-from shellbench.solvers.fem.mesh.mesh import KINDS, TensorMesh
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.solvers.fem.shells import EVERY_EDGE, MATERIAL, MEAN, shell

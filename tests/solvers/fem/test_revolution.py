@@ -7,8 +7,9 @@ from scipy.spatial.transform import Rotation
 from shellbench.bench.catalogue import catalog
 from shellbench.solvers.fem.mechanics.rigid_motions import Revolution
 from shellbench.solvers.fem.mechanics.strain_energy import StrainEnergy
+from shellbench.solvers.fem.mesh.basis import KINDS
 from shellbench.solvers.fem.mesh.grading import graded_mesh
-from shellbench.solvers.fem.mesh.mesh import KINDS, TensorMesh
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from tests.solvers.fem.shells import CYLINDER, LARGEST, shell, uniform
 

@@ -8,7 +8,8 @@ from shellbench.problems.shell.question.conditions import Rotation
 from shellbench.solvers.fem.algebra.block_matrix import NODE_DOFS
 from shellbench.solvers.fem.mechanics.assembly import stiffness
 from shellbench.solvers.fem.mechanics.strain_energy import CELLS, StrainEnergy
-from shellbench.solvers.fem.mesh.mesh import KINDS, TensorMesh
+from shellbench.solvers.fem.mesh.basis import KINDS
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from tests.alike import alike
 from tests.solvers.fem.shells import SURFACES, PolynomialField, shell

@@ -13,7 +13,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CORNERS, KINDS, TensorMesh
+from shellbench.solvers.fem.mesh.basis import COMPONENTS, CORNERS, KINDS
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -17,7 +17,8 @@ import numpy as np
 from shellbench.solvers.fem.algebra.cell_matrices import CellMatrices
 from shellbench.solvers.fem.algebra.dissection import Array, Dissection, Integers, Part, places_in_front
 from shellbench.solvers.fem.algebra.factor import Factor, Front
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, TensorMesh
+from shellbench.solvers.fem.mesh.basis import COMPONENTS
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 
 HALVES = 2  # lines of the fine grid a cell
 

@@ -21,11 +21,11 @@ from shellbench.problems.shell.question.contact import gaps
 from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix
 from shellbench.solvers.fem.algebra.cell_matrices import CellMatrices
 from shellbench.solvers.fem.mechanics.contact_points import CLOSED, ContactPoints, Flags
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS
+from shellbench.solvers.fem.mesh.basis import COMPONENTS
 
 if TYPE_CHECKING:
     from shellbench.solvers.fem.algebra.direct_solve import LinearSolution
-    from shellbench.solvers.fem.mesh.mesh import ROUNDING
+    from shellbench.solvers.fem.mesh.basis import ROUNDING
 from shellbench.solvers.fem.mechanics.solution import FemSolution
 
 Array = NDArray[np.float64]

@@ -25,7 +25,8 @@ from shellbench.solvers.fem.mechanics.contact_points import ContactPoints
 from shellbench.solvers.fem.mechanics.loads import Loading
 from shellbench.solvers.fem.mechanics.rigid_motions import determinate_pins, nodal_rigid_motions
 from shellbench.solvers.fem.mechanics.solution import FemSolution, mean_rigid_motion
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, TensorMesh
+from shellbench.solvers.fem.mesh.basis import COMPONENTS
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 
 Array = NDArray[np.float64]

@@ -58,8 +58,9 @@ from shellbench.solvers.fem.mechanics.kinematics import (
 from shellbench.solvers.fem.mechanics.rigid_motions import determinate_pins, nodal_rigid_motions
 from shellbench.solvers.fem.mechanics.solution import FemSolution
 from shellbench.solvers.fem.mechanics.ties import Ties
+from shellbench.solvers.fem.mesh.basis import COMPONENTS, CORNERS, CUBIC, KINDS, present_functions, tabulate
 from shellbench.solvers.fem.mesh.grading import shell_size
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CORNERS, CUBIC, KINDS, TensorMesh, present_functions, tabulate
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature, basis_scales, cell_portions
 
 Array = NDArray[np.float64]

@@ -29,7 +29,8 @@ from shellbench.solvers.fem.linear.equilibrium import Equilibrium
 from shellbench.solvers.fem.mechanics import bubble_conditions
 from shellbench.solvers.fem.mechanics.loads import EDGE_GAUSS_POINTS
 from shellbench.solvers.fem.mechanics.sharing import support_nodes
-from shellbench.solvers.fem.mesh.mesh import TensorMesh, gauss_rule
+from shellbench.solvers.fem.mesh.basis import gauss_rule
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

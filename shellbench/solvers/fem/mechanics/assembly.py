@@ -22,17 +22,17 @@ from shellbench.solvers.fem.algebra.block_matrix import (
 )
 from shellbench.solvers.fem.algebra.cell_matrices import CellMatrices, cell_dofs
 from shellbench.solvers.fem.mechanics.kinematics import DERIVATIVES, Midsurface, stiffness_moduli, stress_root_operator
-from shellbench.solvers.fem.mesh.mesh import (
+from shellbench.solvers.fem.mesh.basis import (
     COMPONENTS,
     CORNERS,
     CUBIC,
     KINDS,
     Derivative,
-    TensorMesh,
     kind_scales,
     present_functions,
     tabulate,
 )
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature, basis_scales, cell_portions
 
 Array = NDArray[np.float64]

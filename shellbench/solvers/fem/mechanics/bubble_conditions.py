@@ -11,8 +11,9 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.conditions import COMPONENTS, Support
 from shellbench.problems.shell.question.places import Edge, Place
 from shellbench.problems.shell.question.surface import Domain
+from shellbench.solvers.fem.mesh.basis import CUBIC, SAME, Derivative
 from shellbench.solvers.fem.mesh.bubbles import fitted_bubbles, moment_points
-from shellbench.solvers.fem.mesh.mesh import CUBIC, SAME, Derivative, TensorMesh
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import EdgeRule
 
 Array = NDArray[np.float64]

@@ -52,7 +52,8 @@ from shellbench.solvers.fem.mechanics.kinematics import (
     stiffness_moduli,
     strain_operator,
 )
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CORNERS, KINDS, Derivative, TensorMesh, kind_scales, tabulate
+from shellbench.solvers.fem.mesh.basis import COMPONENTS, CORNERS, KINDS, Derivative, kind_scales, tabulate
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import EdgeRule
 
 Array = NDArray[np.float64]

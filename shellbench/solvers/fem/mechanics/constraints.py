@@ -33,7 +33,8 @@ from shellbench.solvers.fem.mechanics.fold_conditions import fold_conditions, si
 from shellbench.solvers.fem.mechanics.kinematics import Midsurface, local_axes
 from shellbench.solvers.fem.mechanics.sharing import RANK_TOLERANCE, Conditions, support_nodes
 from shellbench.solvers.fem.mechanics.ties import Ties
-from shellbench.solvers.fem.mesh.mesh import CUBIC, KINDS, ROUNDING, SAME, Derivative, TensorMesh
+from shellbench.solvers.fem.mesh.basis import CUBIC, KINDS, ROUNDING, SAME, Derivative
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

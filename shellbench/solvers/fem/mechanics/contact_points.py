@@ -15,7 +15,8 @@ from shellbench.problems.shell.question.contact import Touch
 from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix, add_cell_matrices
 from shellbench.solvers.fem.algebra.cell_matrices import CellMatrices
 from shellbench.solvers.fem.mechanics.kinematics import Midsurface, stiffness_moduli
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CORNERS, TensorMesh, gauss_rule, tabulate
+from shellbench.solvers.fem.mesh.basis import COMPONENTS, CORNERS, gauss_rule, tabulate
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature, basis_scales, cell_portions
 
 Array = NDArray[np.float64]

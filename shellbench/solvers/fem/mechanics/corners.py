@@ -34,8 +34,8 @@ from shellbench.problems.shell.question.conditions import COMPONENTS, LOCAL, Sup
 from shellbench.problems.shell.question.loads import AreaLoad, EdgeLoad, MomentLoad, PointLoad, PressureLoad
 from shellbench.problems.shell.question.places import SIDES, Edge, Side
 from shellbench.solvers.fem.mechanics.kinematics import Midsurface
+from shellbench.solvers.fem.mesh.basis import ROUNDING
 from shellbench.solvers.fem.mesh.convergence import ASYMPTOTIC
-from shellbench.solvers.fem.mesh.mesh import ROUNDING
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

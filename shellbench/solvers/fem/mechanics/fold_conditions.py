@@ -23,7 +23,8 @@ from shellbench.problems.shell.question.conditions import COMPONENTS
 from shellbench.problems.shell.question.folds import ASIDE, Fold
 from shellbench.problems.shell.question.places import Edge, Place, Point
 from shellbench.solvers.fem.mechanics.sharing import Conditions, support_nodes
-from shellbench.solvers.fem.mesh.mesh import CUBIC, JUMP, SAME, Derivative, TensorMesh
+from shellbench.solvers.fem.mesh.basis import CUBIC, JUMP, SAME, Derivative
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

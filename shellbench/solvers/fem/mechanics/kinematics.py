@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 from shellbench.problems.shell.question.conditions import Material
 from shellbench.problems.shell.question.places import Edge
 from shellbench.problems.shell.question.surface import Surface
-from shellbench.solvers.fem.mesh.mesh import Derivative
+from shellbench.solvers.fem.mesh.basis import Derivative
 
 Array = NDArray[np.float64]
 

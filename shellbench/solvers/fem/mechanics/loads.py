@@ -39,16 +39,8 @@ from shellbench.problems.shell.question.places import Edge, Point
 from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix, add_cell_matrices
 from shellbench.solvers.fem.mechanics.kinematics import DERIVATIVES, Deformation, Midsurface, outward_conormal
 from shellbench.solvers.fem.mechanics.rigid_motions import nodal_rigid_motions
-from shellbench.solvers.fem.mesh.mesh import (
-    COMPONENTS,
-    CORNERS,
-    KINDS,
-    Derivative,
-    TensorMesh,
-    gauss_rule,
-    kind_scales,
-    tabulate,
-)
+from shellbench.solvers.fem.mesh.basis import COMPONENTS, CORNERS, KINDS, Derivative, gauss_rule, kind_scales, tabulate
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import EdgeRule, Quadrature, basis_scales, cell_portions
 
 Array = NDArray[np.float64]

@@ -33,8 +33,9 @@ from shellbench.solvers.fem.mechanics.kinematics import (
     stiffness_moduli,
     strain_operator,
 )
+from shellbench.solvers.fem.mesh.basis import SAME, Derivative, gauss_rule
 from shellbench.solvers.fem.mesh.grading import break_coordinates
-from shellbench.solvers.fem.mesh.mesh import SAME, Derivative, TensorMesh, gauss_rule
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 
 if TYPE_CHECKING:
 

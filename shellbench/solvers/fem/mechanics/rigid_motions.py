@@ -22,8 +22,9 @@ from scipy.spatial.transform import Rotation
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.posed.rigid import middle_and_size, motions_of
 from shellbench.problems.shell.symmetry.symmetry import axis_of_revolution
+from shellbench.solvers.fem.mesh.basis import COMPONENTS, CUBIC, KINDS, SAME, Derivative
 from shellbench.solvers.fem.mesh.bubbles import interpolation_coefficients
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CUBIC, KINDS, SAME, Derivative, TensorMesh
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -29,18 +29,18 @@ from shellbench.solvers.fem.mechanics.kinematics import (
 )
 from shellbench.solvers.fem.mechanics.resultants import resultants
 from shellbench.solvers.fem.mechanics.rigid_motions import nodal_rigid_motions
-from shellbench.solvers.fem.mesh.bubbles import interpolation_coefficients
-from shellbench.solvers.fem.mesh.mesh import (
+from shellbench.solvers.fem.mesh.basis import (
     COMPONENTS,
     CUBIC,
     KINDS,
     Derivative,
-    TensorMesh,
     axis_functions,
     cell_functions,
     kind_scales,
     present_on_axis,
 )
+from shellbench.solvers.fem.mesh.bubbles import interpolation_coefficients
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import CHUNK, Quadrature, cell_portions
 
 Array = NDArray[np.float64]

@@ -23,7 +23,8 @@ from shellbench.solvers.fem.mechanics.kinematics import (
     points_fastest,
     stiffness_moduli,
 )
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CORNERS, FUNCTIONS, KINDS, TensorMesh, tabulate
+from shellbench.solvers.fem.mesh.basis import COMPONENTS, CORNERS, FUNCTIONS, KINDS, tabulate
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature, basis_scales
 
 Array = NDArray[np.float64]

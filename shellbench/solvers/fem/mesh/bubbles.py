@@ -12,7 +12,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.solvers.fem.mesh.mesh import Degree, Derivative, TensorMesh, axis_functions, gauss_rule
+from shellbench.solvers.fem.mesh.basis import Degree, Derivative, axis_functions, gauss_rule
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 
 Array = NDArray[np.float64]
 Derivatives = Callable[[Array], Mapping[Derivative, Array]]

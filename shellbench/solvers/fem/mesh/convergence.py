@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from shellbench.solvers.fem.mesh.mesh import CUBIC
+from shellbench.solvers.fem.mesh.basis import CUBIC
 
 # Accepted rates in the mesh size; under-resolved meshes show others. The slowest bounds the extrapolation: slower ones
 # are reported as None. No accepted rate reaches the fastest.

@@ -12,7 +12,8 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.features import quickness_in_words
 from shellbench.problems.shell.question.loads import PointLoad
 from shellbench.problems.shell.question.places import Edge, Point
-from shellbench.solvers.fem.mesh.mesh import CUBIC, ROUNDING, SAME, Degree, TensorMesh
+from shellbench.solvers.fem.mesh.basis import CUBIC, ROUNDING, SAME, Degree
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 
 Array = NDArray[np.float64]
 Cells = tuple[int, int]

@@ -12,7 +12,8 @@ from skfem.quadrature import get_quadrature
 from skfem.refdom import Refdom
 
 from shellbench.problems.shell.question.places import Edge
-from shellbench.solvers.fem.mesh.mesh import Basis, Derivative, TensorMesh, gauss_rule, kind_scales, tabulate
+from shellbench.solvers.fem.mesh.basis import Basis, Derivative, gauss_rule, kind_scales, tabulate
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, ROUNDING
+from shellbench.solvers.fem.mesh.basis import COMPONENTS, ROUNDING
 from shellbench.solvers.stepping.control import NotConvergedError
 
 Array = NDArray[np.float64]

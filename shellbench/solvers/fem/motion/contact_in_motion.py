@@ -32,7 +32,8 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.contact import Touch, nearest_obstacle
 from shellbench.solvers.fem.mechanics.contact_points import REACH
 from shellbench.solvers.fem.mechanics.kinematics import Midsurface
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS, ROUNDING, TensorMesh, gauss_rule, tabulate
+from shellbench.solvers.fem.mesh.basis import COMPONENTS, KINDS, ROUNDING, gauss_rule, tabulate
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import basis_scales
 from shellbench.solvers.fem.motion.contact_balance import Balance, Delassus
 

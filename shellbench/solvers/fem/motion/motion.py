@@ -30,9 +30,10 @@ from shellbench.problems.shell.quantities.quantities import (
 from shellbench.problems.shell.question.conditions import Rotation, Value
 from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.problems.shell.records.history import moving_uncertainty
+from shellbench.solvers.fem.mesh.basis import COMPONENTS, KINDS, SAME, Derivative
 from shellbench.solvers.fem.mesh.convergence import Estimate, estimate
 from shellbench.solvers.fem.mesh.grading import FEWEST, SIZE_POINTS, Cells, axis_lines, graded_mesh, shell_size
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS, SAME, Derivative, TensorMesh
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.motion.generalised_alpha import Instant, Scheme
 from shellbench.solvers.fem.motion.motion_solution import MotionSolution

@@ -17,7 +17,8 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.contact import Touch, kept_touch, restored_touch
 from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, expanded, shortened, time_reached
 from shellbench.solvers.fem.mechanics.solution import FORMATS, EnergyRule, FemSolution
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, TensorMesh, kind_scales, tabulate
+from shellbench.solvers.fem.mesh.basis import COMPONENTS, kind_scales, tabulate
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 
 Array = NDArray[np.float64]
 

@@ -30,7 +30,7 @@ from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix
 from shellbench.solvers.fem.algebra.factor import Factor, NotPositiveDefiniteError, factorise
 from shellbench.solvers.fem.mechanics.assembly import weighted_products
 from shellbench.solvers.fem.mechanics.ties import Ties
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS
+from shellbench.solvers.fem.mesh.basis import COMPONENTS, KINDS
 from shellbench.solvers.fem.path.finite_state import FiniteState, HeldDirection, TangentFactor, solve_on_free
 from shellbench.solvers.fem.path.newton import equilibrium, move_supports
 from shellbench.solvers.fem.path.problem import FiniteProblem

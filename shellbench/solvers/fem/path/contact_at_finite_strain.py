@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from shellbench.problems.shell.question.contact import Touch, gaps
 from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix, add_cell_matrices
 from shellbench.solvers.fem.mechanics.contact_points import CLOSED, ContactPoints, Flags
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS
+from shellbench.solvers.fem.mesh.basis import COMPONENTS
 
 Array = NDArray[np.float64]
 

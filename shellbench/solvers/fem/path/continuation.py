@@ -22,7 +22,7 @@ from shellbench.problems.shell.quantities.measure import unit
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.problems.shell.question.places import Point
 from shellbench.problems.shell.records.path_end import branch_passed
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, KINDS, kind_scales, tabulate
+from shellbench.solvers.fem.mesh.basis import COMPONENTS, KINDS, kind_scales, tabulate
 from shellbench.solvers.fem.path.finite_state import Constraint, FiniteState
 from shellbench.solvers.fem.path.newton import equilibrium, state_on_path
 from shellbench.solvers.fem.path.problem import FiniteProblem

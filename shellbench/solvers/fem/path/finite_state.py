@@ -12,7 +12,7 @@ from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix
 from shellbench.solvers.fem.algebra.factor import Factor
 from shellbench.solvers.fem.mechanics.strain_energy import StrainedMesh
 from shellbench.solvers.fem.mechanics.ties import Ties
-from shellbench.solvers.fem.mesh.mesh import ROUNDING
+from shellbench.solvers.fem.mesh.basis import ROUNDING
 
 Array = NDArray[np.float64]
 

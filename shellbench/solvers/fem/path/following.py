@@ -28,7 +28,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.solvers.fem.algebra.block_matrix import NODE_DOFS, BlockMatrix, add_cell_matrices
 from shellbench.solvers.fem.mechanics.kinematics import cross, cross_matrix
 from shellbench.solvers.fem.mechanics.strain_energy import Portion, StrainEnergy
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CORNERS, FUNCTIONS, KINDS, tabulate
+from shellbench.solvers.fem.mesh.basis import COMPONENTS, CORNERS, FUNCTIONS, KINDS, tabulate
 
 Array = NDArray[np.float64]
 

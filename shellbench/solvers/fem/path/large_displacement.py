@@ -20,8 +20,9 @@ from shellbench.problems.shell.variants.edit import between
 from shellbench.solvers.fem.linear.equilibrium import Equilibrium, check_balance
 from shellbench.solvers.fem.mechanics.loads import Loading
 from shellbench.solvers.fem.mechanics.solution import FemSolution, mean_rigid_motion
+from shellbench.solvers.fem.mesh.basis import COMPONENTS, CUBIC, KINDS, Derivative
 from shellbench.solvers.fem.mesh.bubbles import interpolation_coefficients
-from shellbench.solvers.fem.mesh.mesh import COMPONENTS, CUBIC, KINDS, Derivative, TensorMesh
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
 from shellbench.solvers.fem.path.buckling import following_steps
 from shellbench.solvers.fem.path.contact_at_finite_strain import nearest_pressure

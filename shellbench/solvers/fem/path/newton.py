@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from shellbench.solvers.fem.algebra.factor import NotPositiveDefiniteError
 from shellbench.solvers.fem.mechanics.ties import Ties
-from shellbench.solvers.fem.mesh.mesh import ROUNDING, UNSTRAINED
+from shellbench.solvers.fem.mesh.basis import ROUNDING, UNSTRAINED
 from shellbench.solvers.fem.path.finite_state import (
     Constraint,
     FiniteState,
