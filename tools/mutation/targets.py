@@ -193,13 +193,13 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
     ),
     (
         "ndf.field.network",
-        r"Network\.narrowed|siren|random_features|deep_random_features|_uniform",
+        r"Network\.first_features|siren|random_features|deep_random_features|_uniform",
         CHOICE,
         "trial functions are drawn",
     ),
     (
         "ndf.field.field",
-        r"FixedFeatures\.(from_case|former|allowed|_around)|Features\.pairs",
+        r"FixedFeatures\.(from_case|coarser_mask|component_mask|_focus_jets)|Features\.pairs",
         CHOICE,
         "which fixed trial functions there are; their jets are mechanics",
     ),
@@ -215,7 +215,7 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
     ("ndf.path.path_challenge", r".*", STATEMENT, "how sure a path is, by challengers"),
     (
         "ndf.field.quadrature",
-        r"_?panel_ends|_layered_ends|ends_of|_cut_cells|_beside",
+        r"_?panel_ends|_layered_ends|ends_of|_cut_cells|_panels_at",
         CHOICE,
         "where panels end; points and weights on them are mechanics",
     ),
@@ -237,8 +237,8 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
     ),
     ("ndf.linear.solve", r"(RegularisedInverse|HeldInverse)\..*", EQUATION, "factorisations with a jitter, refined"),
     ("ndf.linear.static", r"solve|_without_challengers", CHOICE, "levels of ever more features"),
-    ("ndf.linear.answer", r"Solved\.challenged", CHOICE, "levels of ever more features"),
-    ("ndf.linear.answer", r"Answer\.missed", STATEMENT, "the uncertainty of a linear shell's answer"),
+    ("ndf.linear.answer", r"SolvedLevel\.challenged", CHOICE, "levels of ever more features"),
+    ("ndf.linear.answer", r"Candidate\.missed", STATEMENT, "the uncertainty of a linear shell's answer"),
     ("ndf.linear.static", r"_stated|_unrecovered", STATEMENT, "the uncertainty of a linear shell's answer"),
     # the question
     ("problems.kinks", r".*", CHOICE, "where meshes and panels get lines, or a refusal"),

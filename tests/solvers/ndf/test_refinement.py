@@ -335,7 +335,7 @@ def test_former_powers_are_among_the_later_ones():
     few, many = (CornerPowers.from_case(clamped_saddle(), detail) for detail in (1, 2))
     point = np.array([[0.3, 0.4]])
     before, after = (torch.stack(p.columns(point, Placement()), dim=-1)[VALUE, 0] for p in (few, many))
-    torch.testing.assert_close(after[torch.as_tensor(many.former())], before)
+    torch.testing.assert_close(after[torch.as_tensor(many.coarser_mask())], before)
 
 
 def test_supports_hold_at_corners_where_features_are_infinite():

@@ -158,7 +158,7 @@ def test_joined_features_are_the_trained_ones_and_the_challengers(narrow_roof):
     for name in ("jets", "values"):
         one, other, all_ = (getattr(f, name)(points) for f in (trained, both.beside, both))
         assert torch.equal(all_, torch.cat([one, other], dim=-1))
-    assert len(both.pairs(np.arange(both.count))) == both.allowed().sum()
+    assert len(both.pairs(np.arange(both.count))) == both.component_mask().sum()
 
 
 def test_what_training_gained_last_is_part_of_what_it_missed():

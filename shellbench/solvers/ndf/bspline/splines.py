@@ -116,13 +116,14 @@ class Splines:
 
     def jets(self, points: Array) -> Tensor:
         """Return the jets (6, N, M) at points (N, 2)."""
-        return self._whole(points, len(PLANES))
+        return self._dense_jets(points, len(PLANES))
 
     def values(self, points: Array) -> Tensor:
         """Return the values (N, M) at points (N, 2)."""
-        return self._whole(points, 1)[0]
+        return self._dense_jets(points, 1)[0]
 
-    def _whole(self, points: Array, planes: int) -> Tensor:
+    def _dense_jets(self, points: Array, planes: int) -> Tensor:
+        """Return so many planes of the jets (planes, N, M) of all features, the zero ones included."""
         numbers, jets = self.local(points)
         whole = np.zeros((planes, len(points), self.count))
         np.put_along_axis(whole, np.broadcast_to(numbers, (planes, *numbers.shape)), jets[:planes], axis=2)

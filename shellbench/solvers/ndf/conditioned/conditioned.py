@@ -42,7 +42,7 @@ from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.jets import Array, Placement
 from shellbench.solvers.ndf.field.quadrature import ROUNDING, area_rule
 from shellbench.solvers.ndf.field.supports import check_balance
-from shellbench.solvers.ndf.field.weights import described, network_of, network_tensors, write_described
+from shellbench.solvers.ndf.field.weights import network_of, network_tensors, read_described, write_described
 from shellbench.solvers.ndf.linear.refinement import SAFETY, SETTLED, first_level
 from shellbench.solvers.ndf.linear.ritz_field import field_spec
 from shellbench.solvers.ndf.linear.ritz_settings import ConditionedSettings, RitzSettings
@@ -153,7 +153,7 @@ class ConditionedField(ConditionedAnswer):
     @classmethod
     def load(cls, path: Path) -> ConditionedField:
         """Read a file of `save`; InputError in one sentence if it is no such file."""
-        with described(path, FORMAT, "conditioned field") as (words, tensors):
+        with read_described(path, FORMAT, "conditioned field") as (words, tensors):
             case = ConditionedCase.model_validate(words["case"])
             spec, features = kept_features(case, words, tensors)
             energies = {name: tensors[name].numpy() for name in ("parts", "coarse", "load", "asked", "span")}
@@ -232,7 +232,7 @@ class _Build:
         equations = Equations.from_rule(self.ansatz, self.features, rule, self.chosen.rule, self.focal)
         usual = np.concatenate([
             np.arange(self.chosen.neurons),
-            self.features.network.width + np.nonzero(self.features.fixed.former())[0],
+            self.features.network.width + np.nonzero(self.features.fixed.coarser_mask())[0],
         ])  # fmt: skip
         everything = np.arange(self.features.count)
         full, alone, steps = self._solved(equations, everything, usual)

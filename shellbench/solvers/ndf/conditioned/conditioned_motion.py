@@ -42,7 +42,7 @@ from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Features
 from shellbench.solvers.ndf.field.jets import Array
 from shellbench.solvers.ndf.field.network import Network
-from shellbench.solvers.ndf.field.weights import HEADER, described, network_tensors, read_tensors, write_described
+from shellbench.solvers.ndf.field.weights import HEADER, network_tensors, read_described, read_tensors, write_described
 from shellbench.solvers.ndf.linear.refinement import SETTLED
 from shellbench.solvers.ndf.linear.ritz_settings import ConditionedSettings
 from shellbench.solvers.ndf.motion.motion import degree_of
@@ -213,7 +213,7 @@ class ConditionedMotion(ConditionedAnswer):
     @classmethod
     def load(cls, path: Path) -> ConditionedMotion:
         """Read a file of `save`; InputError in one sentence if it is no such file."""
-        with described(path, FORMAT, "conditioned field") as (words, tensors):
+        with read_described(path, FORMAT, "conditioned field") as (words, tensors):
             case = ConditionedCase.model_validate(words["case"])
             spec, features = kept_features(case, words, tensors)
             combined, kept = Combined(features, tensors["combine"]), tensors["coefficients"]

@@ -31,10 +31,10 @@ from shellbench.problems.shell.posed.rigid import free_motions
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.solvers.ndf.field.ansatz import DEPENDENT, Ansatz
 from shellbench.solvers.ndf.field.field import Features
-from shellbench.solvers.ndf.field.geometry import apply_rows, elasticity_tensor, geometry, strain_rows, through_matrix
+from shellbench.solvers.ndf.field.geometry import apply_rows, elasticity_tensor, geometry, pull_back_rows, strain_rows
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec
-from shellbench.solvers.ndf.field.supports import asked_points
+from shellbench.solvers.ndf.field.supports import quantity_points
 from shellbench.solvers.ndf.strains.energy import (
     NormalEquations,
     Table,
@@ -192,7 +192,7 @@ def part_rows(ansatz: Ansatz, points: Array, weights: Array, placement: Placemen
         flat = strains[:, kind].reshape(len(points), 3, 18)
         for root in (trace, rest):
             rows = (root @ flat * share[:, None, None]).view(len(points), -1, 3, 6)
-            found.append(through_matrix(rows, matrix))
+            found.append(pull_back_rows(rows, matrix))
     return tuple(found)
 
 
@@ -234,7 +234,7 @@ def asked_row(ansatz: Ansatz, features: Features) -> Tensor:
     case = ansatz.case
     quantity = case.quantity(ASKED)
     assert isinstance(quantity, DisplacementQuantity)
-    points, directions = asked_points(case, quantity)
+    points, directions = quantity_points(case, quantity)
     wanted = features.placement.tensor(directions / len(points))
     matrix = ansatz.factors.matrix(points, features.placement)[VALUE]
     along = (matrix.mT @ wanted[..., None])[..., 0]

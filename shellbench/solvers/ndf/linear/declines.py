@@ -25,7 +25,7 @@ from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs
 from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.corners import held_corners
-from shellbench.solvers.ndf.field.factors import turns, why_not_turned
+from shellbench.solvers.ndf.field.factors import turns_clamps, why_not_turned
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Placement, from_derivatives
 from shellbench.solvers.ndf.field.network import random_features
@@ -78,7 +78,7 @@ def why_not_moved(case: Case) -> str | None:
     """Return the reason that a field can't follow a motion, as one clause, or None if it can."""
     if case.obstacles:
         return "it touches obstacles at rest alone"
-    if turns(case):
+    if turns_clamps(case):
         return "it can't turn clamped edges by finite angles in motion"
     for support in case.supports:
         if support.clamped and isinstance(support.motion, Value):
@@ -108,7 +108,7 @@ def violations(field: Field, support: EdgeSupport) -> tuple[float, float]:
         return value, 0.0
     motion = case.motion(support.slope, support.edge, points, field.ansatz.t, 1)
     moved = torch.stack([placement.tensor(motion[k]) for k in ((0, 0), (1, 0), (0, 1))])
-    turned = x[:3] + moved if turns(case) and isinstance(support.slope.motion, Rotation) else x[:3]
+    turned = x[:3] + moved if turns_clamps(case) and isinstance(support.slope.motion, Rotation) else x[:3]
     normal = torch.linalg.cross(turned[D1], turned[D2], dim=-1)
     normal = normal / normal.norm(dim=-1, keepdim=True)
     wanted_tilt = _tilt(moved, x, normal, support.edge.axis)
@@ -185,6 +185,6 @@ def _why_not_touched(case: Case) -> str | None:
         return "it touches obstacles by load steps before buckling only"
     if any(isinstance(q, CriticalPoint) for q in case.quantities):
         return "it tells of no critical points where there are obstacles"
-    if case.following or any(isinstance(load, MomentLoad) for load in case.loads) or turns(case):
+    if case.following or any(isinstance(load, MomentLoad) for load in case.loads) or turns_clamps(case):
         return "it touches obstacles at finite strain under dead forces alone, without moments or edges that turn"
     return None

@@ -30,12 +30,12 @@ from shellbench.solvers.ndf.field.supports import point_supports
 from shellbench.solvers.ndf.field.weights import (
     Header,
     StateHeader,
+    fits_format,
+    input_errors,
     network_of,
     network_tensors,
     rounded_network,
     rounded_tensors,
-    short_enough,
-    telling_damage,
     write,
 )
 from shellbench.solvers.ndf.linear.patches import Balances, Recovery
@@ -208,7 +208,7 @@ class NdfSolution(FieldSolution):
 
         Every tensor is scaled by its largest magnitude before (see `shellbench.problems.shell.solution`).
         """
-        if short_enough(self.tensors().values(), format):
+        if fits_format(self.tensors().values(), format):
             return self, self.storage_bytes
         network, hidden = rounded_network(self.field.features.network, format)
         features = replace(self.field.features, network=network)
@@ -276,7 +276,7 @@ def read_states(
     InputError
         In one sentence, if the file is not a complete and consistent solution.
     """
-    with telling_damage(path):
+    with input_errors(path):
         case = header.read_case()
         features = features_of(case, header, tensors)
         output, rigid = tensors.get("output"), tensors.get("rigid")
@@ -377,7 +377,7 @@ class PathSolution(FieldSolution):
 
     def rounded(self, format: NumberFormat) -> tuple[PathSolution, int]:
         """Return the path with all weights rounded to a format, and the bytes it takes; see `NdfSolution.rounded`."""
-        if all(short_enough(state.tensors().values(), format) for state in self.states):
+        if all(fits_format(state.tensors().values(), format) for state in self.states):
             return self, self.storage_bytes
         last, bytes_taken = self.states[-1].rounded(format)
         states = [last]

@@ -22,7 +22,7 @@ from shellbench.solvers.ndf.field.build import (
     build_ansatz,
     build_features,
     build_inputs,
-    built_in,
+    field_mirrors,
     graded_points,
 )
 from shellbench.solvers.ndf.field.choices import FieldSpec
@@ -79,7 +79,7 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
     # Fields of given widths serve for comparisons with each other, and with those of other recipes.
     wanted = not fixed and takes_planes(case) if settings.mirrors is None else settings.mirrors
     asked = spec.model_copy(update={"mirrors": wanted})
-    mirrors = built_in(case, asked)
+    mirrors = field_mirrors(case, asked)
     spec = spec if mirrors is None else asked
     usual = with_settings(for_part(case, mirrors), settings)
     first = first_level(case, usual, given_width, given_rule)
@@ -152,7 +152,7 @@ def _certified_again(answer: Candidate, level: Level, settings: RitzSettings) ->
 def _without_challengers(solution: NdfSolution, width: int) -> NdfSolution:
     """Return a solution whose network has only its first features: the others have no weight."""
     field, total = solution.field, solution.field.features.network.width
-    features = replace(field.features, network=field.features.network.narrowed(width))
+    features = replace(field.features, network=field.features.network.first_features(width))
     output = torch.cat([field.output[:, :width], field.output[:, total:]], dim=1)
     return replace(solution, field=Field(field.ansatz, features, output, field.rigid))
 
@@ -224,7 +224,7 @@ def _solve_level(
     if springs:
         equations = Springs.from_spec(ansatz, chosen.rule, focal, weight).join(equations, ansatz, features)
 
-    hidden, former = network.width, np.logical_or(features.fixed.former(), level.number > 1)
+    hidden, former = network.width, np.logical_or(features.fixed.coarser_mask(), level.number > 1)
     plain, powers = hidden + np.nonzero(former)[0], hidden + np.nonzero(~former)[0]
     shares = NESTED if level.number == 0 and not level.repeated else NESTED[-1:]
     widths = sorted({math.ceil(share * chosen.neurons) for share in shares})

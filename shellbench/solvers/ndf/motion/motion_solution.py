@@ -31,13 +31,13 @@ from shellbench.solvers.ndf.field.quadrature import NOWHERE, RuleSpec
 from shellbench.solvers.ndf.field.supports import point_supports
 from shellbench.solvers.ndf.field.weights import (
     Header,
+    fits_format,
+    input_errors,
     network_of,
     network_tensors,
     read,
     rounded_network,
     rounded_tensors,
-    short_enough,
-    telling_damage,
     write,
 )
 from shellbench.solvers.ndf.linear.solution import FieldSolution, NdfSolution, PathSolution, features_of, read_states
@@ -228,7 +228,7 @@ class MotionSolution(FieldSolution):
         Every tensor is scaled by its largest magnitude before (see `rounding`). The times, of which there are few, are
         not rounded.
         """
-        if short_enough(self.tensors().values(), format):
+        if fits_format(self.tensors().values(), format):
             return self, self.storage_bytes
         features, course = self.features, self.course
         network, hidden = rounded_network(self._network, format)
@@ -284,7 +284,7 @@ def read_motion(path: Path, header: Header, tensors: Mapping[str, Tensor]) -> Mo
     InputError
         In one sentence, if it is not a complete and consistent motion.
     """
-    with telling_damage(path):
+    with input_errors(path):
         case = header.read_case()
         if any(name not in tensors for name in MOTION_TENSORS):
             raise ValueError("its motion is not whole")

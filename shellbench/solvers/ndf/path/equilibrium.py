@@ -20,13 +20,13 @@ from torch import Tensor
 
 from shellbench.problems.shell.posed.rigid import free_motions, rigid_modes
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
-from shellbench.solvers.ndf.field.ansatz import Ansatz, Combined, FeatureSet, independent
+from shellbench.solvers.ndf.field.ansatz import Ansatz, Combined, FeatureSet, independent_combinations
 from shellbench.solvers.ndf.field.build import build_ansatz
 from shellbench.solvers.ndf.field.choices import FieldSpec
-from shellbench.solvers.ndf.field.factors import turns
+from shellbench.solvers.ndf.field.factors import turns_clamps
 from shellbench.solvers.ndf.field.jets import VALUE, Array
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
-from shellbench.solvers.ndf.field.supports import asked_points, concentrated_forces, force_density
+from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density, quantity_points
 from shellbench.solvers.ndf.linear.constraints import SAME_ROW, point_rows, point_targets, slope_constraints
 from shellbench.solvers.ndf.path.newton import Basis, Deformed
 from shellbench.solvers.ndf.strains.energy import mirrored
@@ -61,7 +61,7 @@ class PathProblem:
         rest = self.deform(self.rest_weights, 0.0)
         anchors = self.anchor.view(-1, self.features.count)
         alike = self.sampled_at(0.0).summed(self._form(rest)) + anchors.T @ anchors
-        return replace(self, features=Combined(self.features, independent(alike), alike))
+        return replace(self, features=Combined(self.features, independent_combinations(alike), alike))
 
     @cached_property
     def _stiffness(self) -> Tensor:
@@ -83,7 +83,7 @@ class PathProblem:
     @cached_property
     def sampled_at(self) -> Callable[[float], Sampled]:
         """The area rule's points with the boundary factors at a load factor."""
-        if not turns(self.ansatz.case):
+        if not turns_clamps(self.ansatz.case):
             return lambda t: self.sampled
         return lru_cache(maxsize=2)(lambda t: self.sampled.carried(self.ansatz_at(t)))
 
@@ -196,14 +196,14 @@ class PathProblem:
 
     def functional(self, quantity: DisplacementQuantity, t: float = 0.0) -> Tensor:
         """Return the row (3 M,) of a displacement quantity; the lift's share is left out."""
-        return self.row(*asked_points(self.ansatz.case, quantity), t)
+        return self.row(*quantity_points(self.ansatz.case, quantity), t)
 
     def lifted(self, quantity: DisplacementQuantity, t: float) -> float:
         """Return the lift's share of a displacement quantity at a load factor, metres."""
         ansatz = self.ansatz_at(t)
         if not ansatz.lift.moves:
             return 0.0
-        points, directions = asked_points(ansatz.case, quantity)
+        points, directions = quantity_points(ansatz.case, quantity)
         lift = ansatz.lift.jet(points, self.features.placement)[VALUE].cpu().numpy()
         return float(np.mean(np.sum(lift * directions, axis=-1)))
 

@@ -22,7 +22,7 @@ from shellbench.problems.shell.records.path_end import cut_short
 from shellbench.problems.shell.variants.edit import between
 from shellbench.solvers.ndf.field.build import build_ansatz
 from shellbench.solvers.ndf.field.choices import FieldSpec
-from shellbench.solvers.ndf.field.factors import turns
+from shellbench.solvers.ndf.field.factors import turns_clamps
 from shellbench.solvers.ndf.field.quadrature import area_rule
 from shellbench.solvers.ndf.field.supports import check_balance
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
@@ -210,7 +210,7 @@ class _Run:
         return PathProblem(self.spec, ansatz, self.level.features, self.level.rule, self.level.focal).independent()
 
     def _rows(self, t: float) -> dict[str, Tensor]:
-        if t and not turns(self.case):
+        if t and not turns_clamps(self.case):
             return self.rows
         return {name: self.problem.functional(q, t) for name, q in self.quantities.items()}
 

@@ -15,7 +15,7 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
-from shellbench.solvers.ndf.field.ansatz import independent
+from shellbench.solvers.ndf.field.ansatz import independent_combinations
 from shellbench.solvers.ndf.strains.strain_measures import Strained
 from shellbench.solvers.stepping.control import NotConvergedError
 
@@ -75,7 +75,7 @@ class Basis:
         """
         # Null-space method: with K = 1 in `combine`, a singular value decomposition of the constraints splits it
         # orthogonally. The first columns of V hold the supports' displacements, the others move none of them.
-        combine = independent(stiffness)
+        combine = independent_combinations(stiffness)
         if not len(constraints):
             return cls(combine, combine.new_zeros((len(stiffness), 0)))
         u, moved, v = torch.linalg.svd(constraints @ combine)

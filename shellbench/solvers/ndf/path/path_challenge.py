@@ -114,7 +114,7 @@ class Challenge:
         combine = old.new_zeros((len(old) + new, count + new))
         combine[: len(old), :count] = old
         combine[len(old) :, count:].fill_diagonal_(1.0)
-        allowed = torch.as_tensor(features.allowed()[:, len(old) :])
+        allowed = torch.as_tensor(features.component_mask()[:, len(old) :])
         whole = torch.cat([torch.ones((3, count), dtype=torch.bool), allowed], dim=1)
         focal = graded_points(case, looking_everywhere(spec))
         joined = PathProblem(problem.spec, problem.ansatz, Combined(features, combine), rule, focal)

@@ -31,8 +31,8 @@ from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.inputs import Inputs
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, constant
 from shellbench.solvers.ndf.field.quadrature import Rule
-from shellbench.solvers.ndf.field.supports import asked_points
-from shellbench.solvers.ndf.field.weights import described, write_described
+from shellbench.solvers.ndf.field.supports import quantity_points
+from shellbench.solvers.ndf.field.weights import read_described, write_described
 from shellbench.solvers.ndf.published.published_network import InputScale, Siren, initial_siren, published_ansatz
 from shellbench.solvers.ndf.published.published_samples import stratified_samples, usual_modulus_factor
 from shellbench.solvers.ndf.published.published_settings import ConditionedPublishedSettings
@@ -177,7 +177,7 @@ class TrainedField(ConditionedAnswer):
         shell = self._question.ansatz.case
         quantity = shell.quantity(ASKED)
         assert isinstance(quantity, DisplacementQuantity)
-        points, directions = asked_points(shell, quantity)
+        points, directions = quantity_points(shell, quantity)
         return float(np.mean(np.sum(self.displacement(points, material=material) * directions, axis=-1)))
 
     def value(self, number: int) -> float:
@@ -199,7 +199,7 @@ class TrainedField(ConditionedAnswer):
     @classmethod
     def load(cls, path: Path) -> TrainedField:
         """Read a file of `save`; InputError in one sentence if it is no such file."""
-        with described(path, FORMAT, "trained field for many materials") as (words, tensors):
+        with read_described(path, FORMAT, "trained field for many materials") as (words, tensors):
             ordered = tuple(tensors[name] for name in sorted(tensors))
             half = len(ordered) // 2
             siren = Siren(ordered[:half], ordered[half:], float(words["omega0"]))

@@ -25,10 +25,10 @@ from shellbench.solvers.ndf.field.supports import force_density
 from shellbench.solvers.ndf.field.weights import (
     CaseHeader,
     check_like_numbers,
+    fits_format,
+    input_errors,
     read_tensors,
     rounded_tensors,
-    short_enough,
-    telling_damage,
     texts_of,
     write_tensors,
 )
@@ -75,7 +75,7 @@ def read_motion(path: Path, solver: str) -> tuple[MotionHeader, Case, Siren]:
         In one sentence, if the file is not a complete and consistent motion of this solver.
     """
     texts, tensors = read_tensors(path)
-    with telling_damage(path):
+    with input_errors(path):
         header = MotionHeader.model_validate_json(texts.get(MOTION_HEADER, ""))
         case = header.read_case()
         check_like_numbers(tensors)
@@ -205,7 +205,7 @@ class TrainedMotion(FieldSolution):
         Every tensor is scaled by its largest magnitude before (see `shellbench.problems.shell.solution`).
         """
         siren = self.field.siren
-        if short_enough(siren.tensors, format):
+        if fits_format(siren.tensors, format):
             return self, self.storage_bytes
         tensors, bytes_taken = rounded_tensors(siren.tensors, format)
         return replace(self, field=replace(self.field, siren=siren.with_tensors(tensors))), bytes_taken

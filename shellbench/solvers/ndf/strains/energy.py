@@ -22,7 +22,7 @@ from torch import Tensor
 
 from shellbench.problems.shell.posed.rigid import rigid_modes
 from shellbench.solvers.ndf.field.ansatz import Ansatz, FeatureSet
-from shellbench.solvers.ndf.field.geometry import apply_rows, energy_rows, geometry, rigidities, through_matrix
+from shellbench.solvers.ndf.field.geometry import apply_rows, energy_rows, geometry, pull_back_rows, rigidities
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec
 from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density
@@ -75,7 +75,7 @@ def tabulate(ansatz: Ansatz, rule: Rule, placement: Placement, area: float = 1.0
     anchors = modes * (weights / area)[:, None] * case.material.membrane_stiffness**0.5
     transposed = matrix[VALUE].mT
     return Table(
-        through_matrix(rows, matrix),
+        pull_back_rows(rows, matrix),
         offset,
         (transposed @ force[..., None])[..., 0],
         work,

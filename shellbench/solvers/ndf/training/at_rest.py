@@ -13,7 +13,7 @@ from dataclasses import replace
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Solution, Step
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf.field.build import built_in, focal_points, is_flat
+from shellbench.solvers.ndf.field.build import field_mirrors, focal_points, is_flat
 from shellbench.solvers.ndf.field.choices import MULTIPLIERS, FieldSpec, StrainName
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import VALUE, Placement, smooth_activation
@@ -99,7 +99,7 @@ class Training:
         like = None
         if isinstance(start, NdfSolution) and start.spec.detail:  # widened: its inputs and its rules
             self.spec = self.spec.model_copy(update={name: getattr(start.spec, name) for name in WIDENED})
-            like = first_level(case, for_part(case, built_in(case, self.spec))).resolution.rule
+            like = first_level(case, for_part(case, field_mirrors(case, self.spec))).resolution.rule
         self.problem = TrainingProblem.from_case(case, self.spec, self.placement, like)
         mirrors = self.problem.ansatz.mirrors
         widths, scales = default_plan_widths(case, self.problem.singular, mirrors.parts if mirrors else 1)
@@ -151,7 +151,7 @@ class Training:
         # 2. Fit a deep network to such features, train it, and let challengers state its uncertainty.
         # 3. Until it settles, take the next level.
         planes = takes_planes(self.case) if self.settings.mirrors is None else self.settings.mirrors
-        mirrors = built_in(self.case, self.spec.model_copy(update={"mirrors": planes}))
+        mirrors = field_mirrors(self.case, self.spec.model_copy(update={"mirrors": planes}))
         first = first_level(self.case, for_part(self.case, mirrors))
         level: Level | None = first
         while level is not None and best.unsettled is not None:
