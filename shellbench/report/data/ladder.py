@@ -74,7 +74,7 @@ class Difference:
 
 def read_probes(record: Record, folder: Path) -> Probes | None:
     """Return a run's displacements at its probes; None if they are absent, damaged or not finite."""
-    kept = kept_arrays(record, folder, "probes", "probe_marks", "probe_displacements")
+    kept = kept_arrays(record, folder, "probes", "probe_marks", "probe")
     if kept is None:
         return None
     probes = Probes(*kept)

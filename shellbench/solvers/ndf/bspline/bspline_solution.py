@@ -156,7 +156,7 @@ class SplineSolution(ShellSolution):
 
     def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell."""
-        return self._answered.pushed(number, centre, focal_points(self.case))
+        return self._answered.support_reaction(number, centre, focal_points(self.case))
 
     def kept(self) -> tuple[Words, Arrays]:
         """Return the data that `restored` needs of a file."""

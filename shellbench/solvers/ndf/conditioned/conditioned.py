@@ -47,7 +47,7 @@ from shellbench.solvers.ndf.linear.refinement import SAFETY, SETTLED, first_leve
 from shellbench.solvers.ndf.linear.ritz_field import field_spec
 from shellbench.solvers.ndf.linear.ritz_settings import ConditionedSettings, RitzSettings
 from shellbench.solvers.ndf.linear.solve import solve_part
-from shellbench.solvers.ndf.strains.energy import exploits
+from shellbench.solvers.ndf.strains.energy import why_exploited
 
 FORMAT = "ndf-conditioned, format 1"
 CANDIDATES = (9, 7)  # thicknesses and Poisson's ratios of the grid from which materials are chosen
@@ -275,7 +275,7 @@ class _Build:
             rigid=rigid,
             reduced=first,
         )
-        if (reason := exploits(gap, self.settings.largest_gap)) is not None:
+        if (reason := why_exploited(gap, self.settings.largest_gap)) is not None:
             raise SolveFailure(reason, found)
         return found
 

@@ -47,7 +47,7 @@ from shellbench.solvers.ndf.linear.refinement import SETTLED
 from shellbench.solvers.ndf.linear.ritz_settings import ConditionedSettings
 from shellbench.solvers.ndf.motion.motion import degree_of
 from shellbench.solvers.ndf.motion.motion_problem import Motion
-from shellbench.solvers.ndf.strains.energy import exploits
+from shellbench.solvers.ndf.strains.energy import why_exploited
 from shellbench.solvers.ndf.strains.smooth import finer, widest
 
 FORMAT = "ndf-conditioned in motion, format 2"
@@ -310,7 +310,7 @@ def solve(case: ConditionedCase, settings: ConditionedSettings, progress: Progre
             "independent_features": found.features.count,
         },
     )
-    if (reason := exploits(gap, settings.largest_gap)) is not None:
+    if (reason := why_exploited(gap, settings.largest_gap)) is not None:
         raise SolveFailure(reason, found)
     return found
 

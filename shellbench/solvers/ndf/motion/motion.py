@@ -52,7 +52,7 @@ from shellbench.solvers.ndf.motion.motion_parts import Energies
 from shellbench.solvers.ndf.motion.motion_problem import Motion
 from shellbench.solvers.ndf.motion.motion_solution import Course, MotionSolution
 from shellbench.solvers.ndf.motion.products import Products
-from shellbench.solvers.ndf.strains.energy import exploits
+from shellbench.solvers.ndf.strains.energy import why_exploited
 from shellbench.solvers.ndf.strains.smooth import PANEL_ORDER, POINTS_A_DEGREE, finer, rule_of, smooth, widest
 
 DEGREES = (10, 13, 17, 22)  # along the longest side, of each level: each costs some four times the one before
@@ -150,7 +150,7 @@ def solve(
                     raise
                 reason = f"the motion of degree {level.degree} does not fit into memory{kept}"
                 raise SolveFailure(reason, before) from None
-            exploited = exploits(solution.diagnostics["energy_gap"], largest_gap)
+            exploited = why_exploited(solution.diagnostics["energy_gap"], largest_gap)
             if exploited is None:
                 break
             if not points * MORE_POINTS <= MOST_POINTS:

@@ -190,7 +190,7 @@ class MotionSolution(FieldSolution):
             return -self.case.material.areal_density * self._rate(points, t, 2) - springs
 
         with torch.no_grad():
-            return state.pushed(number, centre, NOWHERE, lag)
+            return state.support_reaction(number, centre, NOWHERE, lag)
 
     def _point_forces(self, t: float) -> Array:
         """Return the forces (k,) of the point supports, N."""

@@ -20,14 +20,14 @@ from shellbench.problems.shell.question.contact import Touch, gaps
 from shellbench.solvers.ndf.field.build import Resolution
 from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import VALUE, Array
-from shellbench.solvers.ndf.linear.contact import Touching, drawn
+from shellbench.solvers.ndf.linear.contact import Touching, draw_field
 from shellbench.solvers.ndf.linear.contact_forces import (
     SLIGHT,
     Flags,
     contact_points,
+    crease_mask,
     least_forces,
-    on_creases,
-    smoothest,
+    smoothest_forces,
     typical_compliance,
 )
 from shellbench.solvers.ndf.linear.ritz_settings import NDF_RITZ, RitzSettings
@@ -146,7 +146,7 @@ def in_contact(points: ContactRows, start: PathState, t: float) -> tuple[PathSta
         first = first or decrement
         if settled(problem, deformed, decrement, first):
             largest = float(np.abs(points.displacement(weights, t)).max())
-            smooth = smoothest(compliance, offset, forces, unit, points.line, largest, PASSES)[:, None] * normal
+            smooth = smoothest_forces(compliance, offset, forces, unit, points.line, largest, PASSES)[:, None] * normal
             residual = deformed.residual + (placement.tensor(smooth)[:, None] @ points.values).sum(dim=(0, 1))
             state = PathState(t, weights, replace(deformed, residual=residual), iteration)
             return state, replace(points.touch, forces=smooth)
@@ -166,11 +166,11 @@ def answer(
     # 1. Draw features, and choose the points of contact.
     # 2. Follow load steps with contact from rest.
     # 3. Certify the energy of each kept state on the finer rule.
-    ansatz, features, (rule, fine), focal = drawn(case, spec, settings, resolution, seed)
+    ansatz, features, (rule, fine), focal = draw_field(case, spec, settings, resolution, seed)
     level = PathLevel(features, rule, fine, focal, resolution)
     problem = PathProblem(spec, ansatz, features, rule, focal).independent()
     touch = contact_points(case, spec.creases, finer, ends=True)
-    points = ContactRows(problem, touch, on_creases(case, touch, spec.creases))
+    points = ContactRows(problem, touch, crease_mask(case, touch, spec.creases))
     touches: dict[float, Touch] = {}
 
     def find(_: PathProblem, start: PathState, t: float) -> PathState:

@@ -33,7 +33,7 @@ from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.levels import PathLevel, disagreement, state_solution
 from shellbench.solvers.ndf.path.newton import Deformed, PathState, equilibrium
 from shellbench.solvers.ndf.path.path_challenge import challenged, prescribed
-from shellbench.solvers.ndf.strains.energy import exploits
+from shellbench.solvers.ndf.strains.energy import why_exploited
 from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError, equal_marks
 
 Training = Callable[[PathLevel, PathProblem, Sequence[PathState]], PathLevel | None]
@@ -162,7 +162,7 @@ class _Run:
         solution = self._kept(states, seconds, complete=reason is None)
         if reason is not None:
             solution = cut_short(solution, f"{reason}; the last converged load factor is {states[-1].t:.6g}")
-        if (reason := exploits(solution.diagnostics["energy_gap"], self.largest_gap)) is not None:
+        if (reason := why_exploited(solution.diagnostics["energy_gap"], self.largest_gap)) is not None:
             raise SolveFailure(reason, solution)
         return solution
 

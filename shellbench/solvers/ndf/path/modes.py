@@ -43,7 +43,7 @@ from shellbench.solvers.ndf.field.network import deep_random_features
 from shellbench.solvers.ndf.field.quadrature import area_rule
 from shellbench.solvers.ndf.field.supports import check_balance
 from shellbench.solvers.ndf.linear.constraints import SAME_ROW
-from shellbench.solvers.ndf.linear.refinement import SAFETY, SLOWEST, Level, first_level, next_level, unsettled
+from shellbench.solvers.ndf.linear.refinement import SAFETY, SLOWEST, Level, first_level, next_level, why_unsettled
 from shellbench.solvers.ndf.linear.ritz_field import with_settings
 from shellbench.solvers.ndf.linear.ritz_settings import NDF_RITZ, RitzSettings
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
@@ -131,7 +131,7 @@ def solve(
             if whole.gap > plain.gap and whole.values.mean() > plain.values.mean():
                 kept, gained = plain, np.abs(before - plain.values)
                 told = np.maximum(told, gained)
-            missed = still_missed(gained, told, np.abs(before - kept.values))
+            missed = remaining_error(gained, told, np.abs(before - kept.values))
         sure = SAFETY * (missed + kept.gap * np.abs(kept.values))
         for found in (plain, whole):
             seconds = time.perf_counter() - began
@@ -153,7 +153,7 @@ def solve(
     return answer
 
 
-def still_missed(gained: Array, told: Array, changed: Array) -> Array:
+def remaining_error(gained: Array, told: Array, changed: Array) -> Array:
     """Return the estimated errors of modes (m,).
 
     Challengers changed the modes by `gained` at this level and by `told` at the level before; `changed` is their change
@@ -299,7 +299,7 @@ class _OneLevel:
             states=tuple(self._shape(found.weights[:, int(mark) - 1]) for mark in marks),
             history=tuple(steps),
             uncertainty=uncertainty,
-            unsettled=unsettled(uncertainty, values, SETTLED_MODE),
+            unsettled=why_unsettled(uncertainty, values, SETTLED_MODE),
             mode_values={int(mark): float(found.values[int(mark) - 1]) for mark in marks},
             diagnostics={
                 "energy_gap": found.gap,

@@ -36,17 +36,17 @@ from shellbench.solvers.ndf.field.supports import point_supports
 from shellbench.solvers.ndf.linear.constraints import SAME_ROW
 from shellbench.solvers.ndf.linear.refinement import (
     TRAINED_SHARE,
-    Miss,
-    changes,
+    ErrorBounds,
+    challenger_spec,
     finer_rule,
     first_level,
+    graded_rule,
     joined_features,
-    layered,
-    looking_everywhere,
-    probed,
+    probe,
+    quantity_changes,
     scale,
     uncertainties,
-    unsettled,
+    why_unsettled,
 )
 from shellbench.solvers.ndf.linear.regularised import JITTER, RegularisedInverse
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
@@ -70,7 +70,7 @@ def prescribed(solution: PathSolution, rounding: float) -> PathSolution:
     for q in case.quantities:
         value = {q.name: measure(solution, q)}
         scales = {q.name: scale(solution.state(q.at), q, value[q.name], rounding)}
-        missed = Miss({q.name: rounding if isinstance(q, EnergyQuantity) else 0.0}, 0.0)
+        missed = ErrorBounds({q.name: rounding if isinstance(q, EnergyQuantity) else 0.0}, 0.0)
         uncertainty |= uncertainties(missed, gap, value, scales, PRESCRIBED)
     return replace(solution, uncertainty=uncertainty)
 
@@ -105,7 +105,7 @@ class Challenge:
         number = max(1, round(TRAINED_SHARE * width / len(level.kinds)))
         # Both fields are integrated with as many points a feature as the path's own: otherwise the rule makes a
         # difference.
-        rule = layered(case, finer_rule(usual.rule, RULE_GROWTH))
+        rule = graded_rule(case, finer_rule(usual.rule, RULE_GROWTH))
         level = replace(level, resolution=replace(level.resolution, neurons=0), challengers=number)
         features = joined_features(solution.field, solution.spec, level, seed)
         assert isinstance(problem.features, Combined)
@@ -116,7 +116,7 @@ class Challenge:
         combine[len(old) :, count:].fill_diagonal_(1.0)
         allowed = torch.as_tensor(features.component_mask()[:, len(old) :])
         whole = torch.cat([torch.ones((3, count), dtype=torch.bool), allowed], dim=1)
-        focal = graded_points(case, looking_everywhere(spec))
+        focal = graded_points(case, challenger_spec(spec))
         joined = PathProblem(problem.spec, problem.ansatz, Combined(features, combine), rule, focal)
         quantity = next((q for q in case.quantities if q.name == case.path.quantity), None)
         row = joined.functional(quantity) if isinstance(quantity, DisplacementQuantity) else None
@@ -204,7 +204,7 @@ class Found:
     """
 
     solutions: tuple[NdfSolution, NdfSolution]
-    probed: tuple[Array, Array]
+    probes: tuple[Array, Array]
     steps: tuple[Step, Step]
     gained: float
     of_displacements: float
@@ -261,18 +261,18 @@ def challenged(
             values = [{q.name: measure(replace(state, history=history), q)} for state, history in both]
         except ValueError:
             continue  # the turning point has moved: nothing is stated
-        changed = changes(case, values[0], values[1], last.probed)
-        scales[q.name] = scale(last.solutions[0], q, values[0][q.name], problem.unstrained, last.probed[0])
+        changed = quantity_changes(case, values[0], values[1], last.probes)
+        scales[q.name] = scale(last.solutions[0], q, values[0][q.name], problem.unstrained, last.probes[0])
         gains.append(max(found.gained for found in there.values()))
         moved = isinstance(q, DisplacementQuantity | LargestDisplacement)
         share = max(found.of_displacements for found in there.values()) if moved else gains[-1]
         # The gain is that of the whole energy; a small part has a smaller error, and its own change counts too.
         of = max(abs(values[0][q.name]), PART * scales[q.name]) if isinstance(q, EnergyQuantity) else scales[q.name]
-        uncertainty |= uncertainties(Miss(changed, share), gap, values[0], {q.name: of})
+        uncertainty |= uncertainties(ErrorBounds(changed, share), gap, values[0], {q.name: of})
     return replace(
         solution,
         uncertainty=uncertainty,
-        unsettled=solution.unsettled or unsettled(uncertainty, scales, SETTLED_STATE),
+        unsettled=solution.unsettled or why_unsettled(uncertainty, scales, SETTLED_STATE),
         diagnostics={
             **solution.diagnostics,
             "challenge_gain": max(gains),
@@ -321,7 +321,7 @@ def _found(
     )
     share = abs(gained) / (deformed.membrane + deformed.bending + problem.unstrained)
     of_work = share if held else _share_of_work(challenge.problem, deformed, change, state.t, abs(gained))
-    return Found(solutions, (probed(solutions[0]), probed(solutions[1])), steps, share, min(share, of_work))
+    return Found(solutions, (probe(solutions[0]), probe(solutions[1])), steps, share, min(share, of_work))
 
 
 def _share_of_work(problem: PathProblem, deformed: Deformed, change: Tensor, t: float, gained: float) -> float:

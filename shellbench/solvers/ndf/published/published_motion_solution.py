@@ -32,7 +32,7 @@ from shellbench.solvers.ndf.field.weights import (
     texts_of,
     write_tensors,
 )
-from shellbench.solvers.ndf.linear.solution import FieldSolution, one_of_fields, strained
+from shellbench.solvers.ndf.linear.solution import FieldSolution, field_by_name, strain_data
 from shellbench.solvers.ndf.published.published_motion_field import MotionField, pressing
 from shellbench.solvers.ndf.published.published_network import Siren
 
@@ -154,7 +154,7 @@ class TrainedMotion(FieldSolution):
 
         def asked(xi: Array) -> Tensor:
             jet = self.field.planes(xi, t)[:6]
-            return one_of_fields(name, *strained(self.case, xi, self.field.placement, jet, self.strain))
+            return field_by_name(name, *strain_data(self.case, xi, self.field.placement, jet, self.strain))
 
         return self.in_portions(xi, asked, MOTION_QUERY)
 

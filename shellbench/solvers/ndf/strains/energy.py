@@ -302,7 +302,7 @@ def energy_gap(potential: float, fine: Certified, moved: bool, rounding: float =
     return abs(potential - fine.potential()) / magnitude if magnitude > 0 else 0.0
 
 
-def exploits(gap: float, largest: float, rule: str = "finer") -> str | None:
+def why_exploited(gap: float, largest: float, rule: str = "finer") -> str | None:
     """Return the clause that refuses a field whose energies on two rules disagree too much, or None if they do not."""
     if gap <= largest:  # False if it is NaN
         return None

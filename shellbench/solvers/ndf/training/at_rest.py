@@ -21,11 +21,11 @@ from shellbench.solvers.ndf.field.network import deep_random_features
 from shellbench.solvers.ndf.field.quadrature import area_rule
 from shellbench.solvers.ndf.field.supports import check_balance, point_supports
 from shellbench.solvers.ndf.linear.answer import displacement_values
-from shellbench.solvers.ndf.linear.challenge import stated
+from shellbench.solvers.ndf.linear.challenge import with_uncertainty
 from shellbench.solvers.ndf.linear.refinement import Level, first_level, next_level
-from shellbench.solvers.ndf.linear.ritz_field import for_part, takes_planes
+from shellbench.solvers.ndf.linear.ritz_field import mirrors_by_default, part_resolution
 from shellbench.solvers.ndf.linear.solution import NdfSolution
-from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, exploits
+from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, why_exploited
 from shellbench.solvers.ndf.training.trainer_settings import NDF, TrainerSettings
 from shellbench.solvers.ndf.training.training import (
     CERTIFICATE,
@@ -99,7 +99,7 @@ class Training:
         like = None
         if isinstance(start, NdfSolution) and start.spec.detail:  # widened: its inputs and its rules
             self.spec = self.spec.model_copy(update={name: getattr(start.spec, name) for name in WIDENED})
-            like = first_level(case, for_part(case, field_mirrors(case, self.spec))).resolution.rule
+            like = first_level(case, part_resolution(case, field_mirrors(case, self.spec))).resolution.rule
         self.problem = TrainingProblem.from_case(case, self.spec, self.placement, like)
         mirrors = self.problem.ansatz.mirrors
         widths, scales = default_plan_widths(case, self.problem.singular, mirrors.parts if mirrors else 1)
@@ -150,9 +150,9 @@ class Training:
         # 1. Take the resolution of a level of `ndf-ritz`, and the scales of its features and of its challengers.
         # 2. Fit a deep network to such features, train it, and let challengers state its uncertainty.
         # 3. Until it settles, take the next level.
-        planes = takes_planes(self.case) if self.settings.mirrors is None else self.settings.mirrors
+        planes = mirrors_by_default(self.case) if self.settings.mirrors is None else self.settings.mirrors
         mirrors = field_mirrors(self.case, self.spec.model_copy(update={"mirrors": planes}))
-        first = first_level(self.case, for_part(self.case, mirrors))
+        first = first_level(self.case, part_resolution(self.case, mirrors))
         level: Level | None = first
         while level is not None and best.unsettled is not None:
             found = self._level(level, mirrors is not None)
@@ -274,7 +274,7 @@ class Training:
                 "fine_quadrature_points": len(rule.points),
             },
         )
-        if (reason := exploits(gap, self.settings.largest_gap, "finest")) is not None:
+        if (reason := why_exploited(gap, self.settings.largest_gap, "finest")) is not None:
             raise SolveFailure(f"{reason}; use smaller widths", solution)
         self._tell(self.plan.iterations, "letting challengers join")
-        return stated(solution, self.plan.seed, self.history)
+        return with_uncertainty(solution, self.plan.seed, self.history)
