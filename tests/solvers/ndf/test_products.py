@@ -31,7 +31,7 @@ def products(case, degree):
 def equations(case, degree, of=None):
     """The equations of motion of products up to a degree, of those up to `of`."""
     rung = motion.MotionLevel(of or degree, products(case, of or degree), share=LONG_SHARE)
-    return motion.grown(case, SPEC, rung, motion.POINTS_A_DEGREE, degree)
+    return motion.motion_of_products(case, SPEC, rung, motion.POINTS_A_DEGREE, degree)
 
 
 def drawn(count, seed=0, size=0.02):
@@ -52,7 +52,7 @@ def test_sums_over_one_coordinate_after_the_other_are_those_of_a_table_of_all_pr
     w = drawn(3 * found.features.count)
     alike(found._table.fields(w.view(3, -1)), dense.fields(w.view(3, -1)), 1e-10)
     conjugate = drawn(len(found.share) * 18).view(-1, 6, 3)
-    alike(found._table.onto(conjugate), dense.onto(conjugate), 1e-10)
+    alike(found._table.pull_back(conjugate), dense.pull_back(conjugate), 1e-10)
 
 
 HELD = [support("edges", "xi1_min", "xi2_min"), support("other", "xi2_max")]
@@ -170,7 +170,7 @@ def test_features_that_are_added_change_neither_displacement_nor_velocity_nor_en
     smooth = coarse.features.degrees < 5
     parts = [coarse.unknowns((drawn(3 * len(smooth), k, 1e-3).view(3, -1) * smooth).reshape(-1)) for k in (0, 1)]
     z = np.concatenate([*parts, [0.7]])
-    carried = integration.carried(coarse, fine, z, 0.1)
+    carried = integration.extended_state(coarse, fine, z, 0.1)
     assert len(carried) == 2 * fine.basis.size + 1
     assert carried[-1] == 0.7
     states = []

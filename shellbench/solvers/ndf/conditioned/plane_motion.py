@@ -24,7 +24,7 @@ from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.linear.ritz_field import field_spec
 from shellbench.solvers.ndf.linear.ritz_settings import ConditionedSettings, RitzSettings
 from shellbench.solvers.ndf.motion.integration import ATOL, RTOL
-from shellbench.solvers.ndf.motion.motion import MotionLevel, degree_of, prepared
+from shellbench.solvers.ndf.motion.motion import MotionLevel, degree_of, prepare_motion
 from shellbench.solvers.ndf.motion.motion_problem import Motion
 from shellbench.solvers.ndf.strains.sampled import Sampled
 from shellbench.solvers.ndf.strains.smooth import POINTS_A_DEGREE, scales, widest
@@ -172,7 +172,7 @@ def features_of(shell: Case, degree: int, settings: ConditionedSettings) -> tupl
     width = settings.neurons if settings.neurons and degree == degree_of(shell, settings.neurons) else None
     network = random_features(spread, width or widest(shell, degree), settings.seed, spec.activation)
     features = build_features(shell, spec, network, placement, inputs)
-    motion = prepared(shell, spec, MotionLevel(degree, features), POINTS_A_DEGREE)
+    motion = prepare_motion(shell, spec, MotionLevel(degree, features), POINTS_A_DEGREE)
     # The prepared features are orthonormal in all three components, of which one is held.
     values = motion.sampled.jets[:, VALUE]
     assert isinstance(motion.features, Combined)  # features of a network are combined

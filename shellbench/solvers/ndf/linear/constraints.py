@@ -46,6 +46,7 @@ def point_targets(ansatz: Ansatz, placement: Placement) -> Tensor:
 
 
 def _held_components(supports: Sequence[PointSupport]) -> tuple[Array, list[int]]:
+    """Return the points (k, 2) of point supports, and the component that each of them holds."""
     return np.array([s.point.xi for s in supports]), [s.component for s in supports]
 
 

@@ -141,6 +141,7 @@ def _conormal_slope(u: Tensor, x: Tensor, normal: Tensor, axis: int) -> Tensor:
 
 
 def _largest_displacement(field: Field) -> float:
+    """Return the largest component of the displacement at 25 points, metres."""
     domain = field.ansatz.case.surface.domain
     middle = np.asarray(domain.grid(5, 5)).reshape(-1, 2)
     return float(field.displacement(middle).abs().max())

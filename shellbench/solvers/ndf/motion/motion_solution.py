@@ -198,7 +198,7 @@ class MotionSolution(FieldSolution):
             return np.zeros(0)
         with torch.no_grad():
             w, second = (self.course.at(t, order).reshape(-1) for order in (0, 2))
-            return np.asarray(self._motion.holding(w, second, t).cpu().numpy())
+            return np.asarray(self._motion.support_forces(w, second, t).cpu().numpy())
 
     def _output(self, t: float, order: int = 0) -> Tensor:
         """Return the output weights (3, M) of the network itself, or of products, or their derivative."""

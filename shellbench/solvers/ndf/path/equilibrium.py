@@ -85,7 +85,7 @@ class PathProblem:
         """The area rule's points with the boundary factors at a load factor."""
         if not turns_clamps(self.ansatz.case):
             return lambda t: self.sampled
-        return lru_cache(maxsize=2)(lambda t: self.sampled.carried(self.ansatz_at(t)))
+        return lru_cache(maxsize=2)(lambda t: self.sampled.with_ansatz(self.ansatz_at(t)))
 
     @cached_property
     def lift_at(self) -> Callable[[float], Tensor | None]:

@@ -159,7 +159,7 @@ class _Run:
         if not states:
             raise SolveFailure(f"{reason}: no state beyond rest converged")
         self.states = states
-        solution = self._kept(states, seconds, complete=reason is None)
+        solution = self._build_solution(states, seconds, complete=reason is None)
         if reason is not None:
             solution = cut_short(solution, f"{reason}; the last converged load factor is {states[-1].t:.6g}")
         if (reason := why_exploited(solution.diagnostics["energy_gap"], self.largest_gap)) is not None:
@@ -219,7 +219,7 @@ class _Run:
         assert self.controlled is not None
         return self.controlled
 
-    def _kept(self, states: Sequence[PathState], seconds: Sequence[float], complete: bool) -> PathSolution:
+    def _build_solution(self, states: Sequence[PathState], seconds: Sequence[float], complete: bool) -> PathSolution:
         case = self.case
         marks = [s.t if self.controlled is None else float(self.controlled @ s.weights) for s in states]
         kept = []

@@ -69,7 +69,7 @@ class Sampled:
             kept = None if self.kept is None else self.kept[some]
             yield some, self.features.jets(self.points[some]).permute(1, 0, 2).contiguous() if kept is None else kept
 
-    def carried(self, ansatz: Ansatz) -> Sampled:
+    def with_ansatz(self, ansatz: Ansatz) -> Sampled:
         """Return the same points and features with other boundary factors."""
         matrix = ansatz.factors.matrix(self.points, self.features.placement)
         return replace(self, through=gradients_through(self.undeformed.geometry, matrix), matrix=matrix[VALUE])
