@@ -181,7 +181,7 @@ def test_a_strip_that_only_the_floor_keeps_from_buckling_is_followed(monkeypatch
         points = rows_of(pressed, 20, (6, 1), 0.3)
 
         def last():
-            return list(load_steps(points.problem, (1.0,), lambda _, s, t: touching.in_contact(points, s, t)[0]))[-1]
+            return list(load_steps(points.problem, (1.0,), lambda _, s, t: touching.contact_state(points, s, t)[0]))[-1]
 
         state, combine = last(), points.problem.basis.combine
         tangent = combine.T @ points.problem.tangent(state.deformed, state.t, state.weights) @ combine

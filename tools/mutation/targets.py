@@ -171,9 +171,9 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
     ("ndf.path.buckling", r"trust_region_step", EQUATION, "the least of a quadratic form within a radius"),
     (
         "ndf.path.buckling",
-        r"relaxed|_size|follow_steps|_to_buckling|_beyond_buckling|_stepped",
+        r"relax_to_stable|_size|follow_steps|_to_buckling|_beyond_buckling|_step_to",
         CHOICE,
-        "steps of a path; `_critical` and `_zero`, which tell the critical load, are mechanics",
+        "steps of a path; `_critical_state` and `_critical_load`, which tell the critical load, are mechanics",
     ),
     (
         "ndf.linear.contact",
@@ -182,12 +182,12 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
         "resolutions, and where features jump",
     ),
     ("ndf.linear.contact", r"_as_answer", STATEMENT, "the uncertainty of an answer in contact"),
-    ("ndf.path.contact_at_finite_strain", r"in_contact", EQUATION, "Newton's method; its rows are mechanics"),
+    ("ndf.path.contact_at_finite_strain", r"contact_state", EQUATION, "Newton's method; its rows are mechanics"),
     ("ndf.strains.energy", r"energy_gap", CHECK, "an answer is refused where two rules differ"),
     ("ndf.path.equilibrium", r".*\.(independent|_stiffness)", CHOICE, "which combinations of features are kept"),
     (
         "ndf.path.equilibrium",
-        r".*\.(unstrained|settled|likeness|predicted|foretold_energies|_strain_change)",
+        r".*\.(rounding_energy|cosine|predicted_stresses|predicted_energies|_strain_change)",
         EQUATION,
         "when Newton's method ends, and what it predicts",
     ),
@@ -237,7 +237,7 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
     ),
     ("ndf.linear.solve", r"(RegularisedInverse|HeldInverse)\..*", EQUATION, "factorisations with a jitter, refined"),
     ("ndf.linear.static", r"solve|_without_challengers", CHOICE, "levels of ever more features"),
-    ("ndf.linear.answer", r"SolvedLevel\.challenged", CHOICE, "levels of ever more features"),
+    ("ndf.linear.answer", r"SolvedLevel\.with_challengers", CHOICE, "levels of ever more features"),
     ("ndf.linear.answer", r"Candidate\.error_bounds", STATEMENT, "the uncertainty of a linear shell's answer"),
     (
         "ndf.linear.static",

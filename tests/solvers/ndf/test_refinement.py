@@ -155,7 +155,7 @@ def test_the_answer_is_the_regularisation_of_least_certified_energy(monkeypatch,
         planted(solution, energy, {"centre_deflection": 1e-3 * k}, still) for k, energy in enumerate(energies)
     )
     solved = SolvedLevel(None, (), answers[best], answers, dict)
-    assert solved.challenged is answers[best]
+    assert solved.with_challengers is answers[best]
     assert solved.error_bounds().changes["centre_deflection"] == pytest.approx(told * 1e-3)
 
 
@@ -190,7 +190,7 @@ def test_the_level_of_least_certified_energy_answers(monkeypatch, energies, answ
 
     def solved(case, spec, settings, level, *others):
         answer = usual(case, spec, settings, level, *others)
-        planted = replace(answer.challenged, potential=energies[min(level.number, 1)])
+        planted = replace(answer.with_challengers, potential=energies[min(level.number, 1)])
         levels.append(replace(answer, first=planted, regularised=(planted,) * 3))
         return levels[-1]
 

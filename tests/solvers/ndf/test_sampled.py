@@ -95,7 +95,7 @@ def test_fields_converge_as_polynomials_do_and_no_worse_at_edges():
     for degree in (4, 8, 12):
         found = motion(case, degree)
         values = found.features.values(found.sampled.points)
-        weights = found.share[:, None] * values
+        weights = found.areas[:, None] * values
         share = (
             torch.linalg.inv(weights.T @ values)
             @ weights.T
@@ -159,7 +159,7 @@ def test_slopes_of_the_smoothest_fields_are_small():
     """Ordered by the operator: the first fields are a constant and nearly straight lines."""
     found = motion(moving(), 8)
     jets = found.sampled.jets.permute(1, 0, 2)
-    slopes = [float((found.share[:, None] * jets[plane] ** 2).sum(0)[0]) for plane in (D1, D2)]
+    slopes = [float((found.areas[:, None] * jets[plane] ** 2).sum(0)[0]) for plane in (D1, D2)]
     assert max(slopes) < 1e-20
     line = jets[VALUE][:, 1:3]
     xi = torch.as_tensor(found.sampled.points)

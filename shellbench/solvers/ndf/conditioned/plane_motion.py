@@ -87,7 +87,7 @@ class PlaneMotion:
     def of_features(cls, motion: Motion, features: Combined, sampled: Sampled) -> PlaneMotion:
         """Tabulate features at the sample points."""
         case, jets = motion.case, sampled.jets
-        share = motion.share.numpy()
+        share = motion.areas.numpy()
         values = jets[:, VALUE].numpy()
         stiffness = case.spring_stiffness(sampled.points) * share[:, None]
         force = np.zeros((PLANE, features.count))
@@ -176,7 +176,7 @@ def features_of(shell: Case, degree: int, settings: ConditionedSettings) -> tupl
     # The prepared features are orthonormal in all three components, of which one is held.
     values = motion.sampled.jets[:, VALUE]
     assert isinstance(motion.features, Combined)  # features of a network are combined
-    root = torch.linalg.cholesky(values.T @ (motion.share[:, None] * values))
+    root = torch.linalg.cholesky(values.T @ (motion.areas[:, None] * values))
     combine = torch.linalg.solve_triangular(root, motion.features.combine.T, upper=False).T
     return motion, Combined(motion.features.features, combine)
 

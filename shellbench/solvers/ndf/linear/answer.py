@@ -93,7 +93,7 @@ class SolvedLevel:
     energies: Callable[[], dict[str, float]]
 
     @property
-    def challenged(self) -> Candidate:
+    def with_challengers(self) -> Candidate:
         """The answer of least certified energy with the challengers' features; in a tie, the usual one."""
         # Less regularisation lowers the energy on the rule of the solve. If it raises the energy on the finer rule, the
         # field exploits its rule: hardly in displacements, much in their third derivatives.
@@ -104,14 +104,14 @@ class SolvedLevel:
     @property
     def best(self) -> Candidate:
         """The answer of the level: with the challengers' features, unless these lose certified energy."""
-        return self.first if self.challenged.exploits_rule(self.first.potential) else self.challenged
+        return self.first if self.with_challengers.exploits_rule(self.first.potential) else self.with_challengers
 
     def error_bounds(self) -> ErrorBounds:
         """Return lower bounds of the errors: changes by challengers, and changes by less regularisation."""
         # Combinations of features that are softer than rounding are excluded. Challengers do not show their effect,
         # since they are regularised too. But energies show the gain of each step of regularisation, down to that of
         # rounding. If the last step loses energy, no further one would gain any: the change by one step is the bound.
-        (stiffest, stiffer, usual), best = self.regularised, self.challenged
+        (stiffest, stiffer, usual), best = self.regularised, self.with_challengers
         left = gain_left((stiffest.potential, stiffer.potential, usual.potential), STEPS_LEFT) if best is usual else 1.0
         softer = (stiffest if best is stiffer else stiffer).error_bounds(best).times(left)
         return self.first.error_bounds(best).or_larger(softer)

@@ -92,7 +92,7 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
         progress(Progress(level.number, None, f"solving with {level.resolution.neurons} neurons and their challengers"))
         solved = _solve_level(case, spec, settings, level, begin, balances)
         last = solved.first if fixed else solved.best
-        exploiting = solved.best is not solved.challenged
+        exploiting = solved.best is not solved.with_challengers
         reason = refusal(last.signs, last.solution.spec, settings.largest_gap)
         alone = refusal(solved.first.signs, solved.first.solution.spec, settings.largest_gap)
         if reason is not None and alone is None:
@@ -168,7 +168,7 @@ def _as_answer(
     rounding = rounding_energy(solution.case.material.membrane_stiffness, area)
     scales = {q.name: scale(solution, q, last.values[q.name], rounding) for q in solution.case.quantities}
     missed = missed.or_larger(_recovery_bounds(solution))
-    gap = max(a.signs.gap + a.signs.jitter_share for a in (solved.first, solved.challenged))
+    gap = max(a.signs.gap + a.signs.jitter_share for a in (solved.first, solved.with_challengers))
     uncertainty = uncertainties(missed, gap, last.values, scales)
     others = {q.name for q in solution.case.quantities if not isinstance(q, ResultantQuantity)}
     numbered = tuple(replace(step, iteration=k) for k, step in enumerate(steps))

@@ -318,7 +318,7 @@ class _Run:
                 "features": self.level.features.count,
                 "independent_features": motion.features.count,
                 "neurons": self.level.features.network.width,
-                "quadrature_points": len(motion.share),
+                "quadrature_points": len(motion.areas),
                 "time_steps": len(history),
                 "force_evaluations": track.evaluations[-1],
                 "interpolation": "quintic Hermite in time",

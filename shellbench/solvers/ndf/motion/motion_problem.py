@@ -97,7 +97,7 @@ class Motion:
         return Table(jets.reshape(-1, self.features.count))
 
     @cached_property
-    def share(self) -> Tensor:
+    def areas(self) -> Tensor:
         """(N,): area of each point, m^2."""
         rule = area_rule(self.case.surface.domain, NOWHERE, self.rule_spec)
         return self.features.placement.tensor(rule.weights) * self.sampled.undeformed.geometry.jacobian
@@ -105,21 +105,21 @@ class Motion:
     @property
     def area(self) -> float:
         """Area of the midsurface, m^2."""
-        return float(self.share.sum())
+        return float(self.areas.sum())
 
     @cached_property
     def _elasticity(self) -> Tensor:
-        return self.sampled.undeformed.elasticity(self.case.material) * self.share[:, None, None, None]
+        return self.sampled.undeformed.elasticity(self.case.material) * self.areas[:, None, None, None]
 
     @cached_property
     def _springs(self) -> Tensor:
         """(N, 3): stiffness of each point, N/m."""
-        return self.features.placement.tensor(self.case.spring_stiffness(self.sampled.points)) * self.share[:, None]
+        return self.features.placement.tensor(self.case.spring_stiffness(self.sampled.points)) * self.areas[:, None]
 
     @cached_property
     def mass(self) -> Tensor:
         """(3 M, 3 M) on the output weights, kg; zero for components that are held on the whole surface."""
-        total = self.sampled.products(self.case.material.areal_density * self.share)
+        total = self.sampled.products(self.case.material.areal_density * self.areas)
         blocks = total.view(COMPONENTS, self.features.count, COMPONENTS, self.features.count)
         # A component held on the whole surface moves as prescribed. Its features get no inertia, and therefore no place
         # in the basis.
@@ -239,7 +239,7 @@ class Motion:
         if "loads" in self._load_memory and np.array_equal(self._load_memory["loads"][0], key):
             return self._load_memory["loads"][1]
         placement = self.features.placement
-        total = self.force_vector(placement.tensor(density) * self.share[:, None])
+        total = self.force_vector(placement.tensor(density) * self.areas[:, None])
         if len(points):
             matrix = self.ansatz(t).factors.matrix(points, placement)[VALUE]
             on_free = (matrix.mT @ placement.tensor(concentrated)[..., None])[..., 0]
@@ -297,7 +297,7 @@ class Motion:
         residual = force - resistance
         rates = self._lift_rates(t) if self._lifts else None
         if rates is not None:
-            residual = residual - self.force_vector(rho * self.share[:, None] * rates[1].values)
+            residual = residual - self.force_vector(rho * self.areas[:, None] * rates[1].values)
         acceleration = self.basis.gather(residual)
         moved = self.weights(velocity, t, 1)
         power = float(force @ moved)
@@ -308,7 +308,7 @@ class Motion:
         if rates is not None:
             rate, second = rates
             free, _ = self._fields(self.weights(acceleration, t, 2), None)
-            inertia = rho * self.share[:, None] * (free + second.values)
+            inertia = rho * self.areas[:, None] * (free + second.values)
             power += float(((inertia + pull) * rate.values).sum() + (conjugate * rate.gradients.flatten(1)).sum())
         return acceleration, power
 
@@ -316,7 +316,7 @@ class Motion:
         """Return the highest angular frequency of small motions about rest, rad/s, by power iteration."""
         # Power iteration on the stiffness at rest, which in this basis has the squared frequencies as eigenvalues. Its
         # product with a vector is a central difference of the forces: no matrix is made.
-        rest = self.share.new_zeros(self.basis.size)
+        rest = self.areas.new_zeros(self.basis.size)
         direction = torch.sin(torch.arange(1.0, 1 + len(rest)).to(rest))  # any vector that is orthogonal to no mode
         size, value = NUDGE * self.area**0.5 * self.case.material.areal_density**0.5, 0.0
         for _ in range(POWER_ITERATIONS):
@@ -333,7 +333,7 @@ class Motion:
         # D'Alembert: the supports exert the unbalanced forces, on the fields that move one of them by one unit.
         residual = self.resistance(w, t)[0] - self.forces(t) + self.inertia(second)
         if self._lifts:
-            lag = self.case.material.areal_density * self.share[:, None] * self._lift_rates(t)[1].values
+            lag = self.case.material.areal_density * self.areas[:, None] * self._lift_rates(t)[1].values
             residual = residual + self.force_vector(lag)
         return self.basis.held.T @ residual
 
@@ -347,7 +347,7 @@ class Motion:
             v = v + self._lift_rates(t)[0].values
         membrane, bending = work.tolist()
         return Energies(
-            kinetic=self.case.material.areal_density / 2 * float(self.share @ (v * v).sum(-1)),
+            kinetic=self.case.material.areal_density / 2 * float(self.areas @ (v * v).sum(-1)),
             membrane=membrane,
             bending=bending,
             springs=float((self._springs * u * u).sum()) / 2,

@@ -106,20 +106,20 @@ class PathProblem:
     @cached_property
     def elasticity(self) -> Tensor:
         """(N, 2, 3, 3) of each point's share of the area."""
-        return self.sampled.undeformed.elasticity(self.ansatz.case.material) * self.share[:, None, None, None]
+        return self.sampled.undeformed.elasticity(self.ansatz.case.material) * self.areas[:, None, None, None]
 
     @cached_property
-    def share(self) -> Tensor:
+    def areas(self) -> Tensor:
         """(N,): area of each point, m^2."""
         return self.weights * self.sampled.undeformed.geometry.jacobian
 
     @property
     def area(self) -> float:
         """Area of the midsurface, m^2."""
-        return float(self.share.sum())
+        return float(self.areas.sum())
 
     @property
-    def unstrained(self) -> float:
+    def rounding_energy(self) -> float:
         """Energy that counts as rounding, J."""
         return UNSTRAINED * self.ansatz.case.material.membrane_stiffness * self.area
 
@@ -144,7 +144,7 @@ class PathProblem:
         ansatz = self.ansatz_at(t)
         # Forces act on u = lift + M F: through M^T on the output weights, and by their work on the lift.
         force = placement.tensor(force_density(case, sampled.points, t))
-        force = force * self.share[:, None]
+        force = force * self.areas[:, None]
         total = sampled.forces(force)
         points, concentrated = concentrated_forces(case, self.rule_spec, self.focal, t)
         extra = placement.tensor(concentrated)
@@ -167,7 +167,7 @@ class PathProblem:
         modes = rigid_modes(case.surface, self.sampled.points)[0, 0] @ free
         # The mean of u . mode over the area, squared. The rows are scaled to be as stiff as the membrane. Loads in
         # balance do no work on the modes, so that at the answer these squares vanish.
-        share = self.share / self.share.sum() * case.material.membrane_stiffness**0.5
+        share = self.areas / self.areas.sum() * case.material.membrane_stiffness**0.5
         placed = self.features.placement.tensor(modes) * share[:, None, None]
         rows = [self.sampled.forces(placed[..., k]) for k in range(free.shape[1])]
         return torch.stack(rows) if rows else share.new_zeros((0, 3 * self.features.count))
@@ -198,7 +198,7 @@ class PathProblem:
         """Return the row (3 M,) of a displacement quantity; the lift's share is left out."""
         return self.row(*quantity_points(self.ansatz.case, quantity), t)
 
-    def lifted(self, quantity: DisplacementQuantity, t: float) -> float:
+    def lift_share(self, quantity: DisplacementQuantity, t: float) -> float:
         """Return the lift's share of a displacement quantity at a load factor, metres."""
         ansatz = self.ansatz_at(t)
         if not ansatz.lift.moves:
@@ -215,14 +215,14 @@ class PathProblem:
         k, rows = self.ansatz.case.material.membrane_stiffness, self.constraints
         return Basis.from_stiffness(self._stiffness + k * rows.T @ rows, rows, (SAME_ROW / k) ** 0.5)
 
-    def likeness(self, first: Tensor, second: Tensor) -> float:
+    def cosine(self, first: Tensor, second: Tensor) -> float:
         """Return the cosine of two changes of weights (3 M,) by the stiffness at rest, 1 if one of them is zero."""
         # Weights have no metric of their own. With that of the stiffness at rest, the cosine is one of displacements.
         stiff = self._stiffness @ first
         product = float(stiff @ first) * float(second @ (self._stiffness @ second))
         return float(stiff @ second) / math.sqrt(product) if product > 0 else 1.0
 
-    def fitted(self, other: PathProblem, weights: Tensor) -> Tensor:
+    def fit_weights(self, other: PathProblem, weights: Tensor) -> Tensor:
         """Return the weights (3 M,) of the field that is closest, in stiffness at rest, to one of another problem.
 
         The other problem has the same supports and quadrature.
@@ -301,12 +301,12 @@ class PathProblem:
         gradients = sampled.gradients(weights.view(3, -1), self.lift_at(t))
         return self.pressure.tangent(sampled, gradients, t)
 
-    def predicted(self, deformed: Deformed, change: Tensor, t: float = 0.0) -> Tensor:
+    def predicted_stresses(self, deformed: Deformed, change: Tensor, t: float = 0.0) -> Tensor:
         """Return the stresses (N, 6) that the strains' first variation predicts after a change (3 M,) of weights."""
         # C (eps + eps' dw): linear in the change, while the strains of w + dw are quadratic and more.
         return deformed.stresses + stresses(self.elasticity, self._strain_change(deformed, change, t))
 
-    def foretold_energies(self, deformed: Deformed, change: Tensor, t: float) -> tuple[float, float]:
+    def predicted_energies(self, deformed: Deformed, change: Tensor, t: float) -> tuple[float, float]:
         """Return the membrane and the bending energy, J, of the strains predicted by their first variation.
 
         A thin shell's own strains after a bending step have far more energy, since the membrane has not followed yet.

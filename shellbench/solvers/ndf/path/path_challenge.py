@@ -60,7 +60,7 @@ PART = 0.25  # of the gain: error of even a small part of the energy; on 48 draw
 PRESCRIBED = 1e-12  # of a quantity's scale, if nothing is solved for and all is rounding
 
 
-def prescribed(solution: PathSolution, rounding: float) -> PathSolution:
+def with_quadrature_error(solution: PathSolution, rounding: float) -> PathSolution:
     """Return a path that its case prescribes, with the uncertainty of its quantities: only its quadrature has an error.
 
     `rounding` is the energy, J, of rounding.
@@ -186,7 +186,7 @@ class Challenge:
 
 
 @dataclass(frozen=True)
-class Found:
+class ChallengedState:
     """A state of the path before and after the step with challengers: fields, and energies on one rule.
 
     Attributes
@@ -210,7 +210,7 @@ class Found:
     of_displacements: float
 
 
-def challenged(
+def challenge_path(
     problem: PathProblem,
     states: Sequence[PathState],
     solution: PathSolution,
@@ -238,19 +238,19 @@ def challenged(
     case, offset = solution.case, len(solution.history) - len(states)
     challenge = Challenge.of_path(problem, solution.states[-1], usual, seed)
     gap = solution.diagnostics["energy_gap"]
-    known: dict[tuple[int, bool], Found] = {}
+    known: dict[tuple[int, bool], ChallengedState] = {}
     uncertainty: dict[str, float] = {}
     scales: dict[str, float] = {}
     gains = [0.0]
     for q in case.quantities:
         held = case.path.quantity is not None and not (isinstance(q, LimitPoint) and q.turning == "displacement")
-        numbers = _asked(q, solution, offset)
+        numbers = _quantity_states(q, solution, offset)
         if not numbers:
             continue  # one linear solve is no estimate of it
         for k in numbers:
             if (k, held) not in known:
                 step = solution.history[offset + k]
-                known[k, held] = _found(challenge, problem, states[k], step, solution_of(states[k]), held)
+                known[k, held] = _challenge_state(challenge, problem, states[k], step, solution_of(states[k]), held)
         there = {offset + k: known[k, held] for k in numbers}
         last = there[max(there)]
         histories = [
@@ -262,7 +262,7 @@ def challenged(
         except ValueError:
             continue  # the turning point has moved: nothing is stated
         changed = quantity_changes(case, values[0], values[1], last.probes)
-        scales[q.name] = scale(last.solutions[0], q, values[0][q.name], problem.unstrained, last.probes[0])
+        scales[q.name] = scale(last.solutions[0], q, values[0][q.name], problem.rounding_energy, last.probes[0])
         gains.append(max(found.gained for found in there.values()))
         moved = isinstance(q, DisplacementQuantity | LargestDisplacement)
         share = max(found.of_displacements for found in there.values()) if moved else gains[-1]
@@ -281,7 +281,7 @@ def challenged(
     )
 
 
-def _asked(q: QuantityModel, solution: PathSolution, offset: int) -> tuple[int, ...]:
+def _quantity_states(q: QuantityModel, solution: PathSolution, offset: int) -> tuple[int, ...]:
     """Return the numbers of the path's states that determine a quantity; none for a critical state.
 
     There are none either for the position of an extremum along the curve: it depends on the slope of the changes there,
@@ -301,9 +301,10 @@ def _asked(q: QuantityModel, solution: PathSolution, offset: int) -> tuple[int, 
     return tuple(k for k in range(middle - 1, middle + 2) if 0 <= k < len(steps))
 
 
-def _found(
+def _challenge_state(
     challenge: Challenge, problem: PathProblem, state: PathState, step: Step, solution: NdfSolution, held: bool
-) -> Found:
+) -> ChallengedState:
+    """Return a state with the change of its fields and energies by one step with challengers."""
     weights, deformed = challenge.start(problem, state)
     change, more, forces = challenge.step(weights, deformed, state.t, held)
     gained = float(deformed.residual @ change) / 2
@@ -314,14 +315,14 @@ def _found(
         replace(step, energy=deformed.potential),
         replace(step, energy=deformed.potential - gained, at=state.t + more, quantities=quantities),
     )
-    energies = challenge.problem.foretold_energies(deformed, change, state.t)
+    energies = challenge.problem.predicted_energies(deformed, change, state.t)
     solutions = (
         replace(solution, membrane=deformed.membrane, bending=deformed.bending),
         challenge.field(solution, weights + change, energies, forces),
     )
-    share = abs(gained) / (deformed.membrane + deformed.bending + problem.unstrained)
+    share = abs(gained) / (deformed.membrane + deformed.bending + problem.rounding_energy)
     of_work = share if held else _share_of_work(challenge.problem, deformed, change, state.t, abs(gained))
-    return Found(solutions, (probe(solutions[0]), probe(solutions[1])), steps, share, min(share, of_work))
+    return ChallengedState(solutions, (probe(solutions[0]), probe(solutions[1])), steps, share, min(share, of_work))
 
 
 def _share_of_work(problem: PathProblem, deformed: Deformed, change: Tensor, t: float, gained: float) -> float:

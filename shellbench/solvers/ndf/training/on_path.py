@@ -137,7 +137,7 @@ def trained_level(
     #    the same amount on both rules.
     # 4. Stop if the gain is small.
     # The model leaves out the geometric stiffness: it is then positive for any state, and only the speed depends on it.
-    marks, least = problem.ansatz.case.states, problem.unstrained
+    marks, least = problem.ansatz.case.states, problem.rounding_energy
     wanted = [s for s in states if s.deformed.magnitude > least and any(equal_marks(s.t, mark) for mark in marks)]
     if not wanted:
         return None
@@ -173,7 +173,7 @@ def _attempt(now: Trial, network: Network, fine: RuleSpec) -> tuple[Trial | None
         problem = replace(old, features=replace(now.features, network=network)).independent()
         states = []
         for state in now.states:
-            weights = problem.fitted(old, state.weights)
+            weights = problem.fit_weights(old, state.weights)
             near = PathState(state.t, weights, problem.deform(weights, state.t, state.deformed.angles))
             states.append(equilibrium(problem, near, state.t))
         new = Trial.of_states(problem, states, fine)
@@ -219,7 +219,7 @@ def tangent_sample(now: Trial, state: PathState, spec: RuleSpec) -> Sample:
     inputs, fixed = features.inputs.jets(points, placement), features.fixed.jets(points, placement)
     jet = sampled.jets @ output.T
     offset = strains - torch.einsum("nrcp,npc->nr", rows, jet)
-    force = placement.tensor(force_density(ansatz.case, points, t)) * here.share[:, None]
+    force = placement.tensor(force_density(ansatz.case, points, t)) * here.areas[:, None]
     on_free = (sampled.matrix.mT @ force[..., None])[..., 0]
     return Sample(Table(rows, offset, on_free, 0.0, rows.new_zeros((0, len(rows), COMPONENTS))), inputs, fixed)
 
