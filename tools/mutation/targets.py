@@ -222,7 +222,7 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
     ("ndf.ritz", r".*", CHOICE, "rungs, which are tried in order until a path settles"),
     (
         "ndf.strains.smooth",
-        r".*independent|smooth|placed_features|scales|widest|degrees",
+        r".*independent|smooth|placed_features|scales|width_for|degrees",
         CHOICE,
         "trial functions of paths and motions",
     ),

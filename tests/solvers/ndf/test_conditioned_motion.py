@@ -18,7 +18,7 @@ from shellbench.solvers.ndf.conditioned.conditioned_motion import (
 )
 from shellbench.solvers.ndf.conditioned.plane_motion import PlaneMotion, coordinates, features_of, plane_motion
 from shellbench.solvers.ndf.conditioned_solver import ConditionedFieldSolver, ConditionedSettings
-from shellbench.solvers.ndf.strains.smooth import widest
+from shellbench.solvers.ndf.strains.smooth import width_for
 from tests.solvers.ndf.conditioned import missed
 
 NAME = "conditioned_napkin"
@@ -34,7 +34,7 @@ def case():
 def small(case):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(conditioned_motion, "COUNTS", (9, 5, 3))
-        neurons = widest(case.shell_of(case.middle), SMALL)
+        neurons = width_for(case.shell_of(case.middle), SMALL)
         return ConditionedFieldSolver().solve(case, ConditionedSettings(neurons=neurons))
 
 

@@ -99,7 +99,7 @@ def test_what_is_pulled_back_does_the_same_work(name):
     weights, sampled = drawn(problem), problem.sampled
     conjugate = torch.randn(len(problem.weights), 15, dtype=torch.float64, generator=torch.Generator().manual_seed(2))
     work = (conjugate * sampled.gradients(weights.view(3, -1)).flatten(1)).sum()
-    assert float(sampled.pulled_back(conjugate) @ weights) == pytest.approx(float(work), rel=1e-11)
+    assert float(sampled.pull_back(conjugate) @ weights) == pytest.approx(float(work), rel=1e-11)
 
 
 def anchored(problem, weights, t):

@@ -16,7 +16,7 @@ from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.motion import integration, motion
 from shellbench.solvers.ndf.motion.motion_solution import MotionSolution
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
-from shellbench.solvers.ndf.strains.smooth import scales, widest
+from shellbench.solvers.ndf.strains.smooth import scales, width_for
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from tests.alike import alike
 from tests.solvers.ndf.shells import shell, support
@@ -50,7 +50,7 @@ def equations(case, degree=5, points=2.0):
     spec = FieldSpec(stretched=False, multipliers=0, strain="exact")
     inputs, placement = build_inputs(case, spec), Placement()
     spread = placement.tensor(scales(case, inputs, degree))
-    network = random_features(spread, widest(case, degree), 0)
+    network = random_features(spread, width_for(case, degree), 0)
     features = build_features(case, spec, network, placement, inputs)
     with torch.no_grad():
         return motion.prepare_motion(case, spec, motion.MotionLevel(degree, features), points)

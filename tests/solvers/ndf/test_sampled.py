@@ -11,7 +11,7 @@ from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Placement
 from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.field.quadrature import area_rule
 from shellbench.solvers.ndf.motion.motion_problem import Motion
-from shellbench.solvers.ndf.strains.smooth import degrees, finer, placed_features, rule_of, scales, smooth, widest
+from shellbench.solvers.ndf.strains.smooth import degrees, finer, placed_features, rule_of, scales, smooth, width_for
 from tests.solvers.ndf.shells import shell, support
 
 RHO = 2.0
@@ -29,7 +29,7 @@ def moving(surface="plane", **data):
 
 def motion(case, degree, spec=SPEC):
     inputs, placement = build_inputs(case, spec), Placement()
-    network = random_features(placement.tensor(scales(case, inputs, degree)), widest(case, degree), 0)
+    network = random_features(placement.tensor(scales(case, inputs, degree)), width_for(case, degree), 0)
     features = build_features(case, spec, network, placement, inputs)
     rule_spec = rule_of(case, degree)
     whole = Motion(case, spec, features, rule_spec)
@@ -111,7 +111,7 @@ def test_placed_features_meet_polynomials_that_drawn_ones_miss():
     """Products of Legendre's polynomials of 80 % of a high degree; at degree 9 it is the other way round."""
     case, degree = moving({"kind": "plane", "xi1": [-1, 1], "xi2": [-1, 1]}), 18
     inputs, placement = build_inputs(case, SPEC), Placement()
-    drawn = random_features(placement.tensor(scales(case, inputs, degree)), widest(case, degree), 0)
+    drawn = random_features(placement.tensor(scales(case, inputs, degree)), width_for(case, degree), 0)
     placed = placed_features(case, inputs, degree, placement)
     assert len(placed.biases[0]) < len(drawn.biases[0])
     rule = area_rule(case.surface.domain, NOWHERE, rule_of(case, degree, order=2 * degree))

@@ -48,7 +48,7 @@ from shellbench.solvers.ndf.linear.ritz_settings import ConditionedSettings
 from shellbench.solvers.ndf.motion.motion import degree_of
 from shellbench.solvers.ndf.motion.motion_problem import Motion
 from shellbench.solvers.ndf.strains.energy import why_exploited
-from shellbench.solvers.ndf.strains.smooth import finer, widest
+from shellbench.solvers.ndf.strains.smooth import finer, width_for
 
 FORMAT = "ndf-conditioned in motion, format 2"
 DEGREE, FEWER = 13, 3  # of the features along a side; and the difference to the lower degree that estimates the error
@@ -257,7 +257,7 @@ def solve(case: ConditionedCase, settings: ConditionedSettings, progress: Progre
             raise InputError(f"{case.name}: a motion has no use for the setting '{name}'")
     degree = degree_of(shell, settings.neurons) if settings.neurons else DEGREE
     if degree <= FEWER:  # nothing is left to compare with
-        fewest = widest(shell, FEWER + 1)
+        fewest = width_for(shell, FEWER + 1)
         raise InputError(f"field 'neurons': found {settings.neurons}, but a motion needs {fewest} or more")
     polynomials = Polynomials.of_case(case)
     times, stiffnesses, ratios = (polynomials.points(axis, count) for axis, count in enumerate(COUNTS))

@@ -27,7 +27,7 @@ from shellbench.solvers.ndf.motion.integration import ATOL, RTOL
 from shellbench.solvers.ndf.motion.motion import MotionLevel, degree_of, prepare_motion
 from shellbench.solvers.ndf.motion.motion_problem import Motion
 from shellbench.solvers.ndf.strains.sampled import Sampled
-from shellbench.solvers.ndf.strains.smooth import POINTS_A_DEGREE, scales, widest
+from shellbench.solvers.ndf.strains.smooth import POINTS_A_DEGREE, scales, width_for
 
 PLANE = 2  # components of the motion
 
@@ -170,7 +170,7 @@ def features_of(shell: Case, degree: int, settings: ConditionedSettings) -> tupl
     placement, inputs = Placement(), build_inputs(shell, spec)
     spread = placement.tensor(scales(shell, inputs, degree))
     width = settings.neurons if settings.neurons and degree == degree_of(shell, settings.neurons) else None
-    network = random_features(spread, width or widest(shell, degree), settings.seed, spec.activation)
+    network = random_features(spread, width or width_for(shell, degree), settings.seed, spec.activation)
     features = build_features(shell, spec, network, placement, inputs)
     motion = prepare_motion(shell, spec, MotionLevel(degree, features), POINTS_A_DEGREE)
     # The prepared features are orthonormal in all three components, of which one is held.

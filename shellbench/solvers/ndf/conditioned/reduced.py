@@ -40,9 +40,9 @@ from shellbench.solvers.ndf.strains.energy import (
     Table,
     add_gram,
     concentrated,
-    mirrored,
     strain_matrix,
     surface_area,
+    symmetric,
     tabulate,
     value_vector,
 )
@@ -165,7 +165,7 @@ class Equations:
         forces = concentrated(ansatz, spec, focal, features.placement)
         if len(forces.points):
             load += value_vector(forces.force, features.values(forces.points))
-        return cls(torch.stack([mirrored(part) for part in parts]), load, anchor)
+        return cls(torch.stack([symmetric(part) for part in parts]), load, anchor)
 
     def at(self, material: Material) -> NormalEquations:
         """Return the equations of a material."""

@@ -39,7 +39,7 @@ from shellbench.solvers.ndf.field.jets import PLANES, VALUE, Array, Placement, m
 from shellbench.solvers.ndf.field.quadrature import ROUNDING, Rule, line_rule
 from shellbench.solvers.ndf.field.supports import edge_supports
 from shellbench.solvers.ndf.linear.regularised import JITTER, RegularisedInverse
-from shellbench.solvers.ndf.strains.energy import add_gram, mirrored, strain_matrix, tables, value_vector
+from shellbench.solvers.ndf.strains.energy import add_gram, strain_matrix, symmetric, tables, value_vector
 from shellbench.solvers.ndf.strains.strain_measures import Undeformed, stresses
 
 SIDES_OF_PATCHES = (3 / 8, 3 / 16, 3 / 32)  # in sides of the shell
@@ -141,7 +141,7 @@ class Balance:
             add_gram(stiffness, rows)
             right[:, 0] += value_vector(table.force, of_p[VALUE]) - rows.T @ table.offset.reshape(-1)
             right[:, 1:].addmm_(rows.T, strain_matrix(table, of_q))
-        solved = RegularisedInverse.from_matrix(mirrored(stiffness), JITTER) @ right
+        solved = RegularisedInverse.from_matrix(symmetric(stiffness), JITTER) @ right
         return cls(rule.points, fit, solved[:, 0], solved[:, 1:])
 
     def output(self, found: Field) -> Tensor:

@@ -222,7 +222,7 @@ def _solve_level(
     weight = settings.penalty or PENALTY
     springs = Springs.from_spec(ansatz, chosen.fine, focal, weight) if ansatz.soft else None
     if springs:
-        equations = Springs.from_spec(ansatz, chosen.rule, focal, weight).join(equations, ansatz, features)
+        equations = Springs.from_spec(ansatz, chosen.rule, focal, weight).added_to(equations, ansatz, features)
 
     hidden, former = network.width, np.logical_or(features.fixed.coarser_mask(), level.number > 1)
     plain, powers = hidden + np.nonzero(former)[0], hidden + np.nonzero(~former)[0]

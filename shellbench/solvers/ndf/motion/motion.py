@@ -53,7 +53,7 @@ from shellbench.solvers.ndf.motion.motion_problem import Motion
 from shellbench.solvers.ndf.motion.motion_solution import Course, MotionSolution
 from shellbench.solvers.ndf.motion.products import Products
 from shellbench.solvers.ndf.strains.energy import why_exploited
-from shellbench.solvers.ndf.strains.smooth import PANEL_ORDER, POINTS_A_DEGREE, finer, rule_of, smooth, widest
+from shellbench.solvers.ndf.strains.smooth import PANEL_ORDER, POINTS_A_DEGREE, finer, rule_of, smooth, width_for
 
 DEGREES = (10, 13, 17, 22)  # along the longest side, of each level: each costs some four times the one before
 SETTLED_MOTION = 2e-4  # change of the motion between levels, over the longest side, below which the finer one is kept
@@ -97,13 +97,13 @@ def motion_levels(
     """Return degrees with the widths of random features for them: given widths or degrees, or `DEGREES`."""
     if widths:
         return [(degree_of(case, width), width) for width in widths]
-    return [(degree, widest(case, degree)) for degree in degrees or DEGREES]
+    return [(degree, width_for(case, degree)) for degree in degrees or DEGREES]
 
 
 def degree_of(case: Case, width: int) -> int:
     """Return the degree that a width of random features represents."""
     degree = 1
-    while widest(case, degree + 1) <= width:
+    while width_for(case, degree + 1) <= width:
         degree += 1
     return degree
 

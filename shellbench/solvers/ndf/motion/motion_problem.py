@@ -278,7 +278,7 @@ class Motion:
         strained = self.sampled.undeformed.strained(self.spec.strain, gradients)
         stress = stresses(self._elasticity, strained.strains)
         # Stress . eps' is conjugate to the gradients of u, the springs' pull to u itself.
-        conjugate, pull = strained.conjugate(stress), self._springs * u
+        conjugate, pull = strained.conjugate_forces(stress), self._springs * u
         return self._weight_forces(pull, conjugate), conjugate, pull
 
     def accelerate(self, y: Tensor, velocity: Tensor, t: float) -> tuple[Tensor, float]:

@@ -29,7 +29,7 @@ from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density, quantity_points
 from shellbench.solvers.ndf.linear.constraints import SAME_ROW, point_rows, point_targets, slope_constraints
 from shellbench.solvers.ndf.path.newton import Basis, Deformed
-from shellbench.solvers.ndf.strains.energy import mirrored
+from shellbench.solvers.ndf.strains.energy import symmetric
 from shellbench.solvers.ndf.strains.reaction import EdgeMoment, FollowingPressure, edge_moments
 from shellbench.solvers.ndf.strains.sampled import Sampled, elastic_form
 from shellbench.solvers.ndf.strains.strain_measures import UNSTRAINED, stresses
@@ -60,7 +60,7 @@ class PathProblem:
         # The sum over components has the combinations that each of them needs, and stays positive semidefinite.
         rest = self.deform(self.rest_weights, 0.0)
         anchors = self.anchor.view(-1, self.features.count)
-        alike = self.sampled_at(0.0).summed(self._form(rest)) + anchors.T @ anchors
+        alike = self.sampled_at(0.0).block_sum(self._form(rest)) + anchors.T @ anchors
         return replace(self, features=Combined(self.features, independent_combinations(alike), alike))
 
     @cached_property
@@ -231,7 +231,7 @@ class PathProblem:
         variation = self.deform(self.rest_weights, 0.0).strained.variation
         gradients = other.sampled.gradients(weights.view(3, -1)).reshape(-1, 15, 1)
         conjugate = stresses(self.elasticity, (variation @ gradients)[..., 0])
-        force = self.sampled.pulled_back((conjugate[:, None] @ variation)[:, 0])
+        force = self.sampled.pull_back((conjugate[:, None] @ variation)[:, 0])
         return self.basis.spread(self.basis.gather(force))
 
     def deform(self, weights: Tensor, t: float, near: tuple[Tensor, ...] | None = None) -> Deformed:
@@ -249,7 +249,7 @@ class PathProblem:
         energies = (strains * conjugate).view(-1, 2, 3).sum(dim=(0, 2)) / 2
         forces, work = self.forces(t)
         # r = -dE/dw: the loads less stress . eps' at the points.
-        residual = forces - sampled.pulled_back((conjugate[:, None] @ strained.variation)[:, 0])
+        residual = forces - sampled.pull_back((conjugate[:, None] @ strained.variation)[:, 0])
         residual = residual - self.anchor.T @ (self.anchor @ weights)
         work += float(forces @ weights)
         angles = []
@@ -285,7 +285,7 @@ class PathProblem:
             for moment in self.moments:
                 lift = moment.sampled.lift_gradients(self.ansatz_at(t))
                 moment.add_tangent(total, moment.sampled.gradients(weights.view(3, -1), lift), t)
-        return mirrored(total) + self.anchor.T @ self.anchor
+        return symmetric(total) + self.anchor.T @ self.anchor
 
     def _form(self, deformed: Deformed, geometric: Tensor | None = None) -> Tensor:
         """Return the second variation (N, 15, 15) of the energy in the displacement gradients."""

@@ -280,7 +280,7 @@ class _Run:
     def _angles(self, problem: PathProblem, state: PathState) -> tuple[Tensor, ...]:
         """Return the rotation angles of a state's normals, on another problem's rule."""
         each = zip(self.problem.moments, problem.moments, state.deformed.angles, strict=True)
-        return tuple(known.spread(angles, other) for known, other, angles in each)
+        return tuple(known.interpolate(angles, other) for known, other, angles in each)
 
     def _step(self, number: int, state: PathState, seconds: float, gap: float | None) -> Step:
         return Step(

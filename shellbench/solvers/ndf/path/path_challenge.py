@@ -128,7 +128,7 @@ class Challenge:
         weights = output.new_zeros((3, self.problem.features.count))
         weights[:, : output.shape[1]] = output
         near = [
-            known.spread(angles, other)
+            known.interpolate(angles, other)
             for known, other, angles in zip(problem.moments, self.problem.moments, state.deformed.angles, strict=True)
         ]
         return weights.reshape(-1), self.problem.deform(weights.reshape(-1), state.t, tuple(near))

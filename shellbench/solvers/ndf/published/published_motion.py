@@ -6,7 +6,7 @@ functions, strains by eq. (30), 20 x 20 points by 20 times redrawn at each itera
 Departures from the paper, and choices that it does not state, with their reasons:
 
 - The sign of the first motion in eq. (72) is corrected (see `published_motion_field`).
-- kappa of eq. (30) is symmetrised; elastic supports enter as energy.
+- kappa of eq. (30) is symmetric; elastic supports enter as energy.
 - Obstacles, which the paper has in a preliminary experiment only, are in the loss as there.
 - The velocity is one more derivative that is propagated forward, with the same numbers as nested differentiation.
 

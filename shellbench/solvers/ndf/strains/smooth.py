@@ -50,7 +50,7 @@ def degrees(case: Case, degree: int) -> tuple[float, float]:
     return first, second
 
 
-def widest(case: Case, degree: int) -> int:
+def width_for(case: Case, degree: int) -> int:
     """Return the number of random features that represent the fields up to a degree."""
     first, second = degrees(case, degree)
     return math.ceil(SURPLUS * (first + 1) * (second + 1))

@@ -91,7 +91,7 @@ class Trial:
 
         def near(state: PathState) -> tuple[Tensor, ...]:
             each = zip(problem.moments, finer.moments, state.deformed.angles, strict=True)
-            return tuple(known.spread(angles, other) for known, other, angles in each)
+            return tuple(known.interpolate(angles, other) for known, other, angles in each)
 
         return cls(problem, tuple(states), tuple(finer.deform(s.weights, s.t, near(s)) for s in states))
 
