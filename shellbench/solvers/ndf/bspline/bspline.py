@@ -111,7 +111,7 @@ def cell_points(ansatz: Ansatz, splines: Splines, spec: RuleSpec) -> Iterator[Ce
     for start in range(0, len(order), step):
         part = order[start : start + step]
         points = rule.points[part]
-        numbers, jets = splines.local(points)
+        numbers, jets = splines.nonzero_at(points)
         table = tabulate(ansatz, Rule(points, rule.weights[part]), splines.placement, area)
         yield CellPoints(table, numbers[::per_cell], jets)
 
@@ -163,7 +163,7 @@ def equations_of(ansatz: Ansatz, splines: Splines, spec: RuleSpec) -> Equations:
     )
 
 
-def least(equations: Equations) -> tuple[Array, Array]:
+def minimise(equations: Equations) -> tuple[Array, Array]:
     """Return the coefficients (3 M,) of least energy, and the forces (c,) that hold the conditions.
 
     Raises
@@ -201,7 +201,7 @@ def least(equations: Equations) -> tuple[Array, Array]:
     return root * found[:count], forces
 
 
-def certified(ansatz: Ansatz, splines: Splines, spec: RuleSpec, weights: Array) -> tuple[float, float, float]:
+def certified_energies(ansatz: Ansatz, splines: Splines, spec: RuleSpec, weights: Array) -> tuple[float, float, float]:
     """Return membrane, bending and springs' energy, J, on another rule."""
     parts, output = np.zeros(3), weights.reshape(3, -1)
     for found in cell_points(ansatz, splines, spec):
@@ -255,7 +255,7 @@ def solve(case: Case, settings: SplineSettings, progress: ProgressCallback) -> S
             progress(Progress(len(answers), None, f"solving on {cells} cells a side"))
             answers.append(solve_level(case, settings, cells))
             last = answers[-1]
-            steps.append(_step(last, len(steps), time.perf_counter() - began))
+            steps.append(_history_step(last, len(steps), time.perf_counter() - began))
             if len(answers) < 2:
                 continue
             solution = _as_answer(answers, settings.degree, tuple(steps))
@@ -273,9 +273,9 @@ def solve_level(case: Case, settings: SplineSettings, cells: int) -> SolvedGrid:
     rule = area_rule(part.case.surface.domain, focal, spec)
     check_balance(part.case, rule, spec, focal)
     equations = equations_of(ansatz, splines, spec)
-    weights, forces = least(equations)
+    weights, forces = minimise(equations)
     fine = replace(spec, order=spec.order + CERTIFYING_POINTS)
-    membrane, bending, springs = certified(ansatz, splines, fine, weights)
+    membrane, bending, springs = certified_energies(ansatz, splines, fine, weights)
     rounding = rounding_energy(case.material.membrane_stiffness, surface_area(ansatz, rule))
     # Strains are computed on both rules; if a support moves, the lift strains the shell too, which only the finer rule
     # shows.
@@ -297,7 +297,7 @@ def solve_level(case: Case, settings: SplineSettings, cells: int) -> SolvedGrid:
     return SolvedGrid(solution, potential, whole, gap, dict(measure_all(replace(solution, history=(alone,)))))
 
 
-def _step(answer: SolvedGrid, number: int, seconds: float) -> Step:
+def _history_step(answer: SolvedGrid, number: int, seconds: float) -> Step:
     asked = {q.name for q in answer.solution.case.quantities if isinstance(q, DisplacementQuantity)}
     return Step(
         iteration=number,
