@@ -114,7 +114,7 @@ class Reduced:
         """Return the c (n,) of least energy."""
         return np.asarray(self.span @ np.linalg.solve(self._matrix(stiffnesses(material)), self.span.T @ self.load))
 
-    def rates(self, material: Material, by: Parameter) -> Array:
+    def coefficient_rates(self, material: Material, by: Parameter) -> Array:
         """Return the derivative of c (n,) by the material: K c' = -K' c."""
         change = np.tensordot(stiffness_rates(material, by), self.parts, 1) @ self.coefficients(material)
         return np.asarray(-self.span @ np.linalg.solve(self._matrix(stiffnesses(material)), self.span.T @ change))
@@ -125,7 +125,7 @@ class Reduced:
 
     def sensitivity(self, material: Material, by: Parameter) -> float:
         """Return the derivative of its logarithm."""
-        return float(self.asked @ self.rates(material, by)) / self.value(material)
+        return float(self.asked @ self.coefficient_rates(material, by)) / self.value(material)
 
     def energy(self, material: Material) -> float:
         """Return the least potential energy, J: minus half the work of the loads."""
@@ -172,7 +172,7 @@ class Equations:
         factors = torch.as_tensor(stiffnesses(material)).to(self.parts)
         return NormalEquations(torch.tensordot(factors, self.parts, 1), self.load, self.anchor, 0.0)
 
-    def of_fields(self, layers: Tensor) -> Array:
+    def reduced_matrices(self, layers: Tensor) -> Array:
         """Return the four matrices (4, n, n) of fields with output layers (n, 3 M)."""
         found = np.stack([(layers @ (part @ layers.T)).cpu().numpy() for part in self.parts])
         return np.asarray((found + found.swapaxes(1, 2)) / 2)
@@ -206,7 +206,7 @@ def _split_tables(
         yield batch.points, table, part_rows(ansatz, batch.points, batch.weights, placement)
 
 
-def of_fields_on(
+def matrices_on_rule(
     ansatz: Ansatz, features: Features, layers: Tensor, rule: Rule, spec: RuleSpec, focal: Array
 ) -> tuple[Array, Array]:
     """Return the four matrices (4, n, n) of fields with output layers (n, 3 M) on a rule, and the loads' works (n,).
