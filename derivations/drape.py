@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 
 from derivations.estimate import Estimate
 from shellbench.bench.catalogue import catalog
-from shellbench.solvers.field.mesh_solver import MeshField, meshed
+from shellbench.solvers.field.mesh_solver import MeshField, solve_mesh
 
 RADIUS, GAP = 0.2, 0.002
 STRAIN, BEND, WEIGHT, COLLISION, SIDE = 0.005, 0.0005, 2 * 6e-4, 2.0, 0.01
@@ -97,7 +97,7 @@ same state) and a grid of 96 cells differ by, but for the last, whose structures
 @cache
 def triangles() -> MeshField:
     """Return the sheet as a mesh of triangles, from where it lies flat; it shares nothing with grids."""
-    return meshed(catalog.named_case("field_drape"), TRIANGLES, lambda _: None)
+    return solve_mesh(catalog.named_case("field_drape"), TRIANGLES, lambda _: None)
 
 
 def by_triangles() -> dict[str, Estimate]:

@@ -17,7 +17,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.solvers.ndf.published.published import _Training
 from shellbench.solvers.ndf.published.published_network import Siren
 from shellbench.solvers.ndf.published.published_samples import Sample, stratified_samples
-from shellbench.solvers.ndf.published.published_training import Plan, beginning, train
+from shellbench.solvers.ndf.published.published_training import Plan, first_checkpoint, train
 from shellbench.solvers.ndf.published_solver import PublishedSettings
 
 CASE, RATE = "pinched_cylinder_free", 1e-4
@@ -38,7 +38,7 @@ def main() -> None:
     asked.add_argument("--going-on", action="store_true")
     told = asked.parse_args()
     training = _Training.from_case(cylinder(), PublishedSettings(seed=told.seed))
-    sampler, now = training.sampler, beginning(training.key, training.siren)
+    sampler, now = training.sampler, first_checkpoint(training.key, training.siren)
     stops = [told.last, *(told.last + k for k in range(1, told.shown) if told.going_on)]
     for iteration, sample in enumerate(sampler.samples(told.last, told.last + told.shown), told.last + 1):
         if stops:

@@ -38,7 +38,7 @@ from shellbench.solvers.ndf.field.network import Network, deep_random_features
 from shellbench.solvers.ndf.field.quadrature import NOWHERE, RuleSpec, area_rule
 from shellbench.solvers.ndf.motion.motion_problem import Motion
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
-from shellbench.solvers.ndf.strains.smooth import orthonormal, scales, smooth, widest
+from shellbench.solvers.ndf.strains.smooth import orthonormal, scales, smooth, width_for
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from shellbench.solvers.ndf.training.at_rest import field_spec
 from shellbench.solvers.ndf.training.gauss_newton import flatten, forward, jacobian, unflatten
@@ -199,7 +199,7 @@ def fits() -> Iterator[Line]:
     wanted = placement.tensor(state.displacement(rule.points, case.states[-1])) / held[:, None]
     inputs_at, sides = inputs.jets(rule.points, placement), (rule.points - domain.lower) / domain.size
     for degree in DEGREES_FITTED:
-        width = widest(case, degree)
+        width = width_for(case, degree)
         waves = np.einsum("ni,nj->nij", *(np.polynomial.legendre.legvander(2 * t - 1, degree) for t in sides.T))
         numbers = np.arange(degree + 1)
         low = np.add.outer(numbers * (numbers + 1), numbers * (numbers + 1)) <= degree * (degree + 1)

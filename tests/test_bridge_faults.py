@@ -16,13 +16,13 @@ BRIDGE, PLATE, ROOF = "bridge_plate", "square_plate", "scordelis_lo"
 
 def half_a_slope(patch):
     """Halve the slopes of one spline of each line."""
-    original = splines.Line.local
+    original = splines.Line.nonzero_at
 
     def local(self, x):
         numbers, values = original(self, x)
         return numbers, values * np.where(np.arange(3)[:, None, None] == 1, np.where(numbers == 3, 0.5, 1.0), 1.0)
 
-    patch.setattr(splines.Line, "local", local)
+    patch.setattr(splines.Line, "nonzero_at", local)
 
 
 def one_ratio(patch):
@@ -61,14 +61,14 @@ def conditions_of_one_edge(patch):
 
 def knots_apart(patch):
     """Widen the first cell in the recurrence of the slopes alone."""
-    original = splines.raised_slopes
+    original = splines.raise_slopes
 
     def slopes(values, knots, span):
         moved = knots.copy()
         moved[4] += 0.01 * (knots[5] - knots[4])
         return original(values, moved, span)
 
-    patch.setattr(splines, "raised_slopes", slopes)
+    patch.setattr(splines, "raise_slopes", slopes)
 
 
 def one_ratio_in_elements(patch):

@@ -26,7 +26,7 @@ from shellbench.solvers.ndf.motion import integration, motion, motion_problem, m
 from shellbench.solvers.ndf.path import buckling, equilibrium, large_displacement, newton
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.strains import strain_measures
-from shellbench.solvers.ndf.strains.smooth import widest
+from shellbench.solvers.ndf.strains.smooth import width_for
 from tests.injecting import share
 from tests.test_faults import more_poisson, stiffness, wrapped
 from tests.test_large_displacement_faults import ndf_strain
@@ -79,7 +79,7 @@ def asked(quantity: dict, small: Small) -> bool:
 def missed(small: Small) -> dict[str, float]:
     """Return by how many of its tolerances each gated quantity misses the known value."""
     case = shortened(small)
-    neurons = small.neurons if small.degree is None else widest(case, small.degree)
+    neurons = small.neurons if small.degree is None else width_for(case, small.degree)
     found = measure_all(RitzSolver().solve(case, RitzSettings(neurons=neurons)))
     return {quantity.name: share(case, quantity.name, found[quantity.name], GATED) for quantity in case.quantities}
 

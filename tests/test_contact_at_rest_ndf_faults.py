@@ -13,8 +13,8 @@ from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.problems.shell.question.contact import gaps
 from shellbench.solvers.ndf.field.build import usual_resolution
 from shellbench.solvers.ndf.field.quadrature import RuleSpec
-from shellbench.solvers.ndf.linear.contact import ALONG_SLENDER, drawn
-from shellbench.solvers.ndf.linear.contact_forces import SMOOTH, contact_points, least_forces, smoothest
+from shellbench.solvers.ndf.linear.contact import ALONG_SLENDER, draw_field
+from shellbench.solvers.ndf.linear.contact_forces import SMOOTH, contact_points, least_forces, smoothest_forces
 from shellbench.solvers.ndf.linear.ritz_field import field_spec
 from shellbench.solvers.ndf.path import contact_at_finite_strain as touching
 from shellbench.solvers.ndf.path.continuation import load_steps
@@ -69,8 +69,8 @@ def glued(patch):
 
 def halved(patch):
     """Report half of the forces."""
-    smooth = touching.smoothest
-    patch.setattr(touching, "smoothest", lambda *a: smooth(*a) / 2)
+    smooth = touching.smoothest_forces
+    patch.setattr(touching, "smoothest_forces", lambda *a: smooth(*a) / 2)
 
 
 @pytest.mark.long
@@ -110,7 +110,7 @@ def rows_of(case, neurons, panels, finer):
     rules = RuleSpec(panels, 4)
     level = replace(usual_resolution(case), neurons=neurons, rule=rules, fine=rules)
     spec = field_spec(case, settings)
-    ansatz, features, (rule, _), focal = drawn(case, spec, settings, level, 0)
+    ansatz, features, (rule, _), focal = draw_field(case, spec, settings, level, 0)
     problem = PathProblem(spec, ansatz, features, rule, focal).independent()
     touch = contact_points(case, (), finer, ends=True)
     return touching.ContactRows(problem, touch, np.zeros(len(touch.points), dtype=bool))
@@ -161,7 +161,7 @@ def test_smooth_forces_are_the_least_that_move_the_shell_as_spikes_do():
     before = np.zeros(40)
     for passes in (1, 2):
         # A pass minimises the miss's energy and the squares of its change among forces that push (proximal point).
-        smooth = smoothest(compliance, gap, spikes, unit, line, 1e6, passes)
+        smooth = smoothest_forces(compliance, gap, spikes, unit, line, 1e6, passes)
         missed = compliance @ (smooth - spikes)
         rate = missed + SMOOTH * (smooth - before)
         assert smooth.min() >= 0
@@ -181,7 +181,7 @@ def test_a_strip_that_only_the_floor_keeps_from_buckling_is_followed(monkeypatch
         points = rows_of(pressed, 20, (6, 1), 0.3)
 
         def last():
-            return list(load_steps(points.problem, (1.0,), lambda _, s, t: touching.in_contact(points, s, t)[0]))[-1]
+            return list(load_steps(points.problem, (1.0,), lambda _, s, t: touching.contact_state(points, s, t)[0]))[-1]
 
         state, combine = last(), points.problem.basis.combine
         tangent = combine.T @ points.problem.tangent(state.deformed, state.t, state.weights) @ combine

@@ -33,7 +33,7 @@ def one_answer(case):
     level = first_level(case, usual_resolution(case)).resolution
     spec = field_spec(case, settings).model_copy(update={"detail": 1})
     with torch.no_grad():
-        found, _ = contact._located(case, spec, settings, level, (), 0, 1.0, contact._answer)
+        found, _ = contact._fit_creases(case, spec, settings, level, (), 0, 1.0, contact._at_rest)
     return found.solution
 
 
@@ -79,13 +79,13 @@ def without_offset(patch):
 
 def halved(patch):
     """Report half of the forces."""
-    settled = contact._settled
+    settled = contact._solve_touch
 
     def half(*a):
         layer, touch = settled(*a)
         return layer, contact.replace(touch, forces=touch.forces / 2)
 
-    patch.setattr(contact, "_settled", half)
+    patch.setattr(contact, "_solve_touch", half)
 
 
 def left_out_of_reactions(patch):

@@ -176,13 +176,13 @@ def clamping_factor(patch: pytest.MonkeyPatch) -> None:
 
 
 def three_points_a_side(patch: pytest.MonkeyPatch) -> None:
-    original, coarse = static.for_part, {"panels": (1, 1), "order": 3}
+    original, coarse = static.part_resolution, {"panels": (1, 1), "order": 3}
 
     def exploited(case, mirrors):
         usual = original(case, mirrors)
         return replace(usual, rule=replace(usual.rule, **coarse))
 
-    patch.setattr(static, "for_part", exploited)
+    patch.setattr(static, "part_resolution", exploited)
 
 
 def without_mixed_derivative(patch: pytest.MonkeyPatch) -> None:

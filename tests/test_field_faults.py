@@ -94,7 +94,7 @@ def short(self: mesh.Mesh, *given: Any, **named: Any) -> None:
     self.lengths = 0.99 * self.lengths
 
 
-HELD, LOCAL, MESHED = direct.held, basis.local, mesh.Mesh.__init__
+HELD, LOCAL, MESHED = direct.pinned_coefficients, basis.local, mesh.Mesh.__init__
 slower = given(training.Adam, "__init__", lambda self, tensors, rate: (self, tensors, rate / 20))
 SINE, HANG, STRETCH, BEND = (
     ("field_sine", "grid"),
@@ -120,13 +120,13 @@ FAULTS = (
         [at[:, :3], 0.95 * at[:, 3:] + 0.05 * at[:, :3].mean(axis=1, keepdims=True)], axis=1))),
     Fault("the side is halved", *BEND, given(solution, "corners", lambda p, a, side, n, past: (p, a, side / 2, n, past))),
     Fault("edges of minimised structures are twice as soft", *HANG, wrapped(
-        energy, "stretched", lambda found: tuple(part / 2 for part in found))),
-    Fault("rest lengths are 1 % short", *HANG, given(energy, "stretched", lambda edge, rest, convex: (edge, 0.99 * rest, convex))),
+        energy, "stretch_loss", lambda found: tuple(part / 2 for part in found))),
+    Fault("rest lengths are 1 % short", *HANG, given(energy, "stretch_loss", lambda edge, rest, convex: (edge, 0.99 * rest, convex))),
     Fault("gravity is taken at half the places", *HANG, wrapped(direct, "gauss", lambda found: (found[0] ** 1.05, found[1]))),
     Fault("samples near an edge weigh less than their area", *HANG, wrapped(direct, "gauss", lambda found: (
         found[0], found[1] * (1 - 0.1 * found[0][:, 1])))),
-    Fault("a pin leaks", *HANG, instead(direct, "held", leaking)),
-    Fault("pins are a hundredth off", *STRETCH, wrapped(direct, "held", lambda found: (found[0], 1.01 * found[1]))),
+    Fault("a pin leaks", *HANG, instead(direct, "pinned_coefficients", leaking)),
+    Fault("pins are a hundredth off", *STRETCH, wrapped(direct, "pinned_coefficients", lambda found: (found[0], 1.01 * found[1]))),
     Fault("samples follow the density though they are weighed", *HANG, instead(direct, "PLAYS", 3)),
     Fault("the marginal is not normalised", *DRAWS, instead(CELLS, "marginal", unnormalised)),
     Fault("columns are drawn from the whole density", *DRAWS, instead(CELLS, "conditional", of_rows_alone)),
@@ -138,16 +138,16 @@ FAULTS = (
         sampling, "relaxed_on_a_line", lambda places, steps: RELAXED(places, int(1.01 * steps)))),
     Fault("regions at the ends reach to the first point only", *LLOYD, instead(
         sampling, "relaxed_on_a_line", lambda places, steps: RELAXED(places, steps) + 1e-9)),
-    Fault("the ball's push has the wrong sign", *DRAPE, wrapped(energy, "pushed", lambda found: (found[0], -found[1], found[2]))),
+    Fault("the ball's push has the wrong sign", *DRAPE, wrapped(energy, "depth_loss", lambda found: (found[0], -found[1], found[2]))),
     Fault("the mean of corners collides, not their sum", *DRAPE, wrapped(
-        energy, "pushed", lambda found: tuple(part / 6 for part in found))),
+        energy, "depth_loss", lambda found: tuple(part / 6 for part in found))),
     Fault("penetration is measured on the wrong side", *DRAPE, wrapped(Ball, "distance", lambda found: -found)),
     Fault("rest lengths of the mesh are 1 % short", *MESH, instead(mesh.Mesh, "__init__", short)),
     Fault("the mesh slips at its pins", *MESH, wrapped(mesh.Mesh, "span", lambda found: (found[0], found[1] + 1e-4))),
     Fault("the grid learns at a twentieth of its rate", "field_order_grid", "grid-printed", slower),
     Fault("the network learns at a twentieth of its rate", "field_order_positional", "mlp", slower),
     Fault("the plain network is encoded", "field_order_plain", "mlp", given(
-        solver, "trained", lambda case, own, form, *rest: (case, own, form | {"frequencies": 4}, *rest))),
+        solver, "train_field", lambda case, own, form, *rest: (case, own, form | {"frequencies": 4}, *rest))),
     Fault("normals are turned", *BALL, instead(
         type(catalog.named_case("field_ball").body), "normals", property(lambda self: NORMALS(self)[:, [1, 2, 0]] * 0.999))),
 )  # fmt: skip
@@ -156,7 +156,7 @@ NORMALS = type(catalog.named_case("field_ball").body).normals.fget
 
 
 def weighed_yet_biased(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(direct.Play, "__init__", lambda self, share, weighted, cells: self.__dict__.update(
+    patch.setattr(direct.SampleWeights, "__init__", lambda self, share, weighted, cells: self.__dict__.update(
         share=0.5, weighted=False, cells=cells))  # fmt: skip
 
 

@@ -69,13 +69,13 @@ def ndf_strain(name):
 
 def never_lowered(patch):
     """Leave bbar (1 - a3 . n) out of the bending strains of the field."""
-    original = strain_measures.Turned.by_slopes.__func__
+    original = strain_measures.DeformedNormal.from_slopes.__func__
 
     def level(cls, *args):
         found = original(cls, *args)
         return replace(found, lowered=0 * found.lowered)
 
-    patch.setattr(strain_measures.Turned, "by_slopes", classmethod(level))
+    patch.setattr(strain_measures.DeformedNormal, "from_slopes", classmethod(level))
 
 
 def halved_moments(module):

@@ -74,7 +74,7 @@ FAULTS = (
     Fault("principal values exchanged", "fem", "resultants_plate", exchanged),
     Fault("in the frame of the coordinates", "fem", "resultants_roof", lambda patch: patch.setattr(fem, "_frame_components", lambda surface: np.tile(np.eye(2), (len(surface.area), 1, 1)))),
     Fault("shear without Christoffel's symbols", "fem", "resultants_paraboloid", lambda patch: patch.setattr(fem, "_divergence", lambda surface, found: without_christoffel(surface, found))),
-    Fault("a moment's sign", "ndf-ritz", "resultants_plate", wrapped(ndf, "_full", lambda tensors: -tensors)),
+    Fault("a moment's sign", "ndf-ritz", "resultants_plate", wrapped(ndf, "_tensors", lambda tensors: -tensors)),
     Fault("a local edge load turned inward", "ndf-ritz", "pulled_ring", turned_inward),
     Fault("a mean weighed by the parameter", "fem", "pulled_ring", weighed_by_parameter),
     Fault("shear by one slope", "ndf-ritz", "resultants_plate", one_slope_alone),

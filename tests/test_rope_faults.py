@@ -58,7 +58,7 @@ def strict(patch):
 
 
 def pulls_may_push(patch):
-    patch.setattr(pulls, "direct", lambda rows: pulls.eliminated(rows, rows.taut))
+    patch.setattr(pulls, "direct_pulls", lambda rows: pulls.eliminate(rows, rows.taut))
 
 
 def friction_times(factor):
@@ -66,8 +66,8 @@ def friction_times(factor):
 
 
 FAULTS = (
-    Fault("tensions push", "rope_static", wrapped(stepping.pulls, "direct", lambda found: -found)),
-    Fault("tensions are twice as large", "rope_wind", wrapped(stepping.pulls, "direct", lambda found: 2 * found)),
+    Fault("tensions push", "rope_static", wrapped(stepping.pulls, "direct_pulls", lambda found: -found)),
+    Fault("tensions are twice as large", "rope_wind", wrapped(stepping.pulls, "direct_pulls", lambda found: 2 * found)),
     Fault("pulls may push", "rope_jerk", pulls_may_push),
     Fault("tensions as printed", "rope_falling_root", printed_tensions),
     Fault("tensions as printed, in motion", "rope_unequal_links", printed_tensions),
@@ -78,13 +78,13 @@ FAULTS = (
     Fault("the root's acceleration is left out", "rope_falling_root", given(Stepper, "tensions", no_root_acceleration)),
     Fault("the root's velocity is left out", "rope_unequal_links", given(Stepper, "tensions", no_push_of_the_root)),
     Fault("taut without a tolerance", "rope_pendulum", strict),
-    Fault("no impulses", "rope_jerk", lambda patch: patch.setattr(Stepper, "impelled", lambda self, x, v, *_: v)),
-    Fault("no impulses at the catch", "rope_catch", lambda patch: patch.setattr(Stepper, "impelled", lambda self, x, v, *_: v)),
+    Fault("no impulses", "rope_jerk", lambda patch: patch.setattr(Stepper, "apply_impulses", lambda self, x, v, *_: v)),
+    Fault("no impulses at the catch", "rope_catch", lambda patch: patch.setattr(Stepper, "apply_impulses", lambda self, x, v, *_: v)),
     Fault("directions of neighbours do not couple", "rope_nine_links", wrapped(pulls, "cosines", lambda c: (0 * c[0], 0 * c[1]))),
     Fault("gravity is half", "rope_drop", wrapped(Stepper, "external", lambda given: 0.5 * given)),
-    Fault("places are a micrometre off", "rope_drop", wrapped(stepping, "placed", lambda x: x + 1e-6)),
+    Fault("places are a micrometre off", "rope_drop", wrapped(stepping, "move_nodes", lambda x: x + 1e-6)),
     Fault("nodes are not turned", "rope_nine_links", lambda patch: patch.setattr(
-        stepping, "placed", lambda x, v, before, lengths, step, how: x + step * v)),
+        stepping, "move_nodes", lambda x, v, before, lengths, step, how: x + step * v)),
     Fault("the wind drags the other way", "rope_wind", wrapped(Stepper, "external", lambda a: a * [-1.0, 1.0, 1.0])),
     Fault("friction is cut by half", "rope_incline_slides", friction_times(0.5)),
     Fault("friction is left out", "rope_incline_sticks", friction_times(0.0)),
@@ -93,7 +93,7 @@ FAULTS = (
     Fault("the ball's velocity is left out", "rope_ball", given(
         contact, "rebound", lambda v, body, normals, friction: (v, 0 * body, normals, friction))),
     Fault("ways are looked at by their ends only", "rope_plate", lambda patch: patch.setattr(
-        contact, "entered", lambda obstacle, start, way: np.where(obstacle.distance(start + way) < 0, 0.99, 1.0))),
+        contact, "entry_share", lambda obstacle, start, way: np.where(obstacle.distance(start + way) < 0, 0.99, 1.0))),
 )  # fmt: skip
 CASES = sorted(catalog.tolerances()["rope-exact"])
 

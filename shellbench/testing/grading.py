@@ -140,7 +140,7 @@ class Graded:
         }
 
 
-class Later:
+class EventBuffer:
     """Buffers the events of runs until a display is attached, and then passes them on."""
 
     def __init__(self) -> None:
@@ -201,7 +201,7 @@ def start_exam(
     StoreError
         While waiting for the grade, if the store can't be written.
     """
-    store, later = Store(options.store), Later()
+    store, later = Store(options.store), EventBuffer()
     alone, left = threading.Event(), threading.Event()
     executor = LocalProcesses(
         options.jobs or environment.cores(),

@@ -117,7 +117,7 @@ def _same(exam: Examination, case: Case, displacement: np.ndarray, limit: float,
 def rigid_motion(exam: Examination, case: Case) -> Verdict:
     """Check that a shell that its supports carry, or that falls freely, moves as a rigid body without strains."""
     if case.dynamics is not None:
-        return _fall(exam)
+        return _fall_of_strip(exam)
     moved = rotated(case)
     if moved is None:
         return not_applicable("the case's supports can't carry it as a rigid body")
@@ -149,7 +149,8 @@ def _unstrained(found: Findings, answer: RemoteSolution, u: np.ndarray) -> None:
     found.hold(stretched <= UNSTRETCHED and bent <= UNBENT, f"a rigid motion has {words}", words)
 
 
-def _fall(exam: Examination) -> Verdict:
+def _fall_of_strip(exam: Examination) -> Verdict:
+    """Check that a free strip falls as a rigid body."""
     case = short_motion(FALL)
     if reason := exam.declined(case):
         return not_applicable(f"it declines {FALL}: {reason}")

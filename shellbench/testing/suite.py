@@ -135,12 +135,12 @@ def examine(
     """
     with tempfile.TemporaryDirectory(prefix="shellbench-") as folder:
         tell("import")
-        exam = _begun(entry, options, Path(folder), start or (lambda: subject_of(entry, options.seconds)))
+        exam = _begin_exam(entry, options, Path(folder), start or (lambda: subject_of(entry, options.seconds)))
         try:
             for name, ask in OF_SOLVER.items():
                 if _wanted(options, name):
                     tell(name)
-                    yield Line(name, "", _asked(lambda ask=ask: ask(exam)))  # type: ignore[misc]
+                    yield Line(name, "", _verdict_of(lambda ask=ask: ask(exam)))  # type: ignore[misc]
             yield from _of_cases(exam, options, tell)
         finally:
             exam.close()
@@ -150,7 +150,7 @@ def _wanted(options: CheckOptions, check: str) -> bool:
     return not options.checks or check in options.checks
 
 
-def _begun(entry: SolverEntry, options: CheckOptions, folder: Path, start: Start) -> Examination:
+def _begin_exam(entry: SolverEntry, options: CheckOptions, folder: Path, start: Start) -> Examination:
     try:
         subject = start()
     except NoAnswer as trouble:
@@ -189,7 +189,7 @@ def _of_cases(exam: Examination, options: CheckOptions, tell: Tell) -> Iterator[
             if reason is not None:
                 verdict = not_applicable(f"it declines the case: {reason}")
             else:
-                verdict = _asked(lambda ask=ask, c=asked_of: ask(exam, c))  # type: ignore[misc]
+                verdict = _verdict_of(lambda ask=ask, c=asked_of: ask(exam, c))  # type: ignore[misc]
             yield Line(name, asked_of.name, verdict, case.kind, needed)
     if not cases:
         yield Line("answers", "", not_shown("it takes no case that solvers are examined on: name one by --case"))
@@ -202,7 +202,7 @@ def checks_of(case: Problem) -> Mapping[str, AskOfProblem]:
     return OF_ROPE if isinstance(case, RopeCase) else {name: OF_ROPE[name] for name in OF_ANY}
 
 
-def _asked(ask: Callable[[], Verdict]) -> Verdict:
+def _verdict_of(ask: Callable[[], Verdict]) -> Verdict:
     """Return a check's verdict; it is failed if the solver does not answer."""
     try:
         return ask()

@@ -21,6 +21,6 @@ def test_a_step(benchmark, chains, links, solve):
     places = np.cumsum(lengths, axis=0)[..., None] * along
     chosen = {"compiled": True} if solve == "compiled" else {"solve": solve, "sweeps": 1}
     made = stepper(scheme(**chosen), lengths, np.ones((links, chains)), 9.81, 1 / 60)
-    moving = made.after(Moving(0.0, places, np.zeros_like(places)))
+    moving = made.next_state(Moving(0.0, places, np.zeros_like(places)))
     later = benchmark(made.after, moving)
     assert np.isfinite(later.places).all()

@@ -76,7 +76,7 @@ def run(
     if ok:
         at = np.array(marks, dtype=float)
         size = at / at[-1] * (1 + error * np.exp(growth * at))
-        stored = {"probes": POINTS, "probe_marks": at, "probe_displacements": length * size[:, None, None] * SHAPE}
+        stored = {"probes": POINTS, "probe_marks": at, "probe": length * size[:, None, None] * SHAPE}
         np.savez_compressed(folder / f"{run_id}.npz", **(stored if probes else {}))
     value, bytes_ = HEADLINE * (1 + error), 8 * number * max(1, steps)
     facts: dict[str, Any] = {"status": status, "seconds": 1.0, "idle_memory_bytes": 200_000_000}

@@ -201,7 +201,7 @@ def test_probes_that_cannot_be_read_are_none(tmp_path, damage):
         file.write_bytes(file.read_bytes()[:40])
     elif damage in {"not finite", "shape"}:
         field = np.full((1, 1, 3), np.nan) if damage == "not finite" else np.zeros((1, 4, 3))
-        np.savez(file, probes=np.zeros((1, 2)), probe_marks=np.ones(1), probe_displacements=field)
+        np.savez(file, probes=np.zeros((1, 2)), probe_marks=np.ones(1), probe=field)
     assert read_probes(record, tmp_path) is None
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shellbench.report.data.answers import LEVELS, answers, fewest
+from shellbench.report.data.answers import LEVELS, answers, smallest_form
 from shellbench.report.data.ladder import case_runs
 from shellbench.report.data.notation import BYTES_A_POINT
 from shellbench.report.sections.memory import (
@@ -253,15 +253,15 @@ def test_smallest_of_the_candidates(sharp):
     found = answers(case, ladder(case, "shells"))
     for level in LEVELS:
         for measure in ("difference", "error"):
-            best = fewest(found, level, measure=measure)
+            best = smallest_form(found, level, measure=measure)
             assert getattr(best, measure) <= level
             smaller = [a for a in found if a.storage_bytes < best.storage_bytes]
             assert all(getattr(a, measure) is None or getattr(a, measure) > level for a in smaller)
             finest = max(a.run.unknowns for a in found if a.kept == "solved")
             spoilt = [replace(a, **{measure: 2 * level}) if a.kept == "solved" and a.run.unknowns == finest else a for a in found]  # fmt: skip
-            assert fewest(spoilt, level, measure=measure) is None  # a coarser run alone was lucky
-    assert fewest(found, 1e-12) is None
-    assert fewest([], 1.0) is None
+            assert smallest_form(spoilt, level, measure=measure) is None  # a coarser run alone was lucky
+    assert smallest_form(found, 1e-12) is None
+    assert smallest_form([], 1.0) is None
 
 
 def test_nothing_at_all_is_no_section(tmp_path):

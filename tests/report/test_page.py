@@ -25,7 +25,7 @@ from shellbench.errors import InputError
 from shellbench.report.data.columns import Column
 from shellbench.report.data.document import command
 from shellbench.report.data.evidence import Evidence
-from shellbench.report.data.exhibit import Exhibit, few_colours, lean
+from shellbench.report.data.exhibit import Exhibit, few_colours, shrink_svg
 from shellbench.report.data.runs import rows_at_home, rows_of, suites_of
 from shellbench.report.data.section import Section
 from shellbench.report.data.solutions import overall, shortfalls, verdict
@@ -341,7 +341,7 @@ def test_a_lean_drawing_is_the_same_drawing():
     marks = "".join(f'<use x="{i}.123456" y="-0.001234" {style}/>' for i in range(5))
     svg = f"""<svg><style type="text/css">*{{a: b}}</style><g transform="scale(0.015625)" style="fill: red">
         <path d="M 12.345678 7 L 3 4.5 "/>{marks}</g></svg>"""
-    short = lean(svg.encode()).decode()
+    short = shrink_svg(svg.encode()).decode()
     assert '<g transform="scale(0.015625)" style="fill: red">' in short
     assert '<path d="M 12.35 7 L 3 4.5 "/>' in short
     assert re.findall(rf'<use x="([^"]*)" y="([^"]*)" {style}/>', short) == [(f"{i}.12", "0") for i in range(5)]

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from shellbench.report.data.evidence import Evidence
-from shellbench.report.sections.seeds import naturally, section, seed_spreads, seed_table
+from shellbench.report.sections.seeds import natural_key, section, seed_spreads, seed_table
 from tests.report.conftest import TRUTH
 from tests.report.studied import studied
 
@@ -77,7 +77,7 @@ def test_runs_with_other_settings_are_not_mixed(tmp_path, runs):
 
 
 def test_numbers_in_words_sort_as_numbers():
-    assert sorted(["w 10", "w 9", "w 9, a", "v 11"], key=naturally) == ["v 11", "w 9", "w 9, a", "w 10"]
+    assert sorted(["w 10", "w 9", "w 9, a", "v 11"], key=natural_key) == ["v 11", "w 9", "w 9, a", "w 10"]
 
 
 def test_default_runs_that_a_study_declares_too_stand_with_the_comparison_of_solvers(tmp_path, runs):

@@ -11,7 +11,7 @@ from shellbench.bench.store.record import Measured
 from shellbench.problems.shell.records.portrait import ShellPortrait
 from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.table import WRITERS
-from shellbench.report.studies.thinness import bending_share, findings, section, thinning
+from shellbench.report.studies.thinness import bending_share, findings, runs_by_shell, section
 from tests.report.conftest import headline_of, record
 from tests.report.test_tables import number
 
@@ -228,7 +228,7 @@ def test_other_shells_are_families_of_their_own(tmp_path):
     for change, families in ((shorter, 0), (loads, 1)):
         other = json.loads(thin.model_copy(update=change).model_dump_json())
         changed = [records[0], records[1].model_copy(update={"case": other})]
-        found = thinning(evidence(tmp_path, changed))
+        found = runs_by_shell(evidence(tmp_path, changed))
         assert len(found) == families
 
 

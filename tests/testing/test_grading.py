@@ -18,7 +18,7 @@ from shellbench.bench.store.conformance import note_conformance
 from shellbench.bench.store.store import Store
 from shellbench.errors import InputError
 from shellbench.testing import suite
-from shellbench.testing.grading import ExamOptions, Graded, Later, start_exam
+from shellbench.testing.grading import EventBuffer, ExamOptions, Graded, start_exam
 from tests.bench.conftest import full, made_once, own_case, plugin, store, toys  # noqa: F401 - fixtures
 from tests.bench.test_classes import third_party  # noqa: F401 - a fixture
 from tests.bench.test_gate import scaled
@@ -132,7 +132,7 @@ def test_runs_are_shown_in_order_when_somebody_looks() -> None:
         def ended(self, outcome: str) -> None:
             seen.append(f"ended {outcome}")
 
-    later: Any = Later()
+    later: Any = EventBuffer()
     later.started("one")
     later.progressed("one", "half")
     assert seen == []

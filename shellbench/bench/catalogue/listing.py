@@ -103,7 +103,7 @@ def overview(width: int | None = None) -> str:
         lines += wrap(f"{kind}{of}", width, subsequent_indent="    ", break_on_hyphens=False)
         titles = {name: catalog.find_suite(name).title + _from(catalog.package_of_suite(name)) for name in suites[kind]}
         shown = [name for name in titles if not titles[name].endswith(NOT_GATED)]
-        lines += [_cut(f"  {name:<16} {len(cases[name]) or '':>3}  {titles[name]}", width) for name in shown]
+        lines += [_shorten(f"  {name:<16} {len(cases[name]) or '':>3}  {titles[name]}", width) for name in shown]
         if rest := ", ".join(f"{name} ({len(cases[name])})" for name in titles if name not in shown):
             lines += wrap(f"  not gated: {rest}", width, subsequent_indent="    ")
     count = "1 case" if len(kinds) == 1 else f"{len(kinds)} cases"
@@ -131,13 +131,13 @@ def all_cases(width: int | None = None) -> str:
         line = f"{case['name']:<{start}}  {title}"
         if case["available"] and not narrow:
             line = f"{line:<{start + TITLE}}  {case['theory']:<24}  {', '.join(case['suites'])}"
-        lines.append(_cut(line, width))
+        lines.append(_shorten(line, width))
     return "\n".join(
         [*lines, *(["", "`shellbench list NAME` shows all about one; --wide adds columns."] if narrow else [])]
     )
 
 
-def _cut(line: str, width: int | None) -> str:
+def _shorten(line: str, width: int | None) -> str:
     return line if width is None or len(line) <= width else f"{line[: width - 1]}…"
 
 

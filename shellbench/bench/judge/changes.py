@@ -238,7 +238,7 @@ def _scale(row: Row) -> float:
     return 1.0 if row.own_case and not row.unit else 0.0 if row.own_case else scale_of(row.case, row.unit)
 
 
-def _blunt(row: Row) -> float:
+def _known_error(row: Row) -> float:
     """Return the relative error below which the known value's uncertainty hides all differences."""
     size = abs(row.reference or 0.0) if row.relative_error is not None else _scale(row)
     return BLUNT * (row.reference_uncertainty or 0.0) / size if size else 0.0
@@ -259,7 +259,7 @@ def _change(before: OneSide, after: OneSide, threshold: float, solvers: bool) ->
         return Change(before, after, "loss" if before.passed else "gain", words)
     old, new = before.error, after.error
     if old is not None and new is not None and isfinite(old) and isfinite(new):
-        floor = _blunt(after.rows[0])
+        floor = _known_error(after.rows[0])
         grown = max(abs(new), floor) - max(abs(old), floor)
         if abs(grown) > threshold:
             return Change(

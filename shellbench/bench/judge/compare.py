@@ -275,11 +275,11 @@ def row_of(run: CurrentRun, quantity: Quantity) -> Row:
     # to it: its own file has both.
     known = values_of_file(run.case) if record.own_case else catalog.known_values(record.case_name)
     row = with_known_values(row, known, run.case, quantity)
-    allowed = allowed_by_file(run.case, quantity) if record.own_case else _frozen(row)
+    allowed = allowed_by_file(run.case, quantity) if record.own_case else _frozen_tolerance(row)
     return row if run.overrides or allowed is None else row.judged(allowed, ours=row.solver in catalog.tolerances())
 
 
-def _frozen(row: Row) -> Tolerance | None:
+def _frozen_tolerance(row: Row) -> Tolerance | None:
     return catalog.tolerance(row.case, row.quantity, row.solver)
 
 
@@ -340,15 +340,15 @@ def with_mutual_differences(found: Iterable[Row]) -> list[Row]:
     peers: dict[tuple[object, ...], list[Row]] = {}
     for row in listed:
         if row.default_settings and row.status == "ok" and row.value is not None:
-            peers.setdefault(_asked(row), []).append(row)
+            peers.setdefault(_question(row), []).append(row)
     # One solver agrees with itself: a comparison needs answers of two.
     yardsticks = {
         asked: _yardstick(answers) for asked, answers in peers.items() if len({row.solver for row in answers}) > 1
     }
-    return [_held_against(row, *yardsticks[_asked(row)]) if _asked(row) in yardsticks else row for row in listed]
+    return [_held_against(row, *yardsticks[_question(row)]) if _question(row) in yardsticks else row for row in listed]
 
 
-def _asked(row: Row) -> tuple[object, ...]:
+def _question(row: Row) -> tuple[object, ...]:
     """Return the key of a row's case and quantity: rows with equal keys can be compared."""
     return row.case, row.own_case, row.quantity, row.at
 

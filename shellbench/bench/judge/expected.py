@@ -103,7 +103,7 @@ def expected_runs(scope: Scope, current: CurrentRuns, ask: bool = True) -> Itera
                     if (case.name, run.solver, known_seed) in seen:
                         continue
                     seen.add((case.name, run.solver, known_seed))
-                    why = _lack if ask else _absence
+                    why = _why_no_record if ask else _absence
                     lack = NOTHING_LACKS if found else why(current, case, run.solver, seed)
                     yield Expected(suite, case, run.solver, seed, found, lack)
 
@@ -126,7 +126,7 @@ def expected_of_strangers(scope: Scope, solvers: set[str], current: CurrentRuns)
 def expected_of_third_party(suite: str, case: Problem, solver: str, seed: int, current: CurrentRuns) -> Expected:
     """Return the expected result of a third-party solver on a case: an answer, or its reason to decline."""
     found = current.find(case.name, solver, {}, seed)
-    lack = NOTHING_LACKS if found else _lack(current, case, solver, seed)
+    lack = NOTHING_LACKS if found else _why_no_record(current, case, solver, seed)
     return Expected(suite, case, solver, seed, found, lack, by_class=True)
 
 
@@ -135,7 +135,7 @@ def _suites_that_compare() -> list[str]:
     return [name for name in catalog.suite_names() if catalog.find_suite(name).study is None]
 
 
-def _lack(current: CurrentRuns, case: Problem, solver: str, seed: int) -> Lack:
+def _why_no_record(current: CurrentRuns, case: Problem, solver: str, seed: int) -> Lack:
     """Return the reason why there is no valid record; only now is the solver imported, to find out if it declines."""
     try:
         reason = declines(resolve_solver(find_solver(solver)), case)

@@ -128,8 +128,8 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
         counted = [row for row in found if row.run_id in known]
         others = [row for row in (_by_class(row, graded) for row in counted) if row.gated]
         # A run stays gated even if its record is no longer valid.
-        others += _beside(others, stale_rows(current))
-    found = [*unfinished, *_beside(unfinished, others)]
+        others += _other_runs(others, stale_rows(current))
+    found = [*unfinished, *_other_runs(unfinished, others)]
     rows = [row for row in found if _in_scope(row, scope, cases)]
     _check_judged(rows, shown, scope, cases, notes)
     _check_answered(rows, graded)
@@ -218,7 +218,7 @@ def _question(row: Row) -> tuple[object, ...]:
     return row.case, row.own_case, row.solver, repr(sorted(row.overrides.items()))
 
 
-def _beside(found: Iterable[Row], others: Iterable[Row]) -> list[Row]:
+def _other_runs(found: Iterable[Row], others: Iterable[Row]) -> list[Row]:
     """Return the other rows whose runs are not among the found rows; a run without seed stands for every seed."""
     # One set of rows replaces another run by run, not quantity by quantity. Answers of two runs never mix.
     known: dict[tuple[object, ...], set[int | None]] = {}
@@ -333,7 +333,7 @@ def missing_rows(store: Store, rows: Sequence[Row], suites: Sequence[str] = (), 
         missing = [row for expected in wanted for row in expected.rows()]
     else:
         missing = stale_rows(current)
-    return [row for row in _beside(rows, missing) if not cases or (row.case, row.own_case) in asked]
+    return [row for row in _other_runs(rows, missing) if not cases or (row.case, row.own_case) in asked]
 
 
 def move_baseline(store: Store, old: Baseline | None, scope: Scope, like: Sequence[Store] = ()) -> Baseline:

@@ -179,7 +179,7 @@ class _Sweep:
             self.how.say(f"no worker is connected to {self.how.address}: waiting for one")
         self.workers, self.lonely = now, not now
         for key in [key for key, run in self.sent.items() if run.worker not in now]:
-            yield from self._lost(key)
+            yield from self._retry_lost(key)
 
     def _leave_out(self, worker: str, solver: str | None, reason: str) -> None:
         if (worker, solver) not in self.unfit:
@@ -196,12 +196,12 @@ class _Sweep:
                 worker, reason = next(iter(reasons.items()))
                 yield self._refused(run, f"no worker can make it: {worker}: {reason}")
             elif self.how.jobs is None or len(self.sent) < self.how.jobs:
-                chosen = self._roomiest(run, [worker for worker, reason in reasons.items() if reason is None])
+                chosen = self._freest_worker(run, [worker for worker, reason in reasons.items() if reason is None])
                 if chosen is not None:
                     self.waiting.remove(run)
                     self._submit(run, chosen)
 
-    def _roomiest(self, run: _Run, workers: Sequence[str]) -> str | None:
+    def _freest_worker(self, run: _Run, workers: Sequence[str]) -> str | None:
         """Return the worker with most room for a run, if any; a run that has lost a worker gets one for itself."""
         busy = Counter(other.worker for other in self.sent.values())
         taken = {other.worker for other in self.sent.values() if other.losses or run.losses}
@@ -238,11 +238,11 @@ class _Sweep:
         run = self.sent[key]
         match event:
             case {"answer": answer}:
-                yield from self._answered(key, answer)
+                yield from self._handle_answer(key, answer)
             case {"progress": progress} if run.executing:
                 yield Progressed(run.task, Progress(*progress))
             case {"environment": _} if run.executing:  # a second time: a new worker at the same address
-                yield from self._lost(key)
+                yield from self._retry_lost(key)
             case {"environment": environment}:
                 place = Environment.model_validate_json(environment)
                 run.task = run.task.model_copy(update={"environment": place})
@@ -251,9 +251,9 @@ class _Sweep:
                     run.announced = True
                     yield Started(run.task)
 
-    def _answered(self, key: str, answer: Any) -> Iterator[Event]:
+    def _handle_answer(self, key: str, answer: Any) -> Iterator[Event]:
         if LOSS_ERRORS & {kind.__name__ for kind in type(answer).__mro__}:  # by name: they differ by Dask's version
-            yield from self._lost(key)
+            yield from self._retry_lost(key)
             return
         run = self.sent.pop(key)
         if isinstance(answer, ImportError | RuntimeError) and not run.executing:
@@ -284,7 +284,7 @@ class _Sweep:
                     (folder / name).write_bytes(data)
         return Ended(run.task, folder, record)
 
-    def _lost(self, key: str) -> Iterator[Event]:
+    def _retry_lost(self, key: str) -> Iterator[Event]:
         """Schedule a run that has lost its worker after all others, or give it up."""
         run = self.sent.pop(key)
         self.client.cancel([run.future], force=True)

@@ -119,20 +119,20 @@ class _Runs:
         waiting = deque(tasks)
         self._warm_up(tasks)
         while waiting or self.running:
-            yield from self._filled(waiting)
+            yield from self._fill_places(waiting)
             heard: list[Event] = []
             started: list[Event] = []
             try:
                 for event in self._wait():
                     heard.append(event)
                 # Storing an ended run takes a moment: start the next runs before, so that no place stays empty.
-                for event in self._filled(waiting, at_once=True):
+                for event in self._fill_places(waiting, at_once=True):
                     started.append(event)
             finally:
                 yield from heard  # no ended run is lost, even after an error
                 yield from started
 
-    def _filled(self, waiting: deque[Task], at_once: bool = False) -> Iterator[Event]:
+    def _fill_places(self, waiting: deque[Task], at_once: bool = False) -> Iterator[Event]:
         """Start runs in the free places; with `at_once` only those with an idle server."""
         while waiting and len(self.running) < self.how.jobs - self.how.taken():
             if at_once and waiting[0].identity.solver not in {server.solver for server in self.idle}:
@@ -247,9 +247,9 @@ class _Runs:
             run.server.end()
         else:
             self.idle.append(run.server)
-        yield self._left(run, status)
+        yield self._result_of_run(run, status)
 
-    def _left(self, run: _Running, status: int | None) -> Ended:
+    def _result_of_run(self, run: _Running, status: int | None) -> Ended:
         # A complete record counts even if its process died later. Otherwise the record describes the death.
         broken = _what_it_broke(run)
         if broken is None and (refused := _written(run.folder / REFUSED)) is not None:

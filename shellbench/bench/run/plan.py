@@ -112,7 +112,7 @@ def _runs_asked(request: Request) -> Iterator[tuple[Problem, SuiteRun]]:
     for name in dict.fromkeys(request.suites):
         suite = catalog.find_suite(name)
         for case in _of_suite(name, cases):
-            yield from ((case, run) for run in _narrowed(suite.runs_for(case.name), request.solvers))
+            yield from ((case, run) for run in _runs_of_solvers(suite.runs_for(case.name), request.solvers))
     if not request.suites:
         for case in cases:
             yield from ((case, run) for run in _runs_of(case, request.solvers))
@@ -152,7 +152,7 @@ def _runs_of(case: Problem, solvers: Sequence[str]) -> tuple[SuiteRun, ...]:
     return tuple(run.model_copy(update={"seeds": (FIRST_SEED,)}) for run in runs if not run.settings)
 
 
-def _narrowed(runs: tuple[SuiteRun, ...], solvers: Sequence[str]) -> tuple[SuiteRun, ...]:
+def _runs_of_solvers(runs: tuple[SuiteRun, ...], solvers: Sequence[str]) -> tuple[SuiteRun, ...]:
     if not solvers:
         return runs
     listed = [run for name in dict.fromkeys(solvers) for run in runs if run.solver == name]

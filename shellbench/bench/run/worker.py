@@ -20,7 +20,7 @@ from pydantic import ValidationError
 from shellbench.bench.plugins.kinds import kind_name, problem_of
 from shellbench.bench.plugins.registry import SolverEntry, find_solver, load_solver
 from shellbench.bench.store.identity import current_source
-from shellbench.bench.store.measuring import DRAWS, measured, pass_on_full_disk, said, values_of, why_unsettled
+from shellbench.bench.store.measuring import DRAWS, error_line, measured, pass_on_full_disk, values_of, why_unsettled
 from shellbench.bench.store.record import NOT_SETTLED, Measured, Record, Status, document, readable, shortened
 from shellbench.bench.store.settled import why_uncertain, with_drifts
 from shellbench.bench.store.task import Task
@@ -45,7 +45,7 @@ def work(folder: Path, tell: Tell) -> None:
     """
     task = Task.read(folder)
     try:
-        record = run(task, folder, sparing(tell))
+        record = run(task, folder, rate_limited(tell))
         (folder / RECORD).write_bytes(document(readable(record)))
     except InputError as error:
         (folder / REFUSED).write_text(str(error), encoding="utf-8")
@@ -83,7 +83,7 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
         traceback.print_exc()
     except Exception as error:
         pass_on_full_disk(error)
-        reason = f"the solver stopped unexpectedly: {said(error)}"
+        reason = f"the solver stopped unexpectedly: {error_line(error)}"
         traceback.print_exc()
     if solution is None and reason is None:
         reason = "the solver returned None, which is no solution"
@@ -104,13 +104,13 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
         try:
             result["values"] = with_data_errors(solver, settings, case, result["values"], tell)
         except (InputError, SolveFailure) as error:
-            reason = f"how far the answer moves with its data is not known: {said(error)}"
+            reason = f"how far the answer moves with its data is not known: {error_line(error)}"
     drifting: str | None = None
     if reason is None and solution is not None and result.get("values"):
         try:
             result["values"], drifting = with_drifts(case, solution, result["values"])
         except (InputError, ValueError, NotImplementedError) as error:
-            drifting = f"how far values without a limit drift is not known: {said(error)}"
+            drifting = f"how far values without a limit drift is not known: {error_line(error)}"
     if reason is None and not same_source(task):
         reason = "the source of the solver, or of what measures it, was changed while it ran"
     status: Status = "ok" if reason is None else "failed"
@@ -123,7 +123,7 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
     try:
         return task.record(status=status, reason=reason, **result)
     except ValidationError as error:
-        reason = reason or f"what the solver left can't be recorded: {said(error)}"
+        reason = reason or f"what the solver left can't be recorded: {error_line(error)}"
         return task.record(status="failed", reason=reason, seconds=seconds)
 
 
@@ -178,7 +178,7 @@ def peak_memory(idle: int) -> int | None:
     return max(idle, int(peak if sys.platform == "darwin" else peak * 1024))
 
 
-def sparing(tell: Tell) -> Tell:
+def rate_limited(tell: Tell) -> Tell:
     """Return a callback that passes on progress with a limited rate."""
     last = -math.inf
 

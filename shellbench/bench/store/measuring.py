@@ -58,10 +58,10 @@ def measured(solution: Solution, case: Problem, folder: Path) -> tuple[dict[str,
                 result.update(part())
             except Exception as error:
                 pass_on_full_disk(error)
-                why = why or f"the solution can't be measured: {said(error)}"
+                why = why or f"the solution can't be measured: {error_line(error)}"
                 traceback.print_exc()
 
-    measure(partial(cost, solution), partial(course, solution), partial(kept, solution, case, folder))
+    measure(partial(cost, solution), partial(course, solution), partial(keep_solution, solution, case, folder))
     if "fields_file" in result:  # otherwise there is no finite state to measure
         measure(*(partial(_field, name, account) for name, account in accounts.items()))
     for name, study in kind.studies.items():  # they are optional: a failing one is left out
@@ -88,8 +88,8 @@ def values_of(solution: Solution, case: Problem) -> tuple[dict[str, Measured], d
             if value is None:
                 lost[name] = ""
                 continue
-            uncertainty = stated(solution.uncertainty.get(name))
-            extrapolated = stated(solution.extrapolated.get(name))
+            uncertainty = finite_number(solution.uncertainty.get(name))
+            extrapolated = finite_number(solution.extrapolated.get(name))
             factor = quantity.factor
             values[name] = Measured(
                 value=value * factor,
@@ -98,13 +98,13 @@ def values_of(solution: Solution, case: Problem) -> tuple[dict[str, Measured], d
             )
         except Exception as error:
             pass_on_full_disk(error)
-            lost[name] = said(error)
+            lost[name] = error_line(error)
             if not isinstance(error, UNREACHED):
                 traceback.print_exc()
     return values, lost
 
 
-def stated(value: Any) -> float | None:
+def finite_number(value: Any) -> float | None:
     """Return a number that a solution states; None if it states none or a record can't keep it."""
     try:
         return None if isinstance(value, str | bytes) else finite_or_none(value)
@@ -117,7 +117,7 @@ def why_misstated(solution: Solution, case: Problem) -> str | None:
     for part, least in (("uncertainty", 0.0), ("extrapolated", -math.inf)):
         for name in (quantity.name for quantity in case.quantities):
             given = getattr(solution, part).get(name)
-            number = stated(given)
+            number = finite_number(given)
             if given is not None and (number is None or number < least):
                 found = without_middle(" ".join(repr(given).split()), LONGEST_VALUE)
                 allowed = "a finite number" + (" of at least 0" if least == 0 else "")
@@ -145,7 +145,7 @@ def course(solution: Solution) -> dict[str, Any]:
     return {"history": history_of(solution)}
 
 
-def kept(solution: Solution, case: Problem, folder: Path) -> dict[str, Any]:
+def keep_solution(solution: Solution, case: Problem, folder: Path) -> dict[str, Any]:
     """Store arrays of the solution, and the solution itself; nothing if it has no finite state yet."""
     if not write_fields(solution, case, folder / FIELDS):
         return {}
@@ -205,7 +205,7 @@ def json_only(data: Any) -> Any:
             return str(data)
 
 
-def said(error: Exception) -> str:
+def error_line(error: Exception) -> str:
     """Return an error's message in one line; with the error's type if the message is not meant for users."""
     words = one_sentence(error) if isinstance(error, ValidationError) else " ".join(str(error).split())
     if words and isinstance(error, UNREACHED):

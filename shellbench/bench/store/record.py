@@ -184,7 +184,7 @@ class Record(Model):
         and in motion of frames at regular times. `membrane_energy_density` and `bending_energy_density` (n, n) of
         the last state, J/m2, in single precision. `probes` (m, 2) are material points that are the same in all runs
         of a case and lie on no regular grid, `probe_marks` (j,) marks (only the last state's for a linear case),
-        `probe_displacements` (j, m, 3) in double precision, metres.
+        `probe` (j, m, 3) in double precision, metres.
     solution_file
         The solution in its solver's own format, beside the record.
     checksums

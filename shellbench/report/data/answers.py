@@ -54,7 +54,7 @@ def answers(case: CaseRuns, ladder: Ladder) -> list[KeptForm]:
     return found
 
 
-def fewest(
+def smallest_form(
     candidates: Sequence[KeptForm], level: float, among: Sequence[KeptForm] = (), measure: Measure = "difference"
 ) -> KeptForm | None:
     """Return the answer of fewest bytes whose displacement, or headline quantity, is within a level; None if none is.
@@ -63,11 +63,11 @@ def fewest(
     marginally different meshes among them: a lucky run is no answer. `among` are all answers of the solver; the
     candidates themselves if empty.
     """
-    lasting = [one for one in candidates if _lasts(one, level, measure, among or candidates)]
+    lasting = [one for one in candidates if _stays_within(one, level, measure, among or candidates)]
     return min(lasting, key=lambda answer: answer.storage_bytes, default=None)
 
 
-def _lasts(answer: KeptForm, level: float, measure: Measure, among: Sequence[KeptForm]) -> bool:
+def _stays_within(answer: KeptForm, level: float, measure: Measure, among: Sequence[KeptForm]) -> bool:
     finer = [
         other
         for other in among

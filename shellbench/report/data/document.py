@@ -102,7 +102,7 @@ def read_bibliography(path: Path) -> dict[str, Source]:
 
 def _entries(text: str) -> Iterator[Source]:
     for found in ENTRY.finditer(text):
-        body = text[found.end() : _closing(text, found.end(), depth=1)]
+        body = text[found.end() : _closing_brace(text, found.end(), depth=1)]
         fields: dict[str, str] = {}
         position = 0
         while name := FIELD.search(body, position):
@@ -114,7 +114,7 @@ def _entries(text: str) -> Iterator[Source]:
 def _value(body: str, start: int) -> tuple[str, int]:
     """Return a field's value, in braces, in quotes or bare, and where it ends."""
     if start < len(body) and body[start] == "{":
-        end = _closing(body, start + 1, depth=1)
+        end = _closing_brace(body, start + 1, depth=1)
         return body[start + 1 : end], end + 1
     if start < len(body) and body[start] == '"':
         end = body.find('"', start + 1)
@@ -124,7 +124,7 @@ def _value(body: str, start: int) -> tuple[str, int]:
     return body[start:end], end
 
 
-def _closing(text: str, start: int, depth: int) -> int:
+def _closing_brace(text: str, start: int, depth: int) -> int:
     """Return where the brace that is open at `start` closes; the end of the text if it never does."""
     for i in range(start, len(text)):
         depth += (text[i] == "{") - (text[i] == "}")
@@ -162,17 +162,17 @@ def command(record: Record, overrides: Mapping[str, Any]) -> str:
     words += ["--solver", identity.solver]
     if identity.seed is not None:
         words += ["--seed", str(identity.seed)]
-    for key, value in _flat(overrides):
+    for key, value in _flatten(overrides):
         words += ["--set", f"{identity.solver}.{key}={value if isinstance(value, str) else json.dumps(value)}"]
     if identity.device != "cpu":
         words += ["--device", identity.device]
     return shlex.join(words)
 
 
-def _flat(settings: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
+def _flatten(settings: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
     flat: list[tuple[str, Any]] = []
     for key, value in settings.items():
-        flat += _flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else [(f"{prefix}{key}", value)]
+        flat += _flatten(value, f"{prefix}{key}.") if isinstance(value, Mapping) else [(f"{prefix}{key}", value)]
     return flat
 
 

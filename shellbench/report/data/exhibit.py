@@ -208,7 +208,7 @@ class Exhibit:
                 return data_uri("image/gif", moving)
             if not self.drawing:
                 return data_uri("image/png", png)
-            svg = lean(self._rendered("svg", SCREEN_DPI))
+            svg = shrink_svg(self._rendered("svg", SCREEN_DPI))
             (folder / f"{self.name}.svg").write_bytes(svg)
             return svg_uri(svg)
 
@@ -263,7 +263,7 @@ def few_colours(png: bytes) -> bytes:
     return buffer.getvalue()
 
 
-def lean(svg: bytes) -> bytes:
+def shrink_svg(svg: bytes) -> bytes:
     """Return an SVG that draws the same in fewer bytes: in hundredths of a point, without remarks and indents."""
     return REMARKS_AND_INDENTS.sub(b"", COORDINATES.sub(lambda found: LONG.sub(_hundredths, found[0]), svg))
 

@@ -74,7 +74,7 @@ class Difference:
 
 def read_probes(record: Record, folder: Path) -> Probes | None:
     """Return a run's displacements at its probes; None if they are absent, damaged or not finite."""
-    kept = kept_arrays(record, folder, "probes", "probe_marks", "probe_displacements")
+    kept = kept_arrays(record, folder, "probes", "probe_marks", "probe")
     if kept is None:
         return None
     probes = Probes(*kept)
@@ -157,7 +157,7 @@ class Ladder:
     def line(self) -> tuple[Run, ...]:
         """The runs that stand for the levels which have the finest run's time steps, from coarse to fine."""
         leaders = map(leader, self.levels)
-        return tuple(run for run in leaders if _near(run.time_steps, self.finest.time_steps))
+        return tuple(run for run in leaders if _about_equal(run.time_steps, self.finest.time_steps))
 
     @cached_property
     def other_time_steps(self) -> tuple[Run, ...]:
@@ -168,7 +168,7 @@ class Ladder:
         """Return pairs of runs of one seed, where possible, at successive levels of the one or the other resolution."""
         pairs: list[tuple[Run, Run]] = []
         for place, level in enumerate(self.levels):
-            below = [other for other in self.levels[:place] if _next(leader(other), leader(level), finer)]
+            below = [other for other in self.levels[:place] if _coarser_in_one(leader(other), leader(level), finer)]
             if below:
                 fine = leader(level)
                 of_seed = [run for run in below[-1] if run.row.seed == fine.row.seed]
@@ -268,7 +268,7 @@ def leader(level: Sequence[Run]) -> Run:
     return min(level, key=lambda run: (run.unknowns, run.time_steps, len(run.row.overrides), run.row.seed or 0))
 
 
-def between(step: tuple[Run, Run] | None) -> Difference | None:
+def step_difference(step: tuple[Run, Run] | None) -> Difference | None:
     """Return the difference between the two runs of a step."""
     return None if step is None else step[1].difference(step[0])
 
@@ -287,7 +287,7 @@ def order_of(case: CaseRuns, ladder: Ladder) -> Rate | None:
     Runs no farther from it than twice its own last step are left out: they owe their small difference to their
     nearness, not to their resolution.
     """
-    last = between(ladder.last_step("unknowns"))
+    last = step_difference(ladder.last_step("unknowns"))
     if last is None or not case.scale:
         return None
     pairs = to_finest(ladder.line, ladder.finest)
@@ -358,14 +358,14 @@ def _levels(runs: Sequence[Run]) -> tuple[tuple[Run, ...], ...]:
     )
 
 
-def _next(coarse: Run, fine: Run, finer: Finer) -> bool:
+def _coarser_in_one(coarse: Run, fine: Run, finer: Finer) -> bool:
     """Tell whether a run is coarser than another in one way, and alike in the other."""
     if finer == "unknowns":
-        return fine.unknowns > ALIKE * coarse.unknowns and _near(coarse.time_steps, fine.time_steps)
-    return fine.time_steps > ALIKE * coarse.time_steps and _near(coarse.unknowns, fine.unknowns)
+        return fine.unknowns > ALIKE * coarse.unknowns and _about_equal(coarse.time_steps, fine.time_steps)
+    return fine.time_steps > ALIKE * coarse.time_steps and _about_equal(coarse.unknowns, fine.unknowns)
 
 
-def _near(one: int, other: int) -> bool:
+def _about_equal(one: int, other: int) -> bool:
     return max(one, other) <= ALIKE * min(one, other)
 
 

@@ -100,7 +100,7 @@ def rounded(value: float, uncertainty: float | None = None, *, show_uncertainty:
         Whether the uncertainty is printed too, in units of the last digit.
     """
     last = last_order(value, uncertainty)
-    digits = _at(value, last)
+    digits = _rounded_at(value, last)
     if not (show_uncertainty and uncertainty):
         return digits
     exponent = digits.exponent if value else min(last, 0)  # 0(5)e-9: nothing, to 5e-9
@@ -117,7 +117,7 @@ def quoted(value: float, plain_from: int = SMALLEST_PLAIN) -> Digits:
     text = f"{value:.{QUOTED - 1}e}"
     mantissa, _, exponent = text.partition("e")
     decimals = len(mantissa.rstrip("0").partition(".")[2])
-    return _at(value, int(exponent) - decimals, plain_from)
+    return _rounded_at(value, int(exponent) - decimals, plain_from)
 
 
 def percent(error: float, *, signed: bool = True) -> Digits:
@@ -127,7 +127,7 @@ def percent(error: float, *, signed: bool = True) -> Digits:
         return Digits("0")
     leading = order_of(float(f"{value:.{PERCENT_FIGURES - 1}e}"))
     last = leading - PERCENT_FIGURES + 1
-    digits = _at(value, last, plain_from=SMALLEST_PLAIN_PERCENT)
+    digits = _rounded_at(value, last, plain_from=SMALLEST_PLAIN_PERCENT)
     return digits if value < 0 or not signed else Digits(f"+{digits.mantissa}", digits.exponent)
 
 
@@ -136,7 +136,7 @@ def allowance(tolerance: float) -> Digits:
     return quoted(float(f"{100.0 * tolerance:.{FIGURES}g}"), SMALLEST_PLAIN_PERCENT)
 
 
-def _at(value: float, last: int, plain_from: int = SMALLEST_PLAIN) -> Digits:
+def _rounded_at(value: float, last: int, plain_from: int = SMALLEST_PLAIN) -> Digits:
     """Print a value down to the digit of ten to the power `last`."""
     if not value:
         return Digits("0")

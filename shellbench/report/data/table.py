@@ -200,7 +200,7 @@ def write_markdown(table: Table) -> str:
 
 def write_html(table: Table) -> str:
     """Write a table element whose blocks and rows have headers that screen readers announce."""
-    columns = _telling(table)
+    columns = _filled_columns(table)
     width = len(columns)
     sides = ["number" if column.right else "sentences" if column.wide else "words" for column in columns]
     head = "".join(
@@ -228,7 +228,7 @@ def write_html(table: Table) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _telling(table: Table) -> list[Column]:
+def _filled_columns(table: Table) -> list[Column]:
     """Return the columns that say something in some row: the page leaves out the others."""
     lines = [line for _, block in table.lines for line in block]
     silent = ("", HTML.missing)
@@ -246,14 +246,14 @@ def _cell(column: Column, side: str, line: Line) -> str:
 def write_csv(table: Table) -> str:
     """Write the data itself, with all digits that tell doubles apart; text that a spreadsheet would run is quoted."""
     cells = {
-        inert(name): pd.Series(list(map(inert, column)), index=column.index, dtype=column.dtype)
+        without_formula(name): pd.Series(list(map(without_formula, column)), index=column.index, dtype=column.dtype)
         for name, column in table.data.items()
     }
     text: str = pd.DataFrame(cells).to_csv(index=False, lineterminator="\n")
     return text
 
 
-def inert(cell: Any) -> Any:
+def without_formula(cell: Any) -> Any:
     """Return a cell that no spreadsheet takes for a formula: text that begins like one, and is no number, gets a '."""
     if not isinstance(cell, str):
         return cell

@@ -99,7 +99,7 @@ def _costs(found: Comparison) -> Table:
     lines = [
         {
             "block": "",
-            "who": _named(found, cost.row),
+            "who": _row_name(found, cost.row),
             "seconds": cost.seconds[0],
             "seconds_after": cost.seconds[1],
             "seconds_ratio": cost.seconds_ratio,
@@ -148,23 +148,23 @@ def closing_words(found: Comparison) -> list[str]:
     for verdict in ("loss", "gain", "changed"):
         for change in found.changes:
             if change.verdict == verdict:
-                key = (verdict, _named(found, change.row), change.why)
+                key = (verdict, _row_name(found, change.row), change.why)
                 alike.setdefault(key, []).append(change.row.quantity)
     told = [f"{verdict}: {name} {', '.join(of)}: {why}" for (verdict, name, why), of in alike.items()]
-    told += [f"loss: {_named(found, cost.row)} takes {cost.why}" for cost in found.cost_losses]
+    told += [f"loss: {_row_name(found, cost.row)} takes {cost.why}" for cost in found.cost_losses]
     for name, rows in ((found.before.name, found.gone), (found.after.name, found.appeared)):
         if rows:
-            told.append(f"only in {name}: {_listed(rows)}")
+            told.append(f"only in {name}: {_run_list(rows)}")
     if ratios:
         told.append(f"{found.after.name} takes {' and '.join(ratios)} of {found.before.name}, in the geometric mean")
     return told
 
 
-def _named(found: Comparison, row: Row) -> str:
+def _row_name(found: Comparison, row: Row) -> str:
     return row.case if found.solvers else f"{row.case} {solution_name(row)}"
 
 
-def _listed(rows: Iterable[Row]) -> str:
+def _run_list(rows: Iterable[Row]) -> str:
     names = list(dict.fromkeys(f"{row.case} {solution_name(row)}{seed_words(row.seed)}" for row in rows))
     more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
     return "; ".join(names[:MOST_NAMED]) + more

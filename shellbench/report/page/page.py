@@ -105,7 +105,7 @@ def write_report(
         printed = [one for one in tables if not one.name.startswith(QUANTITIES)]
         document.write(out / "table.tex", "\n".join(table.write("latex") for table in printed))
         document.write(out / "table.json", render(found.rows, "json"))
-        for table in _apart(sections):
+        for table in _separate_tables(sections):
             document.write(out / f"{table.name}.csv", table.write("csv"))
         if facts["bibliography"]:
             shutil.copyfile(catalog.data_folder("references") / document.BIBLIOGRAPHY, out / document.BIBLIOGRAPHY)
@@ -117,7 +117,7 @@ def write_report(
     return out / "index.html"
 
 
-def _apart(sections: Sequence[Section]) -> list[Table]:
+def _separate_tables(sections: Sequence[Section]) -> list[Table]:
     """Return the tables with columns of their own, each a file of its own."""
     details = [table for section in sections for table in section.details]
     return [*(table for table in all_tables(sections) if not table.name.startswith(TOGETHER)), *details]
@@ -145,7 +145,7 @@ def _facts(records: Mapping[str, Record], found: Evidence, sections: Sequence[Se
         "newest": _newest(records.values()),
         "bibliography": sources,
         "downloads": ["report.md", "table.csv", "table.tex", "table.json"]
-        + [f"{table.name}.csv" for table in _apart(sections)]
+        + [f"{table.name}.csv" for table in _separate_tables(sections)]
         + ([document.BIBLIOGRAPHY] if sources else []),
     }
 

@@ -23,11 +23,11 @@ from shellbench.report.data.ladder import (
     Difference,
     Ladder,
     Run,
-    between,
     case_runs,
     drift,
     order_of,
     spread_of,
+    step_difference,
     to_finest,
 )
 from shellbench.report.data.notation import Digits, Notation
@@ -173,7 +173,7 @@ def _line(case: CaseRuns, ladder: Ladder) -> dict[str, Any] | None:
     step = ladder.last_step("unknowns")
     alike = next(((level, spread) for level in reversed(ladder.levels) if (spread := spread_of(level))), None)
     apart = None if yardstick is None or yardstick is finest else finest.difference(yardstick)
-    changed, changed_in_time = between(step), between(ladder.last_step("time steps"))
+    changed, changed_in_time = step_difference(step), step_difference(ladder.last_step("time steps"))
     if not any((changed, changed_in_time, alike, apart)):
         return None
     rate = order_of(case, ladder)

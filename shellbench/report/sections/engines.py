@@ -77,7 +77,7 @@ def _fastest(cases: Sequence[CheckedCase]) -> list[str]:
     sentences = []
     for base in dict.fromkeys(one.base for one in cases if one.base and not one.incomparable):
         related = [one for one in cases if one.base == base and not one.incomparable]
-        parts = [part for level in LEVELS if (part := _won(related, level))]
+        parts = [part for level in LEVELS if (part := _wins(related, level))]
         if parts:
             sentences.append(
                 f"Of the cases on which another solver reaches an error, {base} needs no more time than any:"
@@ -86,7 +86,7 @@ def _fastest(cases: Sequence[CheckedCase]) -> list[str]:
     return sentences
 
 
-def _won(cases: Sequence[CheckedCase], level: float) -> str:
+def _wins(cases: Sequence[CheckedCase], level: float) -> str:
     """Say on how many cases no other solver is faster; a case that only others reach is lost."""
     ratios, contested = [], 0
     for one in cases:

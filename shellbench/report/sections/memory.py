@@ -14,10 +14,10 @@ from shellbench.report.data.answers import (
     Measure,
     answers,
     change_by_rounding,
-    fewest,
     field_is_known,
     headline_is_known,
     headline_size,
+    smallest_form,
 )
 from shellbench.report.data.columns import Column, Line, Show, column, error, frame, present, words
 from shellbench.report.data.evidence import Evidence
@@ -97,7 +97,7 @@ def _exhibit(case: CaseRuns, inks: Mapping[str, Ink]) -> Exhibit | None:
         f"{solver}: within {percents(level)} in {best.storage_bytes} bytes, {best.format}"
         for solver, found in shown.items()
         for level in LEVELS
-        if (best := fewest(found, level, measure=measure)) is not None and _is_known(case, measure, level)
+        if (best := smallest_form(found, level, measure=measure)) is not None and _is_known(case, measure, level)
     ]
     against = (
         "error of the headline quantity against its known value"
@@ -175,9 +175,9 @@ def _level_lines(case: CaseRuns, ladder: Ladder) -> Iterator[dict[str, Any]]:
         line = case.line(ladder) | {"kept_as": kept_as}
         for level in LEVELS:
             known = field_is_known(case, level)
-            line |= _entry(FIELD, level, known, fewest(candidates, level, found) if known else None)
+            line |= _entry(FIELD, level, known, smallest_form(candidates, level, found) if known else None)
             known = headline_is_known(case, ladder, level) and kept_as == OWN
-            line |= _entry(HEADLINE, level, known, fewest(candidates, level, found, "error") if known else None)
+            line |= _entry(HEADLINE, level, known, smallest_form(candidates, level, found, "error") if known else None)
         yield line
 
 

@@ -48,7 +48,7 @@ def seed_spreads(evidence: Evidence) -> pd.DataFrame:
         return found
     order = {case: place for place, case in enumerate(found["case"].unique())}
     keys = [  # numbers in words are what pandas does not sort by
-        (order[line.case], line.studied, naturally(line.solution)) for line in found.itertuples()
+        (order[line.case], line.studied, natural_key(line.solution)) for line in found.itertuples()
     ]
     return found.iloc[sorted(range(len(found)), key=keys.__getitem__)]
 
@@ -85,7 +85,7 @@ def _spread(alike: pd.DataFrame, evidence: Evidence) -> dict[str, Any] | None:
     }
 
 
-def naturally(words: str) -> list[tuple[int, str]]:
+def natural_key(words: str) -> list[tuple[int, str]]:
     """Return a key that sorts words with numbers in them by the numbers."""
     parts = re.split(r"(\d+)", words)
     return [(int(part), "") if part.isdigit() else (0, part) for part in parts]

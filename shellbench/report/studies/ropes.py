@@ -300,12 +300,12 @@ def motion_exhibits(found: Evidence) -> Iterator[Exhibit]:
             caption=f"The chain at {SHOWN} times from 0 (pale) to {moving[0][1].marks[-1]:.3g} s, seen along y. In the"
             " browser it can be turned, and followed in time by a slider.",
             description=f"{portrait.title}, by {', '.join(one.identity.solver for one, _ in shown)}",
-            figure=still(shown, found),
+            figure=draw_chains(shown, found),
             run_ids=tuple(one.run_id for one, _ in shown),
         )
 
 
-def still(shown: Sequence[tuple[Record, Fields]], found: Evidence) -> Figure:
+def draw_chains(shown: Sequence[tuple[Record, Fields]], found: Evidence) -> Figure:
     """Draw chains at some times, a panel for each solver."""
     figure, panels = panel.open_figure((1.9 * len(shown) + 0.5, 2.4), 1, len(shown), sharex=True, sharey=True)
     for axes, (record, ribbon) in zip(panels[0], shown, strict=True):

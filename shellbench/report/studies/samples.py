@@ -47,7 +47,7 @@ def section(found: Evidence) -> Section | None:
     return Section("samples", "Sampling", (), given(table(runs, densities)), tuple(figures), place="its suites")
 
 
-def way(run: Learned, density: Any) -> tuple[str, str, float | None]:
+def sampling_of(run: Learned, density: Any) -> tuple[str, str, float | None]:
     """Return the sampling of a run: even or adaptive, weighting by areas, and the adaptive share."""
     if density is None:
         return EVEN, "", 0.0
@@ -55,7 +55,7 @@ def way(run: Learned, density: Any) -> tuple[str, str, float | None]:
     return ADAPTIVE, "yes" if settings.get("weighted") else "no", settings.get("adaptive_share")
 
 
-def off(run: Learned) -> float | None:
+def signed_error(run: Learned) -> float | None:
     """Return the signed error of the headline figure, relative to the known value, in percent."""
     row = run.row
     return PERCENT * (row.value / row.reference - 1) if row.value is not None and row.reference else None
@@ -66,9 +66,9 @@ def table(runs: Sequence[Learned], densities: Mapping[str, Any]) -> Table:
     lines: list[dict[str, Any]] = []
     for run in runs:
         density = densities[run.record.run_id]
-        kind, weighed, share = way(run, density)
+        kind, weighed, share = sampling_of(run, density)
         line: dict[str, Any] = {"block": run.row.case_title or run.row.case, "case": run.row.case, "run": run.name}
-        line |= {"samples": kind, "weighed": weighed, "adaptive": share if density else None, "off": off(run)}
+        line |= {"samples": kind, "weighed": weighed, "adaptive": share if density else None, "off": signed_error(run)}
         even = None if density is None else density[0] / density[0].mean()
         line |= {
             "least": None if even is None else float(even.min()),
@@ -96,7 +96,7 @@ def table(runs: Sequence[Learned], densities: Mapping[str, Any]) -> Table:
 
 def bias_exhibits(runs: Sequence[Learned], densities: Mapping[str, Any], found: Evidence) -> Iterator[Exhibit]:
     """Yield the figure of what the adaptive share does to the headline figure, where it differs between runs."""
-    placed = [(run, *way(run, densities[run.record.run_id])) for run in runs if off(run) is not None]
+    placed = [(run, *sampling_of(run, densities[run.record.run_id])) for run in runs if signed_error(run) is not None]
     placed = [one for one in placed if one[3] is not None]
     if len({share for *_, share in placed}) < 3:
         return
@@ -106,7 +106,7 @@ def bias_exhibits(runs: Sequence[Learned], densities: Mapping[str, Any], found: 
         title=f"{row.case_title or row.case}: bias of adaptive samples",
         caption=f"{row.description or row.quantity}: error against the share of samples that follow the density."
         " Filled: all samples count alike, as published. Open: weighed by their areas, or even.",
-        description="; ".join(f"{run.name}: {off(run):.3g} %" for run, *_ in placed),
+        description="; ".join(f"{run.name}: {signed_error(run):.3g} %" for run, *_ in placed),
         figure=bias_figure(placed, found),
         run_ids=tuple(run.record.run_id for run, *_ in placed),
     )
@@ -120,7 +120,7 @@ def bias_figure(placed: Sequence[tuple[Learned, str, str, Any]], found: Evidence
         ink = found.inks[solver]
         for hollow in (False, True):
             chosen = sorted(
-                (float(share), off(run) or 0.0)
+                (float(share), signed_error(run) or 0.0)
                 for run, kind, weighed, share in of_solver
                 if (kind == EVEN or weighed == "yes") == hollow
             )

@@ -93,7 +93,7 @@ def _entry(one: Property, rows: Sequence[Row]) -> Entry:
     nominal = one.nominal(case.material)
     runs = sorted(_runs(one, rows), key=lambda run: run.unknowns)
     meshes = [run for run in runs if set(run.overrides) <= {MESH}]
-    others = {_said(run.overrides): run.ratio for run in runs if run not in meshes}  # the finest mesh of each
+    others = {_setting_words(run.overrides): run.ratio for run in runs if run not in meshes}  # the finest mesh of each
     if not meshes:
         reasons = [row.reason for row in rows if row.reason]
         return Entry(one, nominal, None, None, others, reasons[0] if reasons else "")
@@ -127,7 +127,7 @@ def _runs(one: Property, rows: Sequence[Row]) -> list[_Run]:
     return found
 
 
-def _said(overrides: Mapping[str, Any]) -> str:
+def _setting_words(overrides: Mapping[str, Any]) -> str:
     return ", ".join(f"{name}={value}" for name, value in overrides.items() if name != MESH)
 
 

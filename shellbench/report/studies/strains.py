@@ -162,7 +162,7 @@ def _turned(evidence: Evidence) -> str:
         return ""
     by_strain = {row.label: row for row in turned}
     told = [
-        f"{_plainly(row.value)} {row.unit} in the {strain} measure"
+        f"{_number_words(row.value)} {row.unit} in the {strain} measure"
         for strain in reversed(STRAINS)
         if (row := by_strain.get(strain)) is not None and row.value is not None
     ]
@@ -173,7 +173,7 @@ def _turned(evidence: Evidence) -> str:
     )
 
 
-def _plainly(value: float) -> str:
+def _number_words(value: float) -> str:
     digits = quoted(float(f"{value:.3g}"))
     power = str(digits.exponent).translate(SUPERSCRIPTS)
     return digits.mantissa + (f" · 10{power}" if digits.exponent else "")

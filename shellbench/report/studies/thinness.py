@@ -41,7 +41,7 @@ PANELS = {
 
 def section(evidence: Evidence) -> Section | None:
     """Return the section of the thinness study; None if no shell was solved at two thicknesses."""
-    families = thinning(evidence)
+    families = runs_by_shell(evidence)
     if not families:
         return None
     tables, exhibits, words = [], [], [_what_to_look_for(pd.concat(families)["ratio"])]
@@ -66,7 +66,7 @@ def section(evidence: Evidence) -> Section | None:
     return Section(STUDY, "Thin and thinner shells", tuple(words), tuple(tables), tuple(exhibits))
 
 
-def thinning(evidence: Evidence) -> list[pd.DataFrame]:
+def runs_by_shell(evidence: Evidence) -> list[pd.DataFrame]:
     """Return the runs of the study by shell, thickest first; shells of one thickness are left out.
 
     Each has the `portrait` of its case, its `ratio` of thickness over length, and its `share` of bending energy. A

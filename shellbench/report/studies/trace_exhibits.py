@@ -83,7 +83,7 @@ def motion_exhibits(evidence: Evidence) -> Iterator[Exhibit]:
             left = [run for record, solver in made if (run := traced(record, case, solver)) is not None]
             if left and case.ends is not None:
                 yield from _motion(name, case, left, values, colours)
-                yield from _apart(name, case, runs, evidence)
+                yield from _motion_differences(name, case, runs, evidence)
             elif left:
                 yield from _buckling(name, case, left, values, colours)
             yield from _frames(name, case, runs, evidence.folder)
@@ -203,7 +203,7 @@ def _strains(evidence: Evidence) -> Iterator[Exhibit]:
 def _motion(
     name: str, case: Portrait, runs: Sequence[TracedRun], known: KnownValues, colours: Mapping[str, Ink]
 ) -> Iterator[Exhibit]:
-    if where := _left(case.along, runs):
+    if where := _traced_series(case.along, runs):
         panels = [_panel(one, case, known) for one in where]
         components = {one.name.rpartition("_")[2] for one in where} & set(COMPONENTS)
         columns = max(2, len(components)) if components else 3  # the components of a point stand side by side
@@ -215,7 +215,7 @@ def _motion(
             figure=trace_figure(panels, runs, colours, columns),
             runs=runs,
         )
-    stored = _left(case.energies, runs)
+    stored = _traced_series(case.energies, runs)
     values = [run.traces[one.name].values for run in runs for one in stored if one.name in run.traces]
     drift = DRIFT_SHOWN * max((abs(one).max() for one in values), default=0.0)
     panels = [_panel(one, case, known, drift) for one in stored]
@@ -232,7 +232,7 @@ def _motion(
     )
 
 
-def _apart(name: str, case: Portrait, runs: pd.DataFrame, evidence: Evidence) -> Iterator[Exhibit]:
+def _motion_differences(name: str, case: Portrait, runs: pd.DataFrame, evidence: Evidence) -> Iterator[Exhibit]:
     found = apart(runs, evidence.folder)
     if not found:
         return
@@ -258,7 +258,7 @@ def _apart(name: str, case: Portrait, runs: pd.DataFrame, evidence: Evidence) ->
 def _buckling(
     name: str, case: Portrait, runs: Sequence[TracedRun], known: KnownValues, colours: Mapping[str, Ink]
 ) -> Iterator[Exhibit]:
-    shown = _left(case.along, runs)
+    shown = _traced_series(case.along, runs)
     panels = [_panel(one, case, known) for one in shown]
     if not panels:
         return
@@ -344,7 +344,7 @@ def _drawing(
     return Exhibit(name, title, caption, description, figure, tuple(run.run_id for run in runs))
 
 
-def _left(series: Sequence[Along], runs: Sequence[TracedRun]) -> list[Along]:
+def _traced_series(series: Sequence[Along], runs: Sequence[TracedRun]) -> list[Along]:
     """Return the series of which a run left a trace."""
     return [one for one in series if any(one.name in run.traces for run in runs)]
 

@@ -27,7 +27,7 @@ from shellbench.solvers.field.basis import Sparse, along, matrix
 from shellbench.solvers.field.energy import Sampled
 from shellbench.solvers.field.field import LayeredField
 from shellbench.solvers.field.sampling import Cells, positive
-from shellbench.solvers.field.symmetry import folded, maps, span_of
+from shellbench.solvers.field.symmetry import fold_orbits, maps, span_of
 
 Array = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ def form_of(cells: int, degree: int, confined: tuple[str, ...] = ()) -> dict[str
     return {"cells": [cells], "degree": degree, "confined": list(confined), **none}
 
 
-def matched(case: FieldCase, cells: int, degree: int) -> LayeredField:
+def fit_grid(case: FieldCase, cells: int, degree: int) -> LayeredField:
     """Return the grid that is nearest to the function on a lattice of points."""
     assert case.match is not None
     count = PER_CELL * cells
@@ -62,7 +62,7 @@ def matched(case: FieldCase, cells: int, degree: int) -> LayeredField:
     return LayeredField(case, {"grid_0": found.reshape(-1, 3)}, form_of(cells, degree))
 
 
-def spread(coarse: LayeredField, cells: int, degree: int) -> Array:
+def onto_finer_grid(coarse: LayeredField, cells: int, degree: int) -> Array:
     """Return the coefficients (m, 3) on a grid that are nearest to a coarser grid's field."""
     count = PER_CELL * cells
     inverse = np.linalg.pinv(along((np.arange(count) + 0.5) / count, cells, degree).toarray())
@@ -79,7 +79,7 @@ def gauss(cells: int, count: int) -> tuple[Array, Array]:
     return points, np.outer(lengths, lengths).ravel()
 
 
-def held(case: FieldCase, cells: int, degree: int) -> tuple[NDArray[np.bool_], Array]:
+def pinned_coefficients(case: FieldCase, cells: int, degree: int) -> tuple[NDArray[np.bool_], Array]:
     """Return a mask of the coefficients (m, 3) that pinned edges prescribe, and their values (m, 3)."""
     side = cells + degree
     given, values = np.zeros((side, side, 3), dtype=bool), np.zeros((side, side, 3))
@@ -96,7 +96,7 @@ def held(case: FieldCase, cells: int, degree: int) -> tuple[NDArray[np.bool_], A
     return given.reshape(-1, 3), values.reshape(-1, 3)
 
 
-def freed(
+def free_map(
     case: FieldCase, cells: int, degree: int, given: NDArray[np.bool_], coefficients: Array, span: Sparse
 ) -> Sparse:
     """Return the sparse map from free unknowns to coefficients, by free component in turn.
@@ -131,10 +131,10 @@ def free_axes(case: FieldCase) -> list[int]:
     return [number for number, axis in enumerate(AXES) if not case.cloth or axis not in case.cloth.confined]
 
 
-def least(sampled: Sampled, start: Array, span: Sparse) -> Iterator[tuple[float, Array]]:
+def minimise_energy(sampled: Sampled, start: Array, span: Sparse) -> Iterator[tuple[float, Array]]:
     """Yield energy and coefficients after each step of Newton's method, until the energy is least.
 
-    `span` is the map of `freed`. The Hessian is the exact one if that is positive definite, else the convex one,
+    `span` is the map of `free_map`. The Hessian is the exact one if that is positive definite, else the convex one,
     damped. With a body the sheet folds on its way: steps are then short, with the convex Hessian, until they are whole
     and small.
 
@@ -154,9 +154,9 @@ def least(sampled: Sampled, start: Array, span: Sparse) -> Iterator[tuple[float,
     damping = DAMPING / len(start) * identity(span.shape[1], format="csr")
     idle = sampled.rounding(start)
     for _ in range(most):
-        energy, gradient, hessian = sampled.taken(coefficients, convex=convex)
+        energy, gradient, hessian = sampled.derivatives(coefficients, convex=convex)
         reduced = span.T @ hessian @ span + (damping if convex else 0 * damping)
-        found, negative = solved(reduced, -(span.T @ gradient[:, axes].T.ravel()))
+        found, negative = solve_symmetric(reduced, -(span.T @ gradient[:, axes].T.ravel()))
         if negative and not convex:
             convex = True
             continue
@@ -166,7 +166,7 @@ def least(sampled: Sampled, start: Array, span: Sparse) -> Iterator[tuple[float,
             raise SolveFailure("the losses leave some of the field undetermined: pins are missing, or samples")
         slope = float(np.sum(step * gradient))
         if abs(slope) <= small * (abs(energy) + abs(slope)) + idle:
-            if convex and not meets and solved(span.T @ sampled.taken(coefficients)[2] @ span, found)[1]:
+            if convex and not meets and solve_symmetric(span.T @ sampled.derivatives(coefficients)[2] @ span, found)[1]:
                 raise SolveFailure("the field rests at a saddle of the energy: the sheet would buckle from there")
             yield sampled.energy(coefficients + step), coefficients + step
             return
@@ -183,7 +183,7 @@ def least(sampled: Sampled, start: Array, span: Sparse) -> Iterator[tuple[float,
     raise SolveFailure(f"the energy has not settled after {most} steps of Newton's method")
 
 
-def solved(matrix: Sparse, right: Array) -> tuple[Array, bool]:
+def solve_symmetric(matrix: Sparse, right: Array) -> tuple[Array, bool]:
     """Return the solution (n,) of a symmetric system, not finite if it has none; and whether it is indefinite.
 
     Elimination without exchange of rows keeps the inertia: pivots have the signs of eigenvalues (Sylvester).
@@ -198,7 +198,7 @@ def solved(matrix: Sparse, right: Array) -> tuple[Array, bool]:
     return np.asarray(factors.solve(right)), bool(pivots.min() < -INDEFINITE * pivots.max())
 
 
-def extended(sampled: Sampled, start: Array, span: Sparse, cells: int, degree: int) -> Array:
+def harmonic_extension(sampled: Sampled, start: Array, span: Sparse, cells: int, degree: int) -> Array:
     """Return coefficients (m, 3) whose displacement is the harmonic extension of that of moved pins.
 
     If the pins' displacement is affine, so is the extension. Newton's method therefore never starts from cells torn by
@@ -214,14 +214,14 @@ def extended(sampled: Sampled, start: Array, span: Sparse, cells: int, degree: i
     # unknowns that no pin moves stay in place
     anchor = ANCHOR * one.diagonal().mean() * identity(span.shape[1], format="csr")
     right = -(span.T @ (whole @ start[:, axes].T.ravel()))
-    found, _ = solved(span.T @ whole @ span + anchor, right)
+    found, _ = solve_symmetric(span.T @ whole @ span + anchor, right)
     moved = start.copy()
     moved[:, axes] += (span @ found).reshape(len(axes), -1).T
     return moved
 
 
 @dataclass(frozen=True)
-class Play:
+class SampleWeights:
     """Weights of the samples of a minimisation: even ones, or a density that follows the losses.
 
     With `share` above 0, that share of the samples follows the density of `cells` along a side. Unless `weighted`,
@@ -233,11 +233,11 @@ class Play:
     cells: int
 
 
-def minimised(
+def minimise(
     case: FieldCase,
     cells: int,
     degree: int,
-    play: Play,
+    play: SampleWeights,
     progress: ProgressCallback,
     coarse: LayeredField | None = None,
     symmetric: bool = True,
@@ -254,11 +254,11 @@ def minimised(
     assert case.cloth is not None
     began, history = time.perf_counter(), list[Step]()
     points, areas = gauss(cells, count or GAUSS[degree])
-    given, start = held(case, cells, degree)
+    given, start = pinned_coefficients(case, cells, degree)
     if coarse is not None:
-        start = np.where(given, start, spread(coarse, cells, degree))
+        start = np.where(given, start, onto_finer_grid(coarse, cells, degree))
     same = maps(case) if symmetric and not play.share else maps(case)[:1]
-    span = freed(case, cells, degree, given, start, span_of(cells + degree, free_axes(case), same))
+    span = free_map(case, cells, degree, given, start, span_of(cells + degree, free_axes(case), same))
     form = form_of(cells, degree, case.cloth.confined)
     middles, shares = lattice(play.cells), np.ones((play.cells, play.cells))
     plays = 0
@@ -266,10 +266,10 @@ def minimised(
         plays += 1
         density = play.share * Cells(shares).density(points) + 1 - play.share
         ones = np.ones(len(points)) if play.weighted else density
-        sampled = Sampled.of(case, cells, degree, *folded(points, areas * ones, same))
+        sampled = Sampled.of(case, cells, degree, *fold_orbits(points, areas * ones, same))
         if coarse is None and plays == 1:
-            start = extended(sampled, start, span, cells, degree)
-        for energy, coefficients in least(sampled, start, span):
+            start = harmonic_extension(sampled, start, span, cells, degree)
+        for energy, coefficients in minimise_energy(sampled, start, span):
             history.append(Step(len(history), time.perf_counter() - began, energy, span.shape[1]))
             progress(Progress(len(history), None, f"energy {energy:.6g}"))
             start = coefficients

@@ -27,6 +27,7 @@ from shellbench.solvers.field.basis import Sparse, matrix, not_zero
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
+Face = tuple[int, int, int]  # numbers of its corners
 EPSILON = 64 * float(np.finfo(float).eps)  # relative error of a place, with a margin
 GOLDEN_TURN = TURN * 0.6180339887498949  # orientations of neighbours: no two alike
 
@@ -174,9 +175,9 @@ class Sampled:
 
     def energy(self, coefficients: Array) -> float:
         """Return the weighted mean of all losses for coefficients (m, 3)."""
-        return self.taken(coefficients, order=0)[0]
+        return self.derivatives(coefficients, order=0)[0]
 
-    def taken(self, coefficients: Array, order: int = 2, convex: bool = False) -> tuple[float, Array, Sparse]:
+    def derivatives(self, coefficients: Array, order: int = 2, convex: bool = False) -> tuple[float, Array, Sparse]:
         """Return the energy, its gradient (m, 3) and its Hessian, component by component of those that are free.
 
         With `order` 0 gradient and Hessian are empty; with `convex` the Hessian has no negative part.
@@ -212,7 +213,7 @@ class Sampled:
         weight = self.cloth.strain
         for i, j in EDGES:
             resting = np.linalg.norm(rest[:, j] - rest[:, i], axis=1)
-            value, slope, second = stretched(places[:, j] - places[:, i], resting, convex)
+            value, slope, second = stretch_loss(places[:, j] - places[:, i], resting, convex)
             slopes = signs[:, None] * slope[:, None]
             seconds = np.einsum("c,d,nab->ncadb", signs, signs, second) if order else second
             yield weight * value, [i, j], weight * slopes, weight * seconds
@@ -222,15 +223,15 @@ class Sampled:
         weight = self.cloth.bend
         for face in OUTER if weight else ():
             numbers = [*MIDDLE, next(corner for corner in face if corner > 2)]
-            value, slope, second = bent(places, face, numbers, order)
+            value, slope, second = bend_loss(places, face, numbers, order)
             yield weight * value, numbers, weight * slope, weight * second
         weight = self.cloth.collision
         for corner in range(places.shape[1]) if weight and self.body else ():
-            value, slope, second = pushed(places[:, corner], self.body, convex)  # type: ignore[arg-type]
+            value, slope, second = depth_loss(places[:, corner], self.body, convex)  # type: ignore[arg-type]
             yield weight * value, [corner], weight * slope[:, None], weight * second[:, None, :, None]
 
 
-def stretched(edge: Array, rest: Array, convex: bool = False) -> tuple[Array, Array, Array]:
+def stretch_loss(edge: Array, rest: Array, convex: bool = False) -> tuple[Array, Array, Array]:
     """Return (l/L - 1)^2 (n,) of edges (n, 3) with rest lengths (n,), its gradient (n, 3) and Hessian (n, 3, 3)."""
     length = np.linalg.norm(edge, axis=1)
     along_it = edge / length[:, None]
@@ -242,7 +243,7 @@ def stretched(edge: Array, rest: Array, convex: bool = False) -> tuple[Array, Ar
     return excess**2, 2 * (excess / rest)[:, None] * along_it, second
 
 
-def pushed(places: Array, body: Ball, convex: bool = False) -> tuple[Array, Array, Array]:
+def depth_loss(places: Array, body: Ball, convex: bool = False) -> tuple[Array, Array, Array]:
     """Return min(d, 0)^2 (n,) of places (n, 3) at signed distances d, its gradient (n, 3) and Hessian (n, 3, 3)."""
     distance, normal = body.contact(places)
     depth = np.minimum(distance, 0.0)
@@ -253,7 +254,7 @@ def pushed(places: Array, body: Ball, convex: bool = False) -> tuple[Array, Arra
     return depth**2, 2 * depth[:, None] * normal, second
 
 
-def normal_with_slopes(places: Array, face: tuple[int, int, int], numbers: list[int]) -> tuple[Array, Array]:
+def normal_with_slopes(places: Array, face: Face, numbers: list[int]) -> tuple[Array, Array]:
     """Return the unit normal (n, 3) of a face, and its derivative (n, 3, c, 3) in the places of corners."""
     a, b, c = (places[:, corner] for corner in face)
     plain = np.cross(b - a, c - a)
@@ -269,7 +270,7 @@ def normal_with_slopes(places: Array, face: tuple[int, int, int], numbers: list[
     return normal, slopes
 
 
-def bent(places: Array, face: tuple[int, int, int], numbers: list[int], order: int = 2) -> tuple[Array, Array, Array]:
+def bend_loss(places: Array, face: Face, numbers: list[int], order: int = 2) -> tuple[Array, Array, Array]:
     """Return |n1 - n2|^2 (n,) of the middle face and another, its gradient, and twice the square of the slopes.
 
     With `order` 0 the last two are empty.

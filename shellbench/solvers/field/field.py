@@ -23,7 +23,7 @@ OMEGA = (
 )
 
 
-def encoded(points: Array, frequencies: int) -> Array:
+def encode(points: Array, frequencies: int) -> Array:
     """Return points (n, 2) followed by their sines and cosines at frequencies pi, 2 pi, 4 pi, ...: (n, 2 + 4 f)."""
     angles = np.pi * (points[:, None, :] * 2.0 ** np.arange(frequencies)[:, None]).reshape(len(points), -1)
     return np.concatenate([points, np.sin(angles), np.cos(angles)], axis=1)
@@ -64,14 +64,14 @@ class LayeredField(FieldSolution):
         if sum(orders) and (form["layers"] or form["held"]):
             raise ValueError("only a grid without layers, solved for, has derivatives here")
         parts = np.array_split(points, max(1, len(points) // AT_ONCE))  # memory that fits caches
-        values = np.concatenate([self.decoded(part, orders) for part in parts])
+        values = np.concatenate([self.decode(part, orders) for part in parts])
         if pinned := form.get("pinned"):
-            values = values - pin_shares(points, np.array(pinned)) @ self.decoded(np.array(pinned))
+            values = values - pin_shares(points, np.array(pinned)) @ self.decode(np.array(pinned))
         values = values * free_factor(points, form["held"])[:, None]
         values[:, [AXES.index(axis) for axis in form["confined"]]] = 0.0
         return np.asarray(values)
 
-    def decoded(self, points: Array, orders: tuple[int, int] = (0, 0)) -> Array:
+    def decode(self, points: Array, orders: tuple[int, int] = (0, 0)) -> Array:
         """Return the output of the layers, (n, 3); without layers, the features themselves."""
         form, values = self.form, self.features(points, orders)
         for number in range(form["layers"]):
@@ -84,7 +84,7 @@ class LayeredField(FieldSolution):
         """Return the input of the first layer, or the displacement of a field without layers."""
         form: Any = self.form
         if not form["cells"]:
-            return encoded(points, form["frequencies"])
+            return encode(points, form["frequencies"])
         levels = [
             matrix(points, cells, form["degree"], orders) @ self.tensors[f"grid_{number}"].astype(float)
             for number, cells in enumerate(form["cells"])

@@ -218,7 +218,7 @@ class Mesh:
             values[held] = evaluated(pin.displacement, points[held])
         return identity(given.size, format="csc")[:, ~given.ravel()], values
 
-    def extended(self, span: Sparse, values: Array) -> Array:
+    def harmonic_extension(self, span: Sparse, values: Array) -> Array:
         """Return places (n, 3) whose displacement extends that of moved pins, each edge a spring of its cotangents.
 
         The extension is harmonic (Pinkall and Polthier 1993), and affine if the pins' displacement is.
@@ -239,10 +239,10 @@ class Mesh:
         found = factorised(span.T @ whole @ span + anchor).solve(-(span.T @ (whole @ values.ravel())))
         return np.asarray(self.rest + values + (span @ found).reshape(-1, 3))
 
-    def least(self) -> Iterator[tuple[float, Array]]:
+    def minimise_energy(self) -> Iterator[tuple[float, Array]]:
         """Yield energy and places (n, 3) after each step, until the energy is least; SolveFailure if it is not."""
         span, values = self.span()
-        places = self.extended(span, values)
+        places = self.harmonic_extension(span, values)
         damping = span.T @ diags(DAMPING * np.repeat(self.share, 3)) @ span
         convex = True
         far = EPSILON * float(np.abs(places).max()) * self.lattice.columns  # strain that rounding of places leaves

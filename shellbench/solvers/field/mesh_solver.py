@@ -78,7 +78,7 @@ class VertexMeshSolver(FieldSolver):
         """Solve on two meshes, of which the finer one answers."""
         from shellbench.solvers.field.mesh import DIRECTIONS
 
-        coarse, fine = (meshed(case, count, progress) for count in (settings.resolution // 2, settings.resolution))
+        coarse, fine = (solve_mesh(case, count, progress) for count in (settings.resolution // 2, settings.resolution))
         uncertainty = told_by_levels([measured(case, coarse), measured(case, fine)])
         # A mean over more directions estimates the error of the mesh's few directions.
         more = measured(case, replace(fine, form={**fine.form, "directions": 2 * DIRECTIONS}))
@@ -91,14 +91,14 @@ class VertexMeshSolver(FieldSolver):
         return MeshField.load(path)
 
 
-def meshed(case: FieldCase, columns: int, progress: ProgressCallback) -> MeshField:
+def solve_mesh(case: FieldCase, columns: int, progress: ProgressCallback) -> MeshField:
     """Return the mesh of least energy."""
     from shellbench.solvers.field.mesh import Mesh
 
     began, mesh, history = time.perf_counter(), Mesh(case, columns), list[Step]()
     free = len(mesh.rest) * (len(AXES) - len(mesh.cloth.confined))
     found = mesh.rest
-    for energy, places in mesh.least():
+    for energy, places in mesh.minimise_energy():
         found = places
         history.append(Step(len(history), time.perf_counter() - began, energy, free))
         progress(Progress(len(history), None, f"energy {energy:.6g}"))

@@ -129,7 +129,7 @@ class GridSolver(OfFields):
 
     def answer(self, case: FieldCase, settings: GridSettings, progress: ProgressCallback) -> FieldSolution:
         """Solve on two grids, of which the finer one answers."""
-        from shellbench.solvers.field.direct import Play, matched, minimised
+        from shellbench.solvers.field.direct import SampleWeights, fit_grid, minimise
         from shellbench.solvers.field.field import LayeredField
 
         degree = DEGREES[settings.basis]
@@ -139,7 +139,7 @@ class GridSolver(OfFields):
         if case.network == "vertices":
             degree, cells = 1, VERTICES
         share = settings.adaptive_share if settings.sampler == "adaptive" else 0.0
-        play = Play(share, settings.weighted, settings.density_cells)
+        play = SampleWeights(share, settings.weighted, settings.density_cells)
 
         levels = [-(-cells * 3 // 4) if case.body else -(-cells // 2), cells]
         while case.body and levels[0] >= 2 * FEWEST:  # a sheet folds on few cells, and each grid starts from a coarser
@@ -147,15 +147,13 @@ class GridSolver(OfFields):
         solved = list[LayeredField]()
         for count in levels:
             if case.match:
-                solved.append(matched(case, count, degree))
+                solved.append(fit_grid(case, count, degree))
             else:
                 start = solved[-1] if case.body and solved else None
-                solved.append(
-                    minimised(case, count, degree, play, progress, start, settings.symmetric, settings.points)
-                )
+                solved.append(minimise(case, count, degree, play, progress, start, settings.symmetric, settings.points))
         coarse, fine = solved[-2:]
         uncertainty = told_by_levels([measured(case, coarse), measured(case, fine)])
-        return replace(fine, uncertainty=uncertainty | by_itself(case, fine))
+        return replace(fine, uncertainty=uncertainty | own_uncertainties(case, fine))
 
 
 class AdaptiveSettings(GridSettings):
@@ -177,7 +175,7 @@ class AdaptiveGridSolver(GridSolver):
     settings_type: ClassVar[type[GridSettings]] = AdaptiveSettings
 
 
-def by_itself(case: FieldCase, found: FieldSolution) -> dict[str, float]:
+def own_uncertainties(case: FieldCase, found: FieldSolution) -> dict[str, float]:
     """Return uncertainties that need no second level: 0 of parameters; of an RMS error, its value on another grid."""
     known = {q.name: 0.0 for q in case.quantities if q.kind == "parameters"}
     for quantity in case.quantities:
@@ -210,7 +208,7 @@ class PrintedGridSolver(OfFields):
         if not layers and settings.features != len("xyz"):
             raise InputError(f"{case.name}: without layers a level has 3 features, not {settings.features}")
         form = {"cells": cells, "degree": DEGREES[settings.basis], "frequencies": 0, "layers": layers}
-        return trained(case, settings, form, settings.features, settings.width, progress)
+        return train_field(case, settings, form, settings.features, settings.width, progress)
 
 
 class MlpSolver(OfFields):
@@ -232,7 +230,7 @@ class MlpSolver(OfFields):
         """Train it: 152 neurons a layer, or 148 with the encoding (section 4.1)."""
         encodes = (case.network or settings.encoding) == "positional"
         form = {"cells": [], "degree": 1, "frequencies": 4 if encodes else 0, "layers": HIDDEN + 1}
-        return trained(case, settings, form, 0, 148 if encodes else 152, progress)
+        return train_field(case, settings, form, 0, 148 if encodes else 152, progress)
 
 
 def why_not_trained(case: FieldCase) -> str | None:
@@ -241,7 +239,7 @@ def why_not_trained(case: FieldCase) -> str | None:
     return "what is trained can be pinned where it is only, and here pins move" if moved else None
 
 
-def trained(
+def train_field(
     case: FieldCase, settings: TrainedSettings, form: dict[str, Any], features: int, width: int, tell: ProgressCallback
 ) -> FieldSolution:
     """Train a field of a form; see `shellbench.solvers.field.training`."""

@@ -32,21 +32,21 @@ def maps(case: FieldCase) -> list[tuple[bool, Array]]:
 
     def kept(swap: bool, signs: Array) -> bool:
         moved = np.array(sorted(places)).reshape(-1, 2)
-        return {tuple(np.round(point, 12)) for point in mapped(moved, swap, signs)} == places
+        return {tuple(np.round(point, 12)) for point in images_of(moved, swap, signs)} == places
 
     everything = [(bool(swap), np.array(signs)) for swap, *signs in product((0, 1), (1.0, -1.0), (1.0, -1.0))]
     return [one for one in everything if kept(*one)] if plain and still and central else everything[:1]
 
 
-def mapped(points: Array, swap: bool, signs: Array) -> Array:
+def images_of(points: Array, swap: bool, signs: Array) -> Array:
     """Return the images of points (n, 2) of the square."""
     turned = points[:, ::-1] if swap else points
     return np.asarray(MIDDLE + signs * (turned - MIDDLE))
 
 
-def folded(points: Array, weights: Array, found: list[tuple[bool, Array]]) -> tuple[Array, Array]:
+def fold_orbits(points: Array, weights: Array, found: list[tuple[bool, Array]]) -> tuple[Array, Array]:
     """Return one point of each orbit, and the weights of all of it, of points whose weights share the symmetry."""
-    images = np.stack([mapped(points, *one) for one in found]).round(12)
+    images = np.stack([images_of(points, *one) for one in found]).round(12)
     ranks = images[..., 0] + 1e-6 * images[..., 1]  # coordinates differ by more, or not at all
     first = ranks[0] <= ranks.min(axis=0) + 1e-11
     size = np.array([len(np.unique(ranks[:, number].round(11))) for number in np.nonzero(first)[0]])

@@ -24,7 +24,7 @@ from shellbench.problems.field.case import FieldCase
 from shellbench.problems.field.formulas import evaluated
 from shellbench.problems.field.structure import EDGES, MIDDLE, OUTER, TURN, corners, lattice
 from shellbench.solvers.field.basis import local
-from shellbench.solvers.field.field import OMEGA, LayeredField, encoded, free_factor, pin_shares
+from shellbench.solvers.field.field import OMEGA, LayeredField, encode, free_factor, pin_shares
 from shellbench.solvers.field.sampling import Cells, jittered, positive, relaxed
 
 Array = NDArray[np.float64]
@@ -149,7 +149,7 @@ class Weights:
     def _features(self, points: Array) -> Tensor:
         form = self.form
         if not form["cells"]:
-            return self.tensor(encoded(points, form["frequencies"]))
+            return self.tensor(encode(points, form["frequencies"]))
         levels = []
         for number, (indices, values) in enumerate(self.taps):
             bag = torch.as_tensor(indices, device=self.choice.device), self.tensors[f"grid_{number}"]

@@ -27,7 +27,7 @@ class ConditionedPublishedSolver(ConditionedSolver):
         """Return the reason that the published boundary functions can't hold the shell, or None if they can."""
         from shellbench.solvers.ndf.published import published
 
-        return published.why_not(case.shell_of(case.middle))
+        return published.why_not_held(case.shell_of(case.middle))
 
     def answer(
         self, case: ConditionedCase, settings: ConditionedPublishedSettings, progress: ProgressCallback

@@ -28,7 +28,7 @@ class PublishedSolver(FieldSolver):
         """Return the reason that the published boundary functions can't hold this case, as one clause, or None."""
         from shellbench.solvers.ndf.published import published
 
-        return published.why_not(case)
+        return published.why_not_held(case)
 
     def declines_quantity(self, case: Case, quantity: Quantity) -> str | None:
         """Return the reason that it can't give a quantity of a case that it takes, as one clause, or None if it can."""

@@ -7,9 +7,9 @@ It is the direct solve without obstacles. Each chain takes these steps by itself
        be stretched are caught, until none is left
     3  half a velocity update, impulses, the position update root to tip, the other half, impulses
 
-Chains are independent: each thread takes a block of them (`stepped_together`).
+Chains are independent: each thread takes a block of them (`step_in_parallel`).
 
-Departure from `pulls.direct`: a violation is measured relative to the chain's own largest right side. Answers agree to
+Departure from `pulls`: a violation is measured relative to the chain's own largest right side. Answers agree to
 rounding. Without numba the functions run in Python, slowly; tests compare them so.
 """
 
@@ -38,7 +38,7 @@ ENOUGH = 2000  # links of a thread: their step takes some ten times as long as s
 DIAGONAL, LOWER, UPPER, RIGHT = range(4)  # of a chain's rows, (4, m): see `pulls.Rows`
 
 
-def fast(function: Function) -> Function:
+def jit(function: Function) -> Function:
     """Return the function, compiled at its first call if numba is installed."""
     if not HERE:
         return function
@@ -47,7 +47,7 @@ def fast(function: Function) -> Function:
     return cast(Function, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
 
 
-@fast
+@jit
 def _links(x: Array, root: Array, lengths: Array, room: float, e: Array, found: Array, taut: Mask) -> None:
     """Find directions e (m, 3) and lengths (m,) of one chain's links, and which are taut."""
     for i in range(len(lengths)):
@@ -59,9 +59,9 @@ def _links(x: Array, root: Array, lengths: Array, room: float, e: Array, found: 
             e[i, k] /= max(found[i], TINY)
 
 
-@fast
-def _solved(rows: Array, taut: Mask, active: Mask, T: Array) -> None:
-    """Solve one chain's inequalities, as `pulls.direct` does; T (m,) is the answer."""
+@jit
+def _solve_chain(rows: Array, taut: Mask, active: Mask, T: Array) -> None:
+    """Solve one chain's inequalities, as `pulls.direct_pulls` does; T (m,) is the answer."""
     diagonal, lower, upper, right = rows[DIAGONAL], rows[LOWER], rows[UPPER], rows[RIGHT]
     m = len(right)
     ahead = np.empty(m)
@@ -102,14 +102,14 @@ def _solved(rows: Array, taut: Mask, active: Mask, T: Array) -> None:
             T[i] = 0.0
 
 
-@fast
-def _apart(v: Array, root: Array, i: int, k: int) -> float:
+@jit
+def _difference(v: Array, root: Array, i: int, k: int) -> float:
     """Return a component of a node's vector less that of the node before it."""
     return float(v[i, k] - (v[i - 1, k] if i else root[k]))
 
 
-@fast
-def _pulled(v: Array, e: Array, masses: Array, T: Array, factor: float) -> None:
+@jit
+def _apply_pulls(v: Array, e: Array, masses: Array, T: Array, factor: float) -> None:
     """Add what pulls do to velocities, times a factor: eqs. (2) and (6)."""
     m = len(masses)
     for i in range(m):
@@ -120,7 +120,7 @@ def _pulled(v: Array, e: Array, masses: Array, T: Array, factor: float) -> None:
             v[i, k] += factor * pull / masses[i]
 
 
-@fast
+@jit
 def _rows(e: Array, masses: Array, printed: bool, rows: Array) -> None:
     """Fill one chain's rows except the right side: J M^-1 J^T, or those of tensions as printed (4)."""
     diagonal, lower, upper = rows[DIAGONAL], rows[LOWER], rows[UPPER]
@@ -140,8 +140,8 @@ def _rows(e: Array, masses: Array, printed: bool, rows: Array) -> None:
             upper[i] *= far
 
 
-@fast
-def stepped(
+@jit
+def step_chains(
     places: Array,
     velocities: Array,
     lengths: Array,
@@ -192,9 +192,9 @@ def stepped(
             moves = root if half == 0 else later
             speed = root[1, c] if half == 0 else halfway
             if half == 1:
-                _placed(x, v, later[0, c], L, step, turns)
+                _move_nodes(x, v, later[0, c], L, step, turns)
                 if again:
-                    _impelled(x, v, later[0, c], halfway, L, M, room, e, found, rows, T, taut, active)
+                    _apply_impulses(x, v, later[0, c], halfway, L, M, room, e, found, rows, T, taut, active)
             # tensions: relative accelerations along taut links balance the centripetal ones
             _links(x, moves[0, c], L, room, e, found, taut)
             for i in range(m):
@@ -204,11 +204,11 @@ def stepped(
             for i in range(m):
                 along, square, given = 0.0, 0.0, 0.0
                 for k in range(3):
-                    apart = _apart(v, speed, i, k)
+                    apart = _difference(v, speed, i, k)
                     along += apart * e[i, k]
                     square += apart * apart
                     if not printed:
-                        given += _apart(external, moves[2, c], i, k) * e[i, k]
+                        given += _difference(external, moves[2, c], i, k) * e[i, k]
                     elif i:
                         given += (M[i] * external[i, k] - M[i - 1] * external[i - 1, k]) * e[i, k]
                     else:
@@ -219,22 +219,22 @@ def stepped(
                     centripetal *= (2.0 if i else 1.0) / (near + 1.0 / M[i])
                 rows[RIGHT, i] = given + centripetal
             _rows(e, M, printed, rows)
-            _solved(rows, taut, active, T)
+            _solve_chain(rows, taut, active, T)
             for i in range(m):
                 for k in range(3):
                     v[i, k] += 0.5 * step * external[i, k]
-            _pulled(v, e, M, T, 0.5 * step)
+            _apply_pulls(v, e, M, T, 0.5 * step)
             after = halfway if half == 0 else later[1, c]
-            _impelled(x, v, moves[0, c], after, L, M, room, e, found, rows, T, taut, active)
+            _apply_impulses(x, v, moves[0, c], after, L, M, room, e, found, rows, T, taut, active)
         places[c], velocities[c] = x, v
 
 
-def stepped_together(threads: int, places: Array, *others: Any) -> None:
-    """Take one step of all chains, in place, on so many threads at most; arguments are those of `stepped`."""
+def step_in_parallel(threads: int, places: Array, *others: Any) -> None:
+    """Take one step of all chains, in place, on so many threads at most; arguments are those of `step_chains`."""
     chains, m, _ = places.shape
     share = max(1, min(threads, chains * m // ENOUGH))
     blocks = [(chains * i // share, chains * (i + 1) // share) for i in range(share)]
-    take: Callable[..., None] = stepped
+    take: Callable[..., None] = step_chains
     if share == 1:
         take(places, *others, blocks[0])
         return
@@ -242,8 +242,8 @@ def stepped_together(threads: int, places: Array, *others: Any) -> None:
         list(pool.map(lambda block: take(places, *others, block), blocks))
 
 
-@fast
-def _impelled(
+@jit
+def _apply_impulses(
     x: Array, v: Array, root: Array, speed: Array, L: Array, M: Array, room: float,
     e: Array, found: Array, rows: Array, T: Array, taut: Mask, active: Mask,
 ) -> None:  # fmt: skip
@@ -252,15 +252,15 @@ def _impelled(
     for i in range(len(M)):
         rows[RIGHT, i] = 0.0
         for k in range(3):
-            rows[RIGHT, i] += _apart(v, speed, i, k) * e[i, k]
+            rows[RIGHT, i] += _difference(v, speed, i, k) * e[i, k]
     _rows(e, M, False, rows)
-    _solved(rows, taut, active, T)
-    _pulled(v, e, M, T, 1.0)
+    _solve_chain(rows, taut, active, T)
+    _apply_pulls(v, e, M, T, 1.0)
 
 
-@fast
-def _placed(x: Array, v: Array, later: Array, L: Array, step: float, turns: bool) -> None:
-    """Move all nodes, root to tip, as `placing.placed` does."""
+@jit
+def _move_nodes(x: Array, v: Array, later: Array, L: Array, step: float, turns: bool) -> None:
+    """Move all nodes, root to tip, as `placing.move_nodes` does."""
     before, out, offset = later.copy(), np.empty(3), np.empty(3)
     for i in range(len(L)):
         square, half, inside, free = 0.0, 0.0, 0.0, 0.0

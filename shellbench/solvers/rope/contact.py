@@ -32,7 +32,7 @@ LAST_PUSHES = 3  # along the gradient, after which nothing of a smooth obstacle 
 
 
 @dataclass(frozen=True)
-class Met:
+class Impact:
     """Masses (C, 3) after a collision, their velocities, and which of them touch the obstacle."""
 
     places: Array
@@ -60,7 +60,7 @@ def rebound(velocities: Array, body: Array, normals: Array, friction: float) -> 
     return np.asarray(allowed[:, None] * normals + dragged + kept[:, None] * sliding)
 
 
-def pushed(obstacle: Any, offsets: Array, back: Array, push: Push, pushes: int) -> Array:
+def push_out(obstacle: Any, offsets: Array, back: Array, push: Push, pushes: int) -> Array:
     """Return places relative to the obstacle after pushes by the depth; `back` (C, 3) leads to the way's start."""
     room = np.linalg.norm(back, axis=-1)
     direction = unit(back)
@@ -75,7 +75,7 @@ def pushed(obstacle: Any, offsets: Array, back: Array, push: Push, pushes: int) 
     return offsets
 
 
-def entered(obstacle: Any, start: Array, way: Array) -> Array:
+def entry_share(obstacle: Any, start: Array, way: Array) -> Array:
     """Return the share (C,) of each path (C, 3) before it meets the obstacle; 1 if it does not."""
     length = np.linalg.norm(way, axis=-1)
     moves, near = length > 0, CLOSE * length
@@ -94,7 +94,7 @@ def entered(obstacle: Any, start: Array, way: Array) -> Array:
     return np.where(met | running, part, 1.0)  # a path that still runs has come close at a grazing angle
 
 
-def collided(
+def collide(
     obstacle: Any,
     earlier: Array,
     places: Array,
@@ -103,7 +103,7 @@ def collided(
     push: Push,
     pushes: int,
     normal: Normal,
-) -> Met:
+) -> Impact:
     """Return masses after their collisions with one obstacle.
 
     Parameters
@@ -116,21 +116,21 @@ def collided(
     (centre, _), (now, body) = obstacle.at(times[0]), obstacle.at(times[1])
     start, end = earlier - centre, places - now
     if push == "history":
-        return _followed(obstacle, start, end, now, body, velocities, times[1] - times[0])
+        return _follow(obstacle, start, end, now, body, velocities, times[1] - times[0])
     inside = obstacle.distance(end) < 0
     if not inside.any():
-        return Met(places, velocities, inside)
-    offsets = pushed(obstacle, end, start - end, push, pushes)
+        return Impact(places, velocities, inside)
+    offsets = push_out(obstacle, end, start - end, push, pushes)
     normals = obstacle.gradient(offsets) if normal == "gradient" else unit(start - end)
     after = rebound(velocities, body, normals, obstacle.friction)
     chosen = inside[:, None]
-    return Met(np.where(chosen, now + offsets, places), np.where(chosen, after, velocities), inside)
+    return Impact(np.where(chosen, now + offsets, places), np.where(chosen, after, velocities), inside)
 
 
-def _followed(obstacle: Any, start: Array, end: Array, now: Array, body: Array, velocities: Array, step: float) -> Met:
+def _follow(obstacle: Any, start: Array, end: Array, now: Array, body: Array, velocities: Array, step: float) -> Impact:
     """Follow the path to the obstacle, and continue with the velocity after the impact."""
     way = end - start
-    part = entered(obstacle, start, way)
+    part = entry_share(obstacle, start, way)
     inside = (part < 1.0) | (obstacle.distance(end) < 0)
     ends, speeds = now + end, np.array(velocities)
     if inside.any():
@@ -138,5 +138,5 @@ def _followed(obstacle: Any, start: Array, end: Array, now: Array, body: Array, 
         met = start[inside] + spent * way[inside]
         speeds[inside] = rebound(velocities[inside], body, obstacle.gradient(met), obstacle.friction)
         offsets = met + (1.0 - spent) * step * (speeds[inside] - body)
-        ends[inside] = now + pushed(obstacle, offsets, offsets, "gradient", LAST_PUSHES)
-    return Met(ends, speeds, inside)
+        ends[inside] = now + push_out(obstacle, offsets, offsets, "gradient", LAST_PUSHES)
+    return Impact(ends, speeds, inside)

@@ -19,7 +19,7 @@ def unit(vectors: Array) -> Array:
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), TINY))
 
 
-def placed(places: Array, velocities: Array, before: Array, lengths: Array, step: float, placing: Placing) -> Array:
+def move_nodes(places: Array, velocities: Array, before: Array, lengths: Array, step: float, placing: Placing) -> Array:
     """Return the places of nodes (C, 3) after a step, given the new places of the nodes before them: eqs. (10) to (13).
 
     A node whose free path stays within its link's length follows that path. Another node follows it until it leaves the

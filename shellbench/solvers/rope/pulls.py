@@ -72,7 +72,7 @@ def printed_rows(directions: Array, right: Array, taut: Mask) -> Rows:
     return Rows(diagonal, before, after, right, taut)
 
 
-def swept(rows: Rows, count: int | None, tolerance: float, *, from_tip: bool) -> Array:
+def sweep_pulls(rows: Rows, count: int | None, tolerance: float, *, from_tip: bool) -> Array:
     """Return the pulls (m, C) after sweeps from zero: so many, or until they change by less than the tolerance.
 
     The tolerance is relative to the largest pull of all.
@@ -94,13 +94,13 @@ def swept(rows: Rows, count: int | None, tolerance: float, *, from_tip: bool) ->
     return pulls
 
 
-def eliminated(rows: Rows, active: Mask) -> Array:
+def eliminate(rows: Rows, active: Mask) -> Array:
     """Return the solution of the active rows as equations, zero elsewhere.
 
     Thomas's elimination along the links, all chains at once; a few chains are quicker as dense matrices.
     """
     if rows.right.shape[1] <= FEW:
-        return densely(rows, active)
+        return solve_dense(rows, active)
     diagonal, lower = np.where(active, rows.diagonal, 1.0), np.where(active, rows.lower, 0.0)
     upper, right = np.where(active, rows.upper, 0.0), np.where(active, rows.right, 0.0)
     ahead, pulls = np.empty_like(right), np.empty_like(right)
@@ -114,8 +114,8 @@ def eliminated(rows: Rows, active: Mask) -> Array:
     return pulls
 
 
-def densely(rows: Rows, active: Mask) -> Array:
-    """Return the result of `eliminated`, by a dense matrix for each chain."""
+def solve_dense(rows: Rows, active: Mask) -> Array:
+    """Return the result of `eliminate`, by a dense matrix for each chain."""
     links, chains = rows.right.shape
     matrices = np.zeros((chains, links, links))
     number = np.arange(links)
@@ -126,7 +126,7 @@ def densely(rows: Rows, active: Mask) -> Array:
     return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0].T)
 
 
-def lacking(rows: Rows, pulls: Array) -> Array:
+def shortfall(rows: Rows, pulls: Array) -> Array:
     """Return the amount by which each row falls short of its right side."""
     short = rows.right - rows.diagonal * pulls
     short[1:] += rows.lower[1:] * pulls[:-1]
@@ -134,14 +134,14 @@ def lacking(rows: Rows, pulls: Array) -> Array:
     return short
 
 
-def direct(rows: Rows) -> Array:
+def direct_pulls(rows: Rows) -> Array:
     """Return the pulls (m, C) that meet all inequalities of taut links."""
     active = rows.taut
     least = SLACK * np.abs(rows.right).max(initial=0.0)
     number = np.arange(len(rows.right))[:, None]
     for attempt in range(2**20):
-        pulls = eliminated(rows, active)
-        wrong = (active & (pulls < 0)) | (rows.taut & ~active & (lacking(rows, pulls) > least))
+        pulls = eliminate(rows, active)
+        wrong = (active & (pulls < 0)) | (rows.taut & ~active & (shortfall(rows, pulls) > least))
         if not wrong.any():
             break
         if attempt >= ROUNDS:  # Murty's rule: the last wrong link only

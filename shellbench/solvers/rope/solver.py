@@ -106,7 +106,7 @@ def chains_of(case: RopeCase) -> tuple[Chains, Moving]:
     return chains, Moving(0.0, places[None], velocities[None])
 
 
-def kept(case: RopeCase, stepper: Stepper, moving: Moving, stretch: float, depth: float) -> RopeState:
+def recorded_state(case: RopeCase, stepper: Stepper, moving: Moving, stretch: float, depth: float) -> RopeState:
     """Return the state to keep of an instant."""
     tensions = np.zeros(0) if case.particles else stepper.state_tensions(moving).T.ravel()
     root, velocity, _ = stepper.chains.root(moving.time)
@@ -120,7 +120,7 @@ def every_node(case: RopeCase, vectors: Array, root: Array) -> Array:
     return vectors[0] if case.particles else np.vstack([root[None], vectors]).swapaxes(0, 1).reshape(-1, 3)
 
 
-def followed(case: RopeCase, scheme: Scheme, rate: float, watch: Watch) -> list[RopeState]:
+def follow_rope(case: RopeCase, scheme: Scheme, rate: float, watch: Watch) -> list[RopeState]:
     """Return the states at the case's times.
 
     Raises
@@ -140,7 +140,7 @@ def followed(case: RopeCase, scheme: Scheme, rate: float, watch: Watch) -> list[
                 watch.keep(moving.time, every_node(case, moving.places, chains.root(moving.time)[0]))
             try:
                 with np.errstate(over="ignore", invalid="ignore"):
-                    moving = stepper.after(moving)
+                    moving = stepper.next_state(moving)
             except np.linalg.LinAlgError:
                 raise SolveFailure(f"the pulls of links have no solution at t = {moving.time:g}", states) from None
             # links keep places near, whatever the speeds
@@ -153,7 +153,7 @@ def followed(case: RopeCase, scheme: Scheme, rate: float, watch: Watch) -> list[
             if case.obstacles:
                 depth = max(depth, deepest(case.obstacles, moving.places.reshape(-1, 3), moving.time))
             watch.stepped()
-        states.append(kept(case, stepper, moving, stretch, depth))
+        states.append(recorded_state(case, stepper, moving, stretch, depth))
     return states
 
 
@@ -180,7 +180,7 @@ class ExactSolver(RopeSolver):
                 raise InputError(f"{case.name}: compiled steps know no obstacles")
         scheme, rate = scheme_of(settings, printed=self.printed), settings.steps_per_second
         told = {"steps_per_second": rate, "taut_within": settings.taut * case.gravity / rate**2}
-        return refined(case, halved(rate), lambda level, watch: followed(case, scheme, level, watch), told, progress)
+        return refined(case, halved(rate), lambda level, watch: follow_rope(case, scheme, level, watch), told, progress)
 
 
 class PrintedSolver(ExactSolver):

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from shellbench.protocol.engine import thread_limit
 from shellbench.solvers.rope import pulls
-from shellbench.solvers.rope.contact import Normal, Push, collided, rebound
-from shellbench.solvers.rope.placing import Placing, placed, unit
+from shellbench.solvers.rope.contact import Normal, Push, collide, rebound
+from shellbench.solvers.rope.placing import Placing, move_nodes, unit
 from shellbench.solvers.rope.pulls import dot
 
 Array = NDArray[np.float64]
@@ -87,7 +87,7 @@ class Chains:
 
     def stretch(self, places: Array, root: Array) -> float:
         """Return the largest excess of a link's length, relative to it; below zero if all are slack."""
-        along = relative(places, root)
+        along = link_vectors(places, root)
         return float(np.sqrt((dot(along, along) / self.lengths**2).max())) - 1.0
 
 
@@ -110,7 +110,7 @@ class Stepper:
 
     def links(self, places: Array, root: Array) -> tuple[Array, Array, Mask]:
         """Return directions (m, C, 3) and lengths (m, C), m, of all links, and which are taut."""
-        along = relative(places, root)
+        along = link_vectors(places, root)
         lengths = np.sqrt(dot(along, along))
         room = self.scheme.taut * self.chains.gravity * self.step**2 + TAUT_ROUNDING * self.chains.lengths
         taut = lengths >= self.chains.lengths - np.where(np.isfinite(room), room, 0.0)
@@ -121,8 +121,8 @@ class Stepper:
         if not rows.taut.any():
             return np.zeros_like(rows.right)
         if self.scheme.solve == "direct":
-            return pulls.direct(rows)
-        return pulls.swept(rows, self.scheme.sweeps, self.scheme.tolerance, from_tip=from_tip)
+            return pulls.direct_pulls(rows)
+        return pulls.sweep_pulls(rows, self.scheme.sweeps, self.scheme.tolerance, from_tip=from_tip)
 
     def external(self, velocities: Array) -> Array:
         """Return the accelerations by gravity and wind, (m, C, 3), m/s^2."""
@@ -141,7 +141,7 @@ class Stepper:
         Relative accelerations along taut links balance the centripetal ones: eqs. (1) and (3).
         """
         directions, lengths, taut = self.links(places, root[0])
-        apart, given = relative(velocities, root[1]), relative(external, root[2])
+        apart, given = link_vectors(velocities, root[1]), link_vectors(external, root[2])
         across = dot(apart, apart) - dot(apart, directions) ** 2
         with np.errstate(all="ignore"):
             centripetal = np.where(lengths > 0, across / lengths, 0.0)
@@ -156,57 +156,57 @@ class Stepper:
         right[0] += -force[0] - self.chains.masses[0] * dot(root[2] + 0.0 * external[0], directions[0])
         return self.pull(pulls.printed_rows(directions, right, taut), from_tip=True), directions
 
-    def accelerated(self, places: Array, velocities: Array, root: tuple[Array, Array, Array]) -> Array:
+    def accelerate(self, places: Array, velocities: Array, root: tuple[Array, Array, Array]) -> Array:
         """Return velocities after half a step of all forces (eq. (2))."""
         external = self.external(velocities)
         strengths, directions = self.tensions(places, velocities, external, root)
-        return velocities + 0.5 * self.step * (external + self.spread(strengths, directions))
+        return velocities + 0.5 * self.step * (external + self.net_pulls(strengths, directions))
 
-    def spread(self, strengths: Array, directions: Array) -> Array:
+    def net_pulls(self, strengths: Array, directions: Array) -> Array:
         """Return the net pulls on nodes over their masses, (m, C, 3): eqs. (2) and (6)."""
         pulled = strengths[..., None] * directions
         net = -pulled
         net[:-1] += pulled[1:]
         return np.asarray(net / self.chains.masses[..., None])
 
-    def impelled(self, places: Array, velocities: Array, root: Array, root_velocity: Array) -> Array:
+    def apply_impulses(self, places: Array, velocities: Array, root: Array, root_velocity: Array) -> Array:
         """Return velocities that stretch no taut link (eqs. (6) to (9))."""
         directions, _, taut = self.links(places, root)
-        right = dot(relative(velocities, root_velocity), directions)
+        right = dot(link_vectors(velocities, root_velocity), directions)
         rows = pulls.mass_rows(directions, self.chains.masses, right, taut)
-        return velocities + self.spread(self.pull(rows, from_tip=False), directions)
+        return velocities + self.net_pulls(self.pull(rows, from_tip=False), directions)
 
     def start(self, moving: Moving) -> Moving:
         """Return the initial state with velocities that its links allow."""
         root = self.chains.root(moving.time)
-        return replace(moving, velocities=self.impelled(moving.places, moving.velocities, root[0], root[1]))
+        return replace(moving, velocities=self.apply_impulses(moving.places, moving.velocities, root[0], root[1]))
 
     def state_tensions(self, moving: Moving) -> Array:
         """Return the tensions (m, C), N, of an instant."""
         root = self.chains.root(moving.time)
         return self.tensions(moving.places, moving.velocities, self.external(moving.velocities), root)[0]
 
-    def after(self, moving: Moving) -> Moving:
+    def next_state(self, moving: Moving) -> Moving:
         """Return the state one step later."""
         root, later = self.chains.root(moving.time), self.chains.root(moving.time + self.step)
         if self.scheme.compiled:
             return self.compiled(moving, root, later)
         halfway = np.asarray(root[1] + 0.5 * self.step * root[2])
-        velocities = self.accelerated(moving.places, moving.velocities, root)
-        velocities = self.impelled(moving.places, velocities, root[0], halfway)
+        velocities = self.accelerate(moving.places, moving.velocities, root)
+        velocities = self.apply_impulses(moving.places, velocities, root[0], halfway)
         places = np.empty_like(moving.places)
         before = later[0] + np.zeros_like(places[0])
         for i in range(len(places)):
-            before = places[i] = placed(
+            before = places[i] = move_nodes(
                 moving.places[i], velocities[i], before, self.chains.lengths[i], self.step, self.scheme.placing
             )
         if self.scheme.again:
-            velocities = self.impelled(places, velocities, later[0], halfway)
+            velocities = self.apply_impulses(places, velocities, later[0], halfway)
         touched: list[tuple[Any, Mask]] = []
         if self.chains.obstacles:
-            places, velocities, touched = self.met(moving, places, velocities, later[0])
-        velocities = self.accelerated(places, velocities, (later[0], halfway, later[2]))
-        velocities = self.impelled(places, velocities, later[0], later[1])
+            places, velocities, touched = self.after_collisions(moving, places, velocities, later[0])
+        velocities = self.accelerate(places, velocities, (later[0], halfway, later[2]))
+        velocities = self.apply_impulses(places, velocities, later[0], later[1])
         if self.scheme.resting:
             for obstacle, touching in touched:
                 centre, body = obstacle.at(moving.time + self.step)
@@ -219,7 +219,7 @@ class Stepper:
 
     def compiled(self, moving: Moving, root: tuple[Array, Array, Array], later: tuple[Array, Array, Array]) -> Moving:
         """Return the state one step later, by plain loops that numba compiles."""
-        from shellbench.solvers.rope.compiled import stepped_together
+        from shellbench.solvers.rope.compiled import step_in_parallel
 
         chains, scheme = self.chains, self.scheme
         # chains first, so that all numbers of a chain lie together; the result is a view, from which this copy is quick
@@ -231,10 +231,10 @@ class Stepper:
         numbers = (self.step, float(chains.gravity), float(chains.drag), float(room))
         wind = np.zeros(3) if chains.wind is None else np.asarray(chains.wind, dtype=float)
         choices = (scheme.printed, scheme.placing == "rotation", scheme.again)
-        stepped_together(thread_limit(), places, velocities, lengths, masses, before, after, wind, numbers, choices)
+        step_in_parallel(thread_limit(), places, velocities, lengths, masses, before, after, wind, numbers, choices)
         return Moving(moving.time + self.step, places.swapaxes(0, 1), velocities.swapaxes(0, 1))
 
-    def met(
+    def after_collisions(
         self, moving: Moving, places: Array, velocities: Array, root: Array
     ) -> tuple[Array, Array, list[tuple[Any, Mask]]]:
         """Return places and velocities after collisions, root to tip, each after its link's length (section 6)."""
@@ -252,7 +252,7 @@ class Stepper:
                 places[i] = np.where(long[:, None], short, places[i])
             for obstacle, touching in touched:
                 earlier = moving.places[i]
-                met = collided(
+                met = collide(
                     obstacle, earlier, places[i], velocities[i], times, scheme.push, scheme.pushes, scheme.normal
                 )
                 places[i], velocities[i], touching[i] = met.places, met.velocities, met.touching
@@ -260,7 +260,7 @@ class Stepper:
         return places, velocities, touched
 
 
-def relative(vectors: Array, root: Array) -> Array:
+def link_vectors(vectors: Array, root: Array) -> Array:
     """Return each node's vector (m, C, 3) less that of the node before it."""
     apart = vectors.copy()
     apart[1:] -= vectors[:-1]

@@ -78,12 +78,12 @@ def ridge_fit(given: Array, wanted: Array, groups: Numbers, penalty: float | Non
     """
     if penalty is None:
         each = np.unique(groups)
-        penalty = PENALTIES[int(np.argmin(sum(_left_out(given, wanted, groups == one) for one in each)))]
+        penalty = PENALTIES[int(np.argmin(sum(_cross_validation(given, wanted, groups == one) for one in each)))]
     mean, centre, (map_,) = _ridge(given, wanted, (penalty,))
     return {"bones": mean, "centre": centre, "map": map_}, penalty
 
 
-def _left_out(given: Array, wanted: Array, out: NDArray[np.bool_]) -> Array:
+def _cross_validation(given: Array, wanted: Array, out: NDArray[np.bool_]) -> Array:
     """Return the squared errors (p,) of one group by the others, for each penalty."""
     if out.all():
         return np.zeros(len(PENALTIES))
@@ -114,11 +114,11 @@ def bilinear_skin(arrays: Arrays, case: SkinningCase, clips: Clips, frames: Numb
     """Return displacements between four bones, linear in the row and in the column."""
     rows, columns = case.grid
     grid = bones(case, clips, frames).reshape(len(frames), len(rows), len(columns), 3)
-    down, across = hats(rows, case.cape.rows), hats(columns, case.cape.columns)
+    down, across = hat_weights(rows, case.cape.rows), hat_weights(columns, case.cape.columns)
     return np.asarray(np.einsum("ri,cj,nijd->nrcd", down, across, grid, optimize=True).reshape(len(frames), -1))
 
 
-def hats(nodes: Numbers, count: int) -> Array:
+def hat_weights(nodes: Numbers, count: int) -> Array:
     """Return piecewise linear weights (count, nodes)."""
     return np.stack([np.interp(np.arange(count), nodes, unit) for unit in np.eye(len(nodes))], axis=1)
 
@@ -141,7 +141,7 @@ def _unit(vectors: Array) -> Array:
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), TINY))
 
 
-def followed(case: SkinningCase, clips: Clips, frames: Numbers, near: Numbers, row: int) -> Array:
+def bone_followers(case: SkinningCase, clips: Clips, frames: Numbers, near: Numbers, row: int) -> Array:
     """Return the places of each vertex of a row if it followed one of its bones, (n, columns, near, 3), m."""
     rest, now = (bone_grid(case, meshes) for meshes in (clips.rest[None], clips.meshes[frames]))
     turns = bone_frames(now) @ bone_frames(rest).swapaxes(-1, -2)
@@ -161,7 +161,7 @@ def blend_fit(case: SkinningCase, clips: Clips, count: int) -> dict[str, NDArray
     near = np.argsort(apart, axis=-1, kind="stable")[..., :count]
     weights = np.zeros(near.shape)
     for row in range(case.cape.rows):
-        errors = followed(case, clips, case.seen, near[row], row) - clips.meshes[case.seen, row][:, :, None]
+        errors = bone_followers(case, clips, case.seen, near[row], row) - clips.meshes[case.seen, row][:, :, None]
         grams = np.einsum("nvbi,nvci->vbc", errors, errors, optimize=True)
         for column, gram in enumerate(grams):
             weights[row, column] = convex_weights(gram)
@@ -188,6 +188,6 @@ def blend_skin(arrays: Arrays, case: SkinningCase, clips: Clips, frames: Numbers
     """Return displacements of vertices that follow their bones."""
     found = np.empty((len(frames), *clips.rest.shape))
     for row in range(case.cape.rows):
-        each = followed(case, clips, frames, arrays["near"][row], row)
+        each = bone_followers(case, clips, frames, arrays["near"][row], row)
         found[:, row] = (arrays["weights"][row][:, :, None] * each).sum(axis=2)
     return np.asarray((found - clips.rest).reshape(len(frames), -1))

@@ -45,7 +45,7 @@ class Training:
         self.scale = float(np.sqrt((self.wanted**2).mean())) or 1.0
         self.history: list[Step] = []
 
-    def look(self, epoch: int, of: int, loss: float, arrays: Arrays) -> None:
+    def record(self, epoch: int, of: int, loss: float, arrays: Arrays) -> None:
         """Record the state of a training at some epochs.
 
         Raises
@@ -66,7 +66,7 @@ class Training:
         self.began += time.perf_counter() - self.began - seconds  # recording is no part of it either
         self.history.append(Step(epoch, seconds, loss, self.last.parameters, quantities=found, iterations=epoch))
 
-    def end(self) -> Skinned:
+    def finish(self) -> Skinned:
         """Return the last state with its history."""
         return Skinned(self.case, self.solver, self.skin, self.last.arrays, tuple(self.history))
 
@@ -109,8 +109,8 @@ def train_dense(
             optimizer.step()
             total += float(loss.detach()) * len(batch) / len(x)
         slower.step()
-        training.look(epoch, settings.epochs, total, arrays())
-    return training.end()
+        training.record(epoch, settings.epochs, total, arrays())
+    return training.finish()
 
 
 def train_recurrent(
@@ -158,8 +158,8 @@ def train_recurrent(
             optimizer.step()
             total += float(loss.detach()) * len(batch) / len(learnt)
         slower.step()
-        training.look(epoch, settings.epochs, total, arrays())
-    return training.end()
+        training.record(epoch, settings.epochs, total, arrays())
+    return training.finish()
 
 
 class Collision:

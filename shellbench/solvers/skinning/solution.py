@@ -56,14 +56,14 @@ class Skinned:
     @cached_property
     def meshes(self) -> Array:
         """Meshes of the frames that are held out, (n, rows, columns, 3), m."""
-        return self.made(self.case.held_out)
+        return self.meshes_of(self.case.held_out)
 
     @cached_property
     def fitted(self) -> Array:
         """Meshes of the frames that were seen, (n, rows, columns, 3), m."""
-        return self.made(self.case.seen)
+        return self.meshes_of(self.case.seen)
 
-    def made(self, frames: NDArray[np.int64]) -> Array:
+    def meshes_of(self, frames: NDArray[np.int64]) -> Array:
         """Return the meshes of numbered frames, (n, rows, columns, 3), m."""
         moved = self.skin(self.arrays, self.case, self.clips, frames)
         return np.asarray(self.clips.rest + moved.reshape(len(frames), *self.clips.rest.shape))

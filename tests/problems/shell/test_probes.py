@@ -92,16 +92,16 @@ def test_a_motion_is_kept_at_its_frames_in_double_precision(fall: Case) -> None:
     solution = FallSolution(fall)
     found = probe_fields(solution, fall)
     assert tuple(found["probe_marks"]) == frames(solution, fall)
-    assert found["probe_displacements"].shape == (len(found["probe_marks"]), PROBES, 3)
-    assert found["probe_displacements"].dtype == np.float64
+    assert found["probe"].shape == (len(found["probe_marks"]), PROBES, 3)
+    assert found["probe"].dtype == np.float64
     fallen = -9.8 / 2 * found["probe_marks"] ** 2
-    assert found["probe_displacements"][..., 2] == pytest.approx(np.outer(fallen, np.ones(PROBES)), abs=1e-14)
+    assert found["probe"][..., 2] == pytest.approx(np.outer(fallen, np.ones(PROBES)), abs=1e-14)
 
 
 def test_states_that_were_not_reached_or_are_not_finite_are_left_out() -> None:
     case = spring.snapping_case()
     found = probe_fields(SpringSolution(case, SECOND, spoilt=15.0), case)
     assert list(found["probe_marks"]) == [FIRST, SECOND]
-    assert list(found["probe_displacements"][:, 0, 2]) == [FIRST, SECOND]
+    assert list(found["probe"][:, 0, 2]) == [FIRST, SECOND]
     nothing = probe_fields(SpringSolution(case, spoilt=END), case)
     assert END not in nothing["probe_marks"]

@@ -9,7 +9,7 @@ from shellbench.problems.field.case import FieldCase
 from shellbench.problems.field.structure import bend, corners, strain
 from shellbench.solvers.field import energy
 from shellbench.solvers.field.basis import along, local, matrix
-from shellbench.solvers.field.direct import form_of, gauss, matched
+from shellbench.solvers.field.direct import fit_grid, form_of, gauss
 from shellbench.solvers.field.energy import GOLDEN_TURN, TURN, Sampled
 from shellbench.solvers.field.field import LayeredField
 from shellbench.solvers.field.solver import AdaptiveGridSolver, GridSolver
@@ -40,7 +40,7 @@ def test_polynomials_up_to_the_degree_are_exact_with_all_derivatives(degree):
     formula = "+".join(f"({float(powers[i, j])!r})*u**{i}*v**{j}" for i in range(degree + 1) for j in range(degree + 1))
     case = catalog.named_case("field_curvature")
     case = case.model_copy(update={"match": case.match.model_copy(update={"function": (0.0, 0.0, formula)})})
-    found = matched(case, 5, degree)
+    found = fit_grid(case, 5, degree)
     polynomial = np.polynomial.polynomial
     for orders in [(0, 0), (1, 0), (0, 1), (1, 1), *([(2, 0), (0, 2), (2, 1)] if degree == 3 else [])]:
         exact = polynomial.polyval2d(
@@ -94,12 +94,12 @@ def test_the_energy_is_that_of_the_kind():
 def test_gradient_and_hessian_are_limits_of_differences():
     sampled, coefficients, *_ = folded(cloth(), 2)
     direction, step = RANDOM.normal(size=coefficients.shape), 1e-6
-    _, gradient, _ = sampled.taken(coefficients)
-    up, down = (sampled.taken(coefficients + sign * step * direction) for sign in (1, -1))
+    _, gradient, _ = sampled.derivatives(coefficients)
+    up, down = (sampled.derivatives(coefficients + sign * step * direction) for sign in (1, -1))
     assert np.sum(gradient * direction) == pytest.approx((up[0] - down[0]) / (2 * step), rel=1e-7)
     straining, coefficients, *_ = folded(cloth(bend=0.0), 2)  # that of bending is Gauss and Newton's
-    up, down = (straining.taken(coefficients + sign * step * direction) for sign in (1, -1))
-    hessian = straining.taken(coefficients)[2]
+    up, down = (straining.derivatives(coefficients + sign * step * direction) for sign in (1, -1))
+    hessian = straining.derivatives(coefficients)[2]
     difference = (up[1] - down[1]) / (2 * step)
     assert hessian @ direction.T.ravel() == pytest.approx(difference.T.ravel(), abs=1e-5 * np.abs(difference).max())
 

@@ -6,9 +6,9 @@ import pytest
 from shellbench.bench.catalogue import catalog
 from shellbench.problems.field.case import FieldCase
 from shellbench.solvers.field.basis import matrix
-from shellbench.solvers.field.direct import freed, held, span_of
+from shellbench.solvers.field.direct import free_map, pinned_coefficients, span_of
 from shellbench.solvers.field.mesh import Lattice, Mesh
-from shellbench.solvers.field.symmetry import folded, maps
+from shellbench.solvers.field.symmetry import fold_orbits, maps
 
 RANDOM = np.random.default_rng(4)
 DRAPE = catalog.named_case("field_drape")
@@ -43,10 +43,10 @@ def test_slopes_of_the_mesh_are_limits_of_differences():
 
 
 def test_unknowns_of_a_grid_are_symmetric_and_meet_the_pinned_point():
-    given, start = held(DRAPE, 6, 3)
+    given, start = pinned_coefficients(DRAPE, 6, 3)
     same = maps(DRAPE)
     assert len(same) == 8
-    span = freed(DRAPE, 6, 3, given, start, span_of(9, [0, 1, 2], same))
+    span = free_map(DRAPE, 6, 3, given, start, span_of(9, [0, 1, 2], same))
     field = start + (span @ RANDOM.normal(size=span.shape[1])).reshape(3, -1).T
     at = np.array([[0.2, 0.1], [0.8, 0.1], [0.1, 0.2], [0.5, 0.5]])
     places = matrix(at, 6, 3) @ field
@@ -59,5 +59,5 @@ def test_what_is_not_symmetric_has_no_maps_but_one():
     data = {key: value for key, value in DRAPE.data().items() if key != "name"}
     turned = FieldCase.model_validate(data | {"name": "turned", "body": data["body"] | {"centre": [0.4, 0.5, -0.202]}})
     assert len(maps(turned)) == 1
-    points, weights = folded(RANDOM.random((5, 2)), np.ones(5), maps(turned))
+    points, weights = fold_orbits(RANDOM.random((5, 2)), np.ones(5), maps(turned))
     assert weights.sum() == 5 == len(points)

@@ -20,7 +20,7 @@ from shellbench.bench.store.record import Record
 from shellbench.bench.store.store import Store
 from shellbench.problem import Progress, Step
 from shellbench.solvers.ndf.published.checkpoint import read_checkpoint
-from shellbench.solvers.ndf.published.published_settings import PublishedSettings, own_checkpoint
+from shellbench.solvers.ndf.published.published_settings import PublishedSettings, checkpoint_path
 from shellbench.solvers.ndf.published.published_training import RECORD, why_collapsed
 from shellbench.solvers.ndf.published_solver import PublishedSolver
 from tests.solvers.ndf.trainings import sampler_of, trained
@@ -46,7 +46,7 @@ def beginning(record: Record, folder: Path) -> tuple[Step, ...]:
     try:
         return trained(case, settings, progress=watched).history
     except Begun:
-        return read_checkpoint(own_checkpoint(case, settings)).history
+        return read_checkpoint(checkpoint_path(case, settings)).history
 
 
 def departure(record: Record) -> float:

@@ -24,7 +24,7 @@ def test_splines_add_up_to_one_and_have_exact_derivatives(degree, closed):
     x = x[np.abs(x[:, None] - GRADED).min(axis=1) > 0.02]
 
     def whole(at):
-        numbers, values = line.local(at)
+        numbers, values = line.nonzero_at(at)
         found = np.zeros((3, len(at), line.count))
         np.put_along_axis(found, np.broadcast_to(numbers, values.shape), values, axis=2)
         return found
@@ -39,7 +39,7 @@ def test_splines_add_up_to_one_and_have_exact_derivatives(degree, closed):
 
 def test_a_closed_line_meets_itself_with_two_derivatives():
     line = Line(GRADED, 3, True)
-    (first, start), (last, end) = (line.local(np.array([at])) for at in (0.0, 2.0 - 1e-12))
+    (first, start), (last, end) = (line.nonzero_at(np.array([at])) for at in (0.0, 2.0 - 1e-12))
     sums = [np.zeros((3, line.count)) for _ in range(2)]
     for found, numbers, values in ((sums[0], first, start), (sums[1], last, end)):
         found[:, numbers[0]] = values[:, 0]

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from shellbench.errors import SolveFailure
-from shellbench.solvers.ndf.field.ansatz import Combined, independent
+from shellbench.solvers.ndf.field.ansatz import Combined, independent_combinations
 from shellbench.solvers.ndf.field.build import build_features, build_inputs
 from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import Placement
@@ -24,7 +24,7 @@ def spectrum(values, seed=0):
 
 def test_combinations_have_the_identity_as_stiffness():
     stiffness = spectrum([1e6, 30.0, 1.0, 1e-2])
-    combine = independent(stiffness)
+    combine = independent_combinations(stiffness)
     assert combine.shape == (4, 4)
     torch.testing.assert_close(combine.T @ stiffness @ combine, torch.eye(4, dtype=torch.float64), rtol=0, atol=1e-6)
 
@@ -33,7 +33,7 @@ def test_dependent_features_are_combined_into_fewer_and_nothing_stiff_is_lost():
     """Three features of which one is the sum of the others: the energy of any load is that of two."""
     root = torch.tensor([[1.0, 0.0, 1.0], [0.5, 2.0, 2.5]], dtype=torch.float64)
     stiffness = root.T @ root
-    combine = independent(stiffness)
+    combine = independent_combinations(stiffness)
     assert combine.shape == (3, 2)
     load = root.T @ torch.tensor([0.3, -0.7], dtype=torch.float64)  # one that strains can balance
     least = torch.linalg.pinv(stiffness) @ load
@@ -44,22 +44,22 @@ def test_scales_of_features_do_not_matter():
     """Features in other units span the same fields: as many, and with the same energy under a load."""
     stiffness, load = spectrum([4.0, 1.0, 0.25, 1e-3]), torch.tensor([1.0, -2.0, 0.5, 3.0], dtype=torch.float64)
     units = torch.tensor([1e-8, 1e6, 1.0, 1e3], dtype=torch.float64)
-    usual = independent(stiffness).T @ load
-    scaled = independent(stiffness * units[:, None] * units).T @ (load * units)
+    usual = independent_combinations(stiffness).T @ load
+    scaled = independent_combinations(stiffness * units[:, None] * units).T @ (load * units)
     assert usual.shape == scaled.shape
     assert float(scaled.square().sum()) == pytest.approx(float(usual.square().sum()), rel=1e-9)
 
 
 def test_a_feature_without_stiffness_is_left_out():
     stiffness = torch.diag(torch.tensor([2.0, 0.0, 5.0], dtype=torch.float64))
-    combine = independent(stiffness)
+    combine = independent_combinations(stiffness)
     assert combine.shape == (3, 2)
     assert combine[1].abs().max() == 0
 
 
 def test_energy_that_is_not_finite_is_a_failure_in_one_sentence():
     with pytest.raises(SolveFailure, match="not finite"):
-        independent(torch.full((2, 2), torch.inf, dtype=torch.float64))
+        independent_combinations(torch.full((2, 2), torch.inf, dtype=torch.float64))
 
 
 def test_combined_features_are_the_combinations_of_the_features():

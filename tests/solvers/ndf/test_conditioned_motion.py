@@ -12,13 +12,13 @@ from shellbench.solvers.ndf.conditioned import plane_motion as mechanics
 from shellbench.solvers.ndf.conditioned.conditioned_motion import (
     ConditionedMotion,
     Polynomials,
-    asked_of,
-    doubt,
+    asked_values,
+    relative_uncertainty,
     why_unsettled,
 )
 from shellbench.solvers.ndf.conditioned.plane_motion import PlaneMotion, coordinates, features_of, plane_motion
 from shellbench.solvers.ndf.conditioned_solver import ConditionedFieldSolver, ConditionedSettings
-from shellbench.solvers.ndf.strains.smooth import widest
+from shellbench.solvers.ndf.strains.smooth import width_for
 from tests.solvers.ndf.conditioned import missed
 
 NAME = "conditioned_napkin"
@@ -34,7 +34,7 @@ def case():
 def small(case):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(conditioned_motion, "COUNTS", (9, 5, 3))
-        neurons = widest(case.shell_of(case.middle), SMALL)
+        neurons = width_for(case.shell_of(case.middle), SMALL)
         return ConditionedFieldSolver().solve(case, ConditionedSettings(neurons=neurons))
 
 
@@ -69,17 +69,17 @@ def test_polynomials_hold_what_they_can_and_doubt_tells_what_they_can_not(case):
     values = (1 + time[:, None, None]) * first[:, None] ** 3 * second**2
     coefficients = polynomials.coefficients(values)
     at, place = 0.3, (1.7, 0.22)
-    found = polynomials.evaluated(coefficients, at, place, (0, 1, 0))
+    found = polynomials.evaluate(coefficients, at, place, (0, 1, 0))
     assert found == pytest.approx((1 + at) * 3 * place[0] ** 2 * place[1] ** 2, rel=1e-9)
     for by in (None, "thickness", "poissons_ratio"):
-        assert doubt(polynomials, (coefficients, coefficients), case.materials, by) < 1e-9
+        assert relative_uncertainty(polynomials, (coefficients, coefficients), case.materials, by) < 1e-9
         # A share of what is asked: as large for values, and nothing for derivatives of their logarithm.
-        share = doubt(polynomials, (coefficients, 1.001 * coefficients), case.materials, by)
+        share = relative_uncertainty(polynomials, (coefficients, 1.001 * coefficients), case.materials, by)
         assert share == pytest.approx(0.001 if by is None else 0.0, abs=1e-8)
     # A product that only the last polynomials hold is as uncertain as it is large.
     last = np.zeros(counts)
     last[0, 0, 0], last[0, -1, 0] = 1.0, 0.01
-    assert doubt(polynomials, (last, last), case.materials, None) == pytest.approx(0.01, rel=0.2)
+    assert relative_uncertainty(polynomials, (last, last), case.materials, None) == pytest.approx(0.01, rel=0.2)
 
 
 def test_the_field_is_followed_at_its_points_and_derived_between_them(case, small):
@@ -88,7 +88,7 @@ def test_the_field_is_followed_at_its_points_and_derived_between_them(case, smal
     assert -small.displacement(points, material=end)[0, 1] == pytest.approx(small.asked(end), rel=1e-12)
     assert small.displacement(points, 0.0, end) == pytest.approx(np.zeros((2, 3)), abs=1e-12)
     weights = law.follow(np.array([coordinates(end)]), np.array([until]))[0]
-    assert small.asked(end) == pytest.approx(float(asked_of(case, small.features, weights)[0, 0]), abs=1e-5)
+    assert small.asked(end) == pytest.approx(float(asked_values(case, small.features, weights)[0, 0]), abs=1e-5)
     material, step = case.materials[2], 1e-4
     for by in material._fields:
         ahead, behind = (small.asked(stepped(material, by, way * step)) for way in (1, -1))
@@ -149,7 +149,7 @@ def off(case):
     until = case.shell_of(case.middle).states[-1]
     weights = law.follow(np.array([coordinates(case.materials[0])]), np.array([until]))[0]
     known = catalog.known_values(NAME).judge("value_00", case.theory).value
-    return abs(float(asked_of(case, features, weights)[0, 0]) / known - 1)
+    return abs(float(asked_values(case, features, weights)[0, 0]) / known - 1)
 
 
 def density_ignored(monkeypatch):

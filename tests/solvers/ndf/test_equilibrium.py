@@ -14,7 +14,7 @@ from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.field.quadrature import RuleSpec
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
-from shellbench.solvers.ndf.path.newton import Basis, Constraint, PathState, Tangent, drift, equilibrium, on_path
+from shellbench.solvers.ndf.path.newton import Basis, Constraint, PathState, Tangent, equilibrium, on_path, path_rate
 from shellbench.solvers.stepping.control import NotConvergedError
 from tests.solvers.ndf.shells import FREE, inner_points, shell, support, with_force
 
@@ -99,7 +99,7 @@ def test_what_is_pulled_back_does_the_same_work(name):
     weights, sampled = drawn(problem), problem.sampled
     conjugate = torch.randn(len(problem.weights), 15, dtype=torch.float64, generator=torch.Generator().manual_seed(2))
     work = (conjugate * sampled.gradients(weights.view(3, -1)).flatten(1)).sum()
-    assert float(sampled.pulled_back(conjugate) @ weights) == pytest.approx(float(work), rel=1e-11)
+    assert float(sampled.pull_back(conjugate) @ weights) == pytest.approx(float(work), rel=1e-11)
 
 
 def anchored(problem, weights, t):
@@ -149,7 +149,7 @@ def test_stresses_are_predicted_to_first_order(name):
     errors = []
     for step in (1e-3, 5e-4):
         exact = problem.deform(weights + step * change, 1.0).stresses
-        errors.append(float((problem.predicted(deformed, step * change) - exact).norm()))
+        errors.append(float((problem.predicted_stresses(deformed, step * change) - exact).norm()))
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.05)
 
 
@@ -216,7 +216,7 @@ def residuals(problem, t, mixed, most=25):
         if norms[-1] < 1e-9 * norms[0]:
             break
         change = Tangent(problem, deformed, t, weights, geometric).solve(deformed.residual)
-        geometric = problem.predicted(deformed, change) if mixed else None
+        geometric = problem.predicted_stresses(deformed, change) if mixed else None
         weights = weights + change
         deformed = problem.deform(weights, t, deformed.angles)
     return np.array(norms)
@@ -272,7 +272,7 @@ def test_the_drift_is_the_slope_of_the_path():
     )
     slope = (after.weights - before.weights) / 0.002
     moved = problem.sampled.gradients
-    exact, found = (moved(w.view(3, -1)) for w in (slope, drift(problem, here)))
+    exact, found = (moved(w.view(3, -1)) for w in (slope, path_rate(problem, here)))
     torch.testing.assert_close(found, exact, rtol=0, atol=1e-3 * float(exact.abs().max()))
 
 
@@ -282,7 +282,7 @@ def test_a_state_is_found_by_its_displacement_as_by_its_load():
     known = equilibrium(problem, PathState.rest(problem), 0.2)
     value = float(row @ known.weights)
     start = equilibrium(problem, PathState.rest(problem), 0.15)
-    rate = drift(problem, start)
+    rate = path_rate(problem, start)
     change = (value - float(row @ start.weights)) / float(row @ rate)
     found = on_path(problem, start, Constraint(row, value), (change * rate, change))
     assert found.t == pytest.approx(0.2, rel=1e-7)

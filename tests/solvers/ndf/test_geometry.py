@@ -11,9 +11,9 @@ from shellbench.solvers.ndf.field.geometry import (
     energy_rows,
     geometry,
     normal_jet,
+    pull_back_rows,
     rigidities,
     strain_rows,
-    through_matrix,
 )
 from shellbench.solvers.ndf.field.jets import D1, D2, Placement, from_derivatives, matrix_product
 from shellbench.solvers.ndf.strains.strain_measures import Undeformed, stresses
@@ -130,4 +130,4 @@ def test_rows_through_a_matrix_are_rows_of_the_product():
     matrix = torch.randn(6, len(points), 3, 3, dtype=torch.float64, generator=generator)
     field = torch.randn(6, len(points), 3, dtype=torch.float64, generator=generator)
     direct = apply_rows(rows, matrix_product(matrix, field[..., None])[..., 0])
-    torch.testing.assert_close(apply_rows(through_matrix(rows, matrix), field), direct, rtol=1e-12, atol=1e-10)
+    torch.testing.assert_close(apply_rows(pull_back_rows(rows, matrix), field), direct, rtol=1e-12, atol=1e-10)

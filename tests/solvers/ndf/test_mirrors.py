@@ -10,7 +10,7 @@ from shellbench.bench.catalogue import catalog
 from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.solvers.ndf.field import build
-from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs, built_in, focal_points
+from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs, field_mirrors, focal_points
 from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import D1, D2, D11, D12, D22, VALUE, Placement
@@ -98,7 +98,7 @@ def test_a_field_is_its_own_image(name, spec):
     share = np.random.default_rng(5).uniform(0.02, 0.98, (40, 2))
     points = np.asarray(domain.lower) + share * np.asarray(domain.size)
     here = field.displacement(points).numpy()
-    mirrors = built_in(case, spec)
+    mirrors = field_mirrors(case, spec)
     assert len(mirrors.each) == len(mirrors_of(case).each) > 1
     for mirror in mirrors.each:
         there = field.displacement(domain.wrap(mirror.image(points))).numpy()
@@ -107,10 +107,10 @@ def test_a_field_is_its_own_image(name, spec):
 
 def test_without_a_plane_nothing_is_built_in():
     crooked = edited(CYLINDER, points={"top": [80, 200], "bottom": [280, 210]})
-    assert built_in(crooked, SPEC) is None
+    assert field_mirrors(crooked, SPEC) is None
     assert build_inputs(catalog.named_case(CYLINDER), FieldSpec()).mirrors is None
     covariant = SPEC.model_copy(update={"components": "covariant"})
-    assert built_in(catalog.named_case(CYLINDER), covariant) is None
+    assert field_mirrors(catalog.named_case(CYLINDER), covariant) is None
 
 
 @pytest.mark.parametrize("name", [CYLINDER, "hemisphere_hole"])
@@ -237,12 +237,12 @@ def test_a_mirror_of_the_wrong_sign_is_another_shell(roof, monkeypatch):
         return solved(ROOF, neurons=60, largest_gap=1.0, mirrors=True).diagnostics["certified_energy"]
 
     def wrong(case, spec):
-        found = built_in(case, spec)
+        found = field_mirrors(case, spec)
         return found and replace(found, each=tuple(replace(mirror, normal=2) for mirror in found.each[:1]))
 
     np.testing.assert_allclose(energy(), roof[1].diagnostics["certified_energy"], rtol=1e-5)
     for module in (build, static):
-        monkeypatch.setattr(module, "built_in", wrong)
+        monkeypatch.setattr(module, "field_mirrors", wrong)
     assert abs(energy() / roof[1].diagnostics["certified_energy"] - 1) > 0.1
 
 

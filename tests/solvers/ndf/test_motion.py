@@ -16,7 +16,7 @@ from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.motion import integration, motion
 from shellbench.solvers.ndf.motion.motion_solution import MotionSolution
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
-from shellbench.solvers.ndf.strains.smooth import scales, widest
+from shellbench.solvers.ndf.strains.smooth import scales, width_for
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from tests.alike import alike
 from tests.solvers.ndf.shells import shell, support
@@ -50,10 +50,10 @@ def equations(case, degree=5, points=2.0):
     spec = FieldSpec(stretched=False, multipliers=0, strain="exact")
     inputs, placement = build_inputs(case, spec), Placement()
     spread = placement.tensor(scales(case, inputs, degree))
-    network = random_features(spread, widest(case, degree), 0)
+    network = random_features(spread, width_for(case, degree), 0)
     features = build_features(case, spec, network, placement, inputs)
     with torch.no_grad():
-        return motion.prepared(case, spec, motion.MotionLevel(degree, features), points)
+        return motion.prepare_motion(case, spec, motion.MotionLevel(degree, features), points)
 
 
 @pytest.fixture(scope="module")
@@ -265,15 +265,15 @@ def test_a_clamped_edge_is_not_credited_with_what_the_plane_exerts():
 
 @pytest.mark.parametrize("error", [MemoryError(), RuntimeError("DefaultCPUAllocator: can't allocate memory")])
 def test_a_finer_field_that_does_not_fit_into_memory_leaves_the_coarser_motion(monkeypatch, error):
-    original, calls = motion.prepared, []
+    original, calls = motion.prepare_motion, []
 
-    def prepared(*arguments):
+    def prepare_motion(*arguments):
         calls.append(arguments)
         if len(calls) > 1:
             raise error
         return original(*arguments)
 
-    monkeypatch.setattr(motion, "prepared", prepared)
+    monkeypatch.setattr(motion, "prepare_motion", prepare_motion)
     monkeypatch.setattr(motion, "SETTLED_MOTION", 0.0)
     with pytest.raises(SolveFailure, match="does not fit into memory; what is kept is the whole motion") as caught:
         SOLVER.solve(moving(springs=[PIN]), TrainerSettings())

@@ -8,9 +8,9 @@ from shellbench.errors import InputError
 from shellbench.solvers.ndf.field.field import FixedFeatures
 from shellbench.solvers.ndf.field.inputs import foci
 from shellbench.solvers.ndf.published import natural_gradient
-from shellbench.solvers.ndf.published.natural_gradient import NaturalGradient, chosen_points, flattened, strain_jacobian
+from shellbench.solvers.ndf.published.natural_gradient import NaturalGradient, chosen_points, flatten, strain_jacobian
 from shellbench.solvers.ndf.published.published_network import initial_siren
-from shellbench.solvers.ndf.published.published_training import CERTIFIED, RECORD, beginning
+from shellbench.solvers.ndf.published.published_training import CERTIFIED, RECORD, first_checkpoint
 from shellbench.solvers.ndf.published_solver import PublishedSolver
 from tests.solvers.ndf.test_published import Interrupted, interrupt_at, numbers
 from tests.solvers.ndf.trainings import sampler_of, small, trained
@@ -31,7 +31,7 @@ def of_a_draw(case, singular=0, layers=2, width=5, cells=(6, 6)):
 
 def slope_of(siren, sample):
     found = torch.autograd.grad(sample.loss(siren), siren.tensors)
-    return flattened(found[: len(siren.weights)], found[len(siren.weights) :])
+    return flatten(found[: len(siren.weights)], found[len(siren.weights) :])
 
 
 @pytest.mark.parametrize(("case", "singular"), [(PLATE, 0), (DIAPHRAGM, 3)], ids=["plate", "diaphragm"])
@@ -44,7 +44,7 @@ def test_the_jacobian_is_that_of_the_sampled_strains(case, singular):
 
     plain = torch.autograd.functional.jacobian(strains, tuple(siren.tensors))
     layers = len(siren.weights)
-    rows = [flattened([j[r] for j in plain[:layers]], [j[r] for j in plain[layers:]]) for r in range(len(plain[0]))]
+    rows = [flatten([j[r] for j in plain[:layers]], [j[r] for j in plain[layers:]]) for r in range(len(plain[0]))]
     torch.testing.assert_close(strain_jacobian(siren, sample, torch.arange(4)), torch.stack(rows), rtol=1e-9, atol=1e-9)
 
 
@@ -52,7 +52,7 @@ def test_the_step_of_a_linear_network_is_newtons(monkeypatch):
     """Without output weights the field does not depend on hidden ones to first order, and is linear in the others."""
     siren, sample, _ = of_a_draw(PLATE, layers=1)
     hidden = [tensor.clone() for tensor in (siren.weights[0], siren.biases[0])]
-    optimiser = NaturalGradient.begin(siren, beginning("", siren), iter([sample]))
+    optimiser = NaturalGradient.begin(siren, first_checkpoint("", siren), iter([sample]))
     optimiser.iteration = 40 * RECORD  # where damping has fallen to its least level
     monkeypatch.setattr(natural_gradient, "DAMPING", 1e-13)
     monkeypatch.setattr(natural_gradient, "MEMORY", 0.0)
@@ -67,9 +67,9 @@ def fall(sign=1.0):
     """The fall of the energy below rest, J, by the first step of a network."""
     siren, first, second = of_a_draw(PLATE)
     with pytest.MonkeyPatch.context() as patch:
-        whole = natural_gradient.flattened
-        patch.setattr(natural_gradient, "flattened", lambda *layers: sign * whole(*layers))
-        optimiser = NaturalGradient.begin(siren, beginning("", siren), iter([second]))
+        whole = natural_gradient.flatten
+        patch.setattr(natural_gradient, "flatten", lambda *layers: sign * whole(*layers))
+        optimiser = NaturalGradient.begin(siren, first_checkpoint("", siren), iter([second]))
         optimiser.step(first, 1.0)
     return -second.loss(siren).item()
 

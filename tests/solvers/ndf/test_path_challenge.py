@@ -9,7 +9,7 @@ from shellbench.problems.shell.quantities.measure import measure_all
 from shellbench.solvers.ndf.linear.refinement import SAFETY
 from shellbench.solvers.ndf.path import large_displacement, path_challenge
 from shellbench.solvers.ndf.path.newton import PathState, equilibrium
-from shellbench.solvers.ndf.path.path_challenge import Challenge, _share_of_work, challenged
+from shellbench.solvers.ndf.path.path_challenge import Challenge, _share_of_work, challenge_path
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 
 NAME = "square_plate_nonlinear"
@@ -21,7 +21,7 @@ def coarse():
     """A path of few features, and all that its challenge was given."""
     given = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(large_displacement, "challenged", lambda *args: given.append(args) or challenged(*args))
+        patch.setattr(large_displacement, "challenge_path", lambda *args: given.append(args) or challenge_path(*args))
         solution = RitzSolver().solve(named_case(NAME), FEW)
     return solution, given[0]
 
@@ -52,7 +52,7 @@ def test_one_step_gains_the_energy_that_it_foretells(coarse):
 def test_a_change_that_is_small_by_accident_is_found(coarse, monkeypatch):
     solution, given = coarse
     monkeypatch.setattr(path_challenge, "measure", lambda solution, q: 0.4)  # nothing seems to change
-    planted = challenged(*given)
+    planted = challenge_path(*given)
     for name in ("centre_deflection", "largest_displacement"):
         assert planted.uncertainty[name] > 0.1 * solution.uncertainty[name]
 

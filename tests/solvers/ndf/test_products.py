@@ -31,7 +31,7 @@ def products(case, degree):
 def equations(case, degree, of=None):
     """The equations of motion of products up to a degree, of those up to `of`."""
     rung = motion.MotionLevel(of or degree, products(case, of or degree), share=LONG_SHARE)
-    return motion.grown(case, SPEC, rung, motion.POINTS_A_DEGREE, degree)
+    return motion.motion_of_products(case, SPEC, rung, motion.POINTS_A_DEGREE, degree)
 
 
 def drawn(count, seed=0, size=0.02):
@@ -51,8 +51,8 @@ def test_sums_over_one_coordinate_after_the_other_are_those_of_a_table_of_all_pr
     dense = Table(jets.permute(1, 0, 2).reshape(-1, found.features.count))
     w = drawn(3 * found.features.count)
     alike(found._table.fields(w.view(3, -1)), dense.fields(w.view(3, -1)), 1e-10)
-    conjugate = drawn(len(found.share) * 18).view(-1, 6, 3)
-    alike(found._table.onto(conjugate), dense.onto(conjugate), 1e-10)
+    conjugate = drawn(len(found.areas) * 18).view(-1, 6, 3)
+    alike(found._table.pull_back(conjugate), dense.pull_back(conjugate), 1e-10)
 
 
 HELD = [support("edges", "xi1_min", "xi2_min"), support("other", "xi2_max")]
@@ -114,12 +114,12 @@ def test_products_are_orthonormal_and_come_near_to_polynomials():
     for degree in (12, 24):
         found = equations(moving(), degree)
         values = found.features.values(found.sampled.points)
-        gram = values.T @ (found.share[:, None] * values)
+        gram = values.T @ (found.areas[:, None] * values)
         np.testing.assert_allclose(gram, np.eye(found.features.count), atol=1e-4)
         np.testing.assert_allclose(values[:, 0] / values[0, 0], 1.0, atol=1e-9)
         x, y = found.sampled.points.T
         wanted = torch.as_tensor(np.stack([x * y**2, x**3 - y, (x - y) ** 4], axis=1))
-        missed.append(float((values @ (values.T @ (found.share[:, None] * wanted)) - wanted).abs().max()))
+        missed.append(float((values @ (values.T @ (found.areas[:, None] * wanted)) - wanted).abs().max()))
     assert missed[0] < 1e-2
     assert missed[1] < missed[0] / 10
 
@@ -170,7 +170,7 @@ def test_features_that_are_added_change_neither_displacement_nor_velocity_nor_en
     smooth = coarse.features.degrees < 5
     parts = [coarse.unknowns((drawn(3 * len(smooth), k, 1e-3).view(3, -1) * smooth).reshape(-1)) for k in (0, 1)]
     z = np.concatenate([*parts, [0.7]])
-    carried = integration.carried(coarse, fine, z, 0.1)
+    carried = integration.extended_state(coarse, fine, z, 0.1)
     assert len(carried) == 2 * fine.basis.size + 1
     assert carried[-1] == 0.7
     states = []
@@ -260,7 +260,7 @@ def test_products_follow_a_plane_that_lies_elsewhere():
     case = shell(wide, {"areal_density": RHO}, **moved, supports=[])
     found = equations(case, 8)
     values = found.features.values(found.sampled.points)
-    np.testing.assert_allclose(values.T @ (found.share[:, None] * values), np.eye(found.features.count), atol=1e-4)
+    np.testing.assert_allclose(values.T @ (found.areas[:, None] * values), np.eye(found.features.count), atol=1e-4)
     assert int(found.features.pairs[:, 1].max()) > int(found.features.pairs[:, 0].max())
 
 

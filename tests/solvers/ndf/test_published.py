@@ -111,11 +111,11 @@ def test_the_frequency_is_absorbed_without_a_change_of_the_field(case):
     siren, sampler = sampler_of(case, layers=2, width=8, cells=(4, 4), dtype=torch.float64)
     points = inner_points(case)
     inputs = sampler.inputs.jets(points, sampler.placement)
-    network, output = siren.absorbed(sampler.scale, unit=0.1)
+    network, output = siren.as_field(sampler.scale, unit=0.1)
     features = torch.cat([network.features(inputs.clone())[0], torch.ones(len(points), 1)], dim=1)
     expected = 0.1 * siren.jets(sampler.scale.apply(inputs))[0]
     torch.testing.assert_close(features @ output.T, expected, rtol=1e-12, atol=1e-14)
-    back = type(siren).released(network, output, siren.omega0, sampler.scale, unit=0.1)
+    back = type(siren).from_field(network, output, siren.omega0, sampler.scale, unit=0.1)
     for a, b in zip(back.tensors, siren.tensors, strict=True):
         torch.testing.assert_close(a, b, rtol=1e-12, atol=1e-14)
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.solvers.ndf.published.published import why_not
-from shellbench.solvers.ndf.published.published_motion_field import MARGIN, WEIGHT, collision, pressing
+from shellbench.solvers.ndf.published.published import why_not_held
+from shellbench.solvers.ndf.published.published_motion_field import MARGIN, WEIGHT, collision, contact_forces
 from tests.solvers.ndf.motions import NAPKIN, G, gravity, moving
 from tests.solvers.ndf.test_published_motion_loss import sampler_of
 
@@ -26,7 +26,7 @@ def test_the_loss_is_linear_in_the_depth_and_its_slope_is_the_pressure():
     assert 0 < (density > 0).sum() < density.numel()
     (slope,) = torch.autograd.grad(density.sum(), u)
     for k, t in enumerate(TIMES):
-        forces = pressing(CASE, POINTS, np.ones(3), float(t), DOWN[k])
+        forces = contact_forces(CASE, POINTS, np.ones(3), float(t), DOWN[k])
         np.testing.assert_allclose(-slope[k].numpy(), forces, rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(np.linalg.norm(forces, axis=1), WEIGHT * (gap[k] < MARGIN))
 
@@ -43,5 +43,5 @@ def test_the_functional_has_it_with_the_weights_of_the_samples():
 
 
 def test_friction_and_obstacles_at_rest_are_declined():
-    assert "friction" in why_not(moving(NAPKIN, obstacles=[{**FALLING, "friction": 0.1}]))
-    assert why_not(CASE) is None
+    assert "friction" in why_not_held(moving(NAPKIN, obstacles=[{**FALLING, "friction": 0.1}]))
+    assert why_not_held(CASE) is None

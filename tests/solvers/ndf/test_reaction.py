@@ -15,7 +15,7 @@ from shellbench.solvers.ndf.field.jets import Placement, from_derivatives
 from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.field.quadrature import RuleSpec
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
-from shellbench.solvers.ndf.strains.energy import mirrored
+from shellbench.solvers.ndf.strains.energy import symmetric
 from shellbench.solvers.ndf.strains.reaction import edge_moments
 from tests.solvers.ndf.shells import shell, support
 
@@ -117,7 +117,7 @@ def test_forces_and_tangent_are_the_slopes_of_the_work():
     tangent = torch.zeros(len(weights), len(weights), dtype=torch.float64)
     moment.add_tangent(tangent, gradients(0), t)
     slope = (moment.forces(gradients(step), t) - moment.forces(gradients(-step), t)) / (2 * step)
-    torch.testing.assert_close(mirrored(tangent) @ direction, -slope, rtol=1e-6, atol=1e-7 * float(slope.abs().max()))
+    torch.testing.assert_close(symmetric(tangent) @ direction, -slope, rtol=1e-6, atol=1e-7 * float(slope.abs().max()))
 
 
 def test_the_work_round_a_closed_loop_is_nothing():
@@ -165,7 +165,7 @@ def test_angles_are_carried_over_to_a_finer_rule():
     features = build_features(case, spec, network, PLACEMENT, inputs)
     (fine,) = edge_moments(build_ansatz(case, spec), features, RuleSpec((5, 5), 6), NO_FOCI, True)
     angles = PLACEMENT.tensor(7.0 + 0.8 * moment.sampled.points[:, 1])
-    near = moment.spread(angles, fine)
+    near = moment.interpolate(angles, fine)
     expected = PLACEMENT.tensor(7.0 + 0.8 * fine.sampled.points[:, 1])
     assert len(near) == len(fine.lengths)
     assert (near - expected).abs().max() < 0.05  # beyond the outermost points it is constant

@@ -27,12 +27,12 @@ from shellbench.solvers.ndf.linear.refinement import (
     SAFETY,
     SETTLED,
     SLOWEST,
-    Miss,
-    changes,
-    still_missed,
-    tail,
+    ErrorBounds,
+    gain_left,
+    quantity_changes,
+    remaining_error,
     uncertainties,
-    unsettled,
+    why_unsettled,
 )
 from shellbench.solvers.ndf.linear.regularised import JITTER
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
@@ -133,14 +133,14 @@ def test_uncertainties_tell_what_regularisation_takes(monkeypatch):
 
 
 def test_tails_follow_the_last_gains():
-    assert still_missed(3e-6, 4e-6) == pytest.approx(3)  # 3/4 + 9/16 + ...
-    assert still_missed(1e-9, 1e-3) == LEAST_TAIL
-    assert still_missed(1.0, 1e-3) == pytest.approx(SLOWEST / (1 - SLOWEST))
-    assert still_missed(0.0, 0.0) == LEAST_TAIL
-    assert tail((8.0, 4.0, 2.0), 3) == pytest.approx(1 / 2 + 1 / 4 + 1 / 8)
-    assert tail((3.0, 2.0, 1.0), 3.7) == 3.7  # as much again in each step
-    assert tail((3.0, 2.0, 0.0), 3.7) == 3.7  # more and more: not believed
-    assert tail((1.0, 2.0, 1.0), 3.7) == 3.7
+    assert remaining_error(3e-6, 4e-6) == pytest.approx(3)  # 3/4 + 9/16 + ...
+    assert remaining_error(1e-9, 1e-3) == LEAST_TAIL
+    assert remaining_error(1.0, 1e-3) == pytest.approx(SLOWEST / (1 - SLOWEST))
+    assert remaining_error(0.0, 0.0) == LEAST_TAIL
+    assert gain_left((8.0, 4.0, 2.0), 3) == pytest.approx(1 / 2 + 1 / 4 + 1 / 8)
+    assert gain_left((3.0, 2.0, 1.0), 3.7) == 3.7  # as much again in each step
+    assert gain_left((3.0, 2.0, 0.0), 3.7) == 3.7  # more and more: not believed
+    assert gain_left((1.0, 2.0, 1.0), 3.7) == 3.7
 
 
 @pytest.mark.parametrize(
@@ -155,14 +155,14 @@ def test_the_answer_is_the_regularisation_of_least_certified_energy(monkeypatch,
         planted(solution, energy, {"centre_deflection": 1e-3 * k}, still) for k, energy in enumerate(energies)
     )
     solved = SolvedLevel(None, (), answers[best], answers, dict)
-    assert solved.challenged is answers[best]
-    assert solved.missed().changes["centre_deflection"] == pytest.approx(told * 1e-3)
+    assert solved.with_challengers is answers[best]
+    assert solved.error_bounds().changes["centre_deflection"] == pytest.approx(told * 1e-3)
 
 
 def planted(solution, energy, values, probed):
     """An answer of which these values are measured."""
     answer = Candidate(solution, energy, 1.0, None, None)
-    vars(answer).update(values=values, probed=probed)
+    vars(answer).update(values=values, probes=probed)
     return answer
 
 
@@ -190,14 +190,14 @@ def test_the_level_of_least_certified_energy_answers(monkeypatch, energies, answ
 
     def solved(case, spec, settings, level, *others):
         answer = usual(case, spec, settings, level, *others)
-        planted = replace(answer.challenged, potential=energies[min(level.number, 1)])
+        planted = replace(answer.with_challengers, potential=energies[min(level.number, 1)])
         levels.append(replace(answer, first=planted, regularised=(planted,) * 3))
         return levels[-1]
 
     usual = static._solve_level
     monkeypatch.setattr(static, "_solve_level", solved)
-    monkeypatch.setattr(static, "_certified_again", lambda answer, *others: answer.potential)
-    monkeypatch.setattr(static, "unsettled", lambda *others: "planted")
+    monkeypatch.setattr(static, "_energy_on_rule", lambda answer, *others: answer.potential)
+    monkeypatch.setattr(static, "why_unsettled", lambda *others: "planted")
     solution = solve("square_plate", most_neurons=120)
     assert len(levels) == 2
     assert solution.diagnostics["level"] == answering
@@ -210,7 +210,7 @@ def test_a_displacement_that_hardly_changes_by_accident_is_no_surer_than_the_fie
     values, field = {"centre_deflection": 0.5, "strain_energy": 2.0}, np.zeros((4, 3))
     shell = SimpleNamespace(case=named_case("square_plate"))
     first, other = (planted(shell, -1.0, values, each) for each in (field, field + 1e-3))
-    missed = first.missed(other)
+    missed = first.error_bounds(other)
     scales = {"centre_deflection": 0.5, "strain_energy": 2.0}
     stated = uncertainties(missed, 0.0, values, scales)
     assert stated["centre_deflection"] == pytest.approx(SAFETY * 1e-3)
@@ -221,7 +221,7 @@ def test_displacements_change_by_what_the_field_does_in_the_mean_square():
     case, moved = named_case("square_plate"), np.array([[3e-4, 0.0, 0.0], [0.0, 0.0, -4e-4]])
     before = {"centre_deflection": 0.5, "largest_displacement": 0.5, "strain_energy": 2.0}
     after = {"centre_deflection": 0.5, "largest_displacement": 0.4, "strain_energy": 2.0}
-    found = changes(case, before, after, (0 * moved, moved))
+    found = quantity_changes(case, before, after, (0 * moved, moved))
     assert found["centre_deflection"] == pytest.approx(4e-4 / math.sqrt(2))  # it is along z
     assert found["largest_displacement"] == pytest.approx(0.1)
     assert found["strain_energy"] == 0.0
@@ -234,7 +234,7 @@ def test_a_largest_displacement_that_is_prescribed_is_as_sure_as_the_rest_stays_
         second = first + np.array([[0.0, 0.0, m] for m in moved])
         largest = float(np.linalg.norm(second, axis=-1).max())
         values = {"centre_deflection": 0.5, "strain_energy": 1.0}
-        return changes(
+        return quantity_changes(
             case, values | {"largest_displacement": 1.0}, values | {"largest_displacement": largest}, (first, second)
         )["largest_displacement"]
 
@@ -246,17 +246,17 @@ def test_a_largest_displacement_that_is_prescribed_is_as_sure_as_the_rest_stays_
 
 def test_uncertainties_grow_with_what_was_missed():
     values, scales = {"w": 2.0}, {"w": 2.0}
-    small = uncertainties(Miss({"w": 1e-4}, 1e-6), 0.0, values, scales)["w"]
+    small = uncertainties(ErrorBounds({"w": 1e-4}, 1e-6), 0.0, values, scales)["w"]
     assert small == pytest.approx(SAFETY * 1e-4)
-    by_chance = uncertainties(Miss({"w": 0.0}, 1e-3), 0.0, values, scales)["w"]
+    by_chance = uncertainties(ErrorBounds({"w": 0.0}, 1e-3), 0.0, values, scales)["w"]
     assert by_chance == pytest.approx(SAFETY * 2e-3, rel=1e-4)
-    gaping = uncertainties(Miss({"w": 0.0}, 0.0), 1e-3, values, scales)["w"]
+    gaping = uncertainties(ErrorBounds({"w": 0.0}, 0.0), 1e-3, values, scales)["w"]
     assert gaping == pytest.approx(SAFETY * 2e-3, rel=1e-4)
-    twice = Miss({"w": 1e-4}, 1e-6).times(2).or_larger(Miss({"w": 1e-5}, 1.0))
-    assert twice == Miss({"w": 2e-4}, 1.0)
-    assert unsettled({"w": 1.9e-3}, scales) is None
-    assert "w may be off" in str(unsettled({"w": 2.1e-3}, scales))
-    assert unsettled({"w": math.nan}, scales) is not None
+    twice = ErrorBounds({"w": 1e-4}, 1e-6).times(2).or_larger(ErrorBounds({"w": 1e-5}, 1.0))
+    assert twice == ErrorBounds({"w": 2e-4}, 1.0)
+    assert why_unsettled({"w": 1.9e-3}, scales) is None
+    assert "w may be off" in str(why_unsettled({"w": 2.1e-3}, scales))
+    assert why_unsettled({"w": math.nan}, scales) is not None
 
 
 # --- powers about corners ---
@@ -335,7 +335,7 @@ def test_former_powers_are_among_the_later_ones():
     few, many = (CornerPowers.from_case(clamped_saddle(), detail) for detail in (1, 2))
     point = np.array([[0.3, 0.4]])
     before, after = (torch.stack(p.columns(point, Placement()), dim=-1)[VALUE, 0] for p in (few, many))
-    torch.testing.assert_close(after[torch.as_tensor(many.former())], before)
+    torch.testing.assert_close(after[torch.as_tensor(many.coarser_mask())], before)
 
 
 def test_supports_hold_at_corners_where_features_are_infinite():

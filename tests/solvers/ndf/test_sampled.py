@@ -11,7 +11,7 @@ from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Placement
 from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.field.quadrature import area_rule
 from shellbench.solvers.ndf.motion.motion_problem import Motion
-from shellbench.solvers.ndf.strains.smooth import degrees, finer, placed_features, rule_of, scales, smooth, widest
+from shellbench.solvers.ndf.strains.smooth import degrees, finer, placed_features, rule_of, scales, smooth, width_for
 from tests.solvers.ndf.shells import shell, support
 
 RHO = 2.0
@@ -29,7 +29,7 @@ def moving(surface="plane", **data):
 
 def motion(case, degree, spec=SPEC):
     inputs, placement = build_inputs(case, spec), Placement()
-    network = random_features(placement.tensor(scales(case, inputs, degree)), widest(case, degree), 0)
+    network = random_features(placement.tensor(scales(case, inputs, degree)), width_for(case, degree), 0)
     features = build_features(case, spec, network, placement, inputs)
     rule_spec = rule_of(case, degree)
     whole = Motion(case, spec, features, rule_spec)
@@ -95,7 +95,7 @@ def test_fields_converge_as_polynomials_do_and_no_worse_at_edges():
     for degree in (4, 8, 12):
         found = motion(case, degree)
         values = found.features.values(found.sampled.points)
-        weights = found.share[:, None] * values
+        weights = found.areas[:, None] * values
         share = (
             torch.linalg.inv(weights.T @ values)
             @ weights.T
@@ -111,7 +111,7 @@ def test_placed_features_meet_polynomials_that_drawn_ones_miss():
     """Products of Legendre's polynomials of 80 % of a high degree; at degree 9 it is the other way round."""
     case, degree = moving({"kind": "plane", "xi1": [-1, 1], "xi2": [-1, 1]}), 18
     inputs, placement = build_inputs(case, SPEC), Placement()
-    drawn = random_features(placement.tensor(scales(case, inputs, degree)), widest(case, degree), 0)
+    drawn = random_features(placement.tensor(scales(case, inputs, degree)), width_for(case, degree), 0)
     placed = placed_features(case, inputs, degree, placement)
     assert len(placed.biases[0]) < len(drawn.biases[0])
     rule = area_rule(case.surface.domain, NOWHERE, rule_of(case, degree, order=2 * degree))
@@ -159,7 +159,7 @@ def test_slopes_of_the_smoothest_fields_are_small():
     """Ordered by the operator: the first fields are a constant and nearly straight lines."""
     found = motion(moving(), 8)
     jets = found.sampled.jets.permute(1, 0, 2)
-    slopes = [float((found.share[:, None] * jets[plane] ** 2).sum(0)[0]) for plane in (D1, D2)]
+    slopes = [float((found.areas[:, None] * jets[plane] ** 2).sum(0)[0]) for plane in (D1, D2)]
     assert max(slopes) < 1e-20
     line = jets[VALUE][:, 1:3]
     xi = torch.as_tensor(found.sampled.points)

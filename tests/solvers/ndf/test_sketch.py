@@ -11,7 +11,7 @@ from tests.solvers.ndf.test_trainer import network_and_points
 def drawn(network, directions, seed=0):
     """Return a sketch of some units of the last hidden layer, by a random slope."""
     slope = torch.randn(network.parameters, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
-    return Sketch.steepest(network, slope, directions)
+    return Sketch.from_steepest(network, slope, directions)
 
 
 def test_extending_keeps_lengths_and_restricting_is_its_transpose():
@@ -45,7 +45,7 @@ def test_the_steepest_units_and_all_layers_before_are_the_ones_that_move():
     before = network.parameters - network.width * each
     slope = torch.zeros(network.parameters, dtype=torch.float64)
     slope[before + 3 * each], slope[before + 7 * each + 1] = -2.0, 1.0
-    sketch = Sketch.steepest(network, slope, 2 * each)
+    sketch = Sketch.from_steepest(network, slope, 2 * each)
     moved = sketch.extend(torch.ones(sketch.count, dtype=torch.float64)).nonzero()[:, 0].tolist()
     steep = [before + unit * each + k for unit in (3, 7) for k in range(each)]
     assert moved == [*range(before), *steep]

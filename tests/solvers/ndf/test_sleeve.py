@@ -294,7 +294,7 @@ def test_a_finer_path_starts_from_the_states_of_a_coarser_one(problem, states):
     near = []
     for state in states:
         if state.critical or state.t in marks:
-            weights = finer.fitted(problem, state.weights)
+            weights = finer.fit_weights(problem, state.weights)
             near.append(replace(state, weights=weights, deformed=finer.deform(weights, state.t), tangent=None))
             assert near[-1].deformed.potential == pytest.approx(state.deformed.potential, rel=1e-2)
     alone, led = list(follow_steps(finer, marks)), list(follow_steps(finer, marks, near))
@@ -317,7 +317,7 @@ def test_a_shell_that_does_not_relax_keeps_what_was_found(problem, monkeypatch):
     def stuck(*_):
         raise NotConvergedError
 
-    monkeypatch.setattr(buckling, "relaxed", stuck)
+    monkeypatch.setattr(buckling, "relax_to_stable", stuck)
     found = []
     with pytest.raises(PathEndsError, match="no stable state"):
         found.extend(follow_steps(problem, strut().states))
@@ -330,7 +330,7 @@ def test_a_shell_that_does_not_relax_keeps_what_was_found(problem, monkeypatch):
 
 def test_a_path_that_does_not_get_on_ends(problem, monkeypatch):
     """Where no step converges, however short, and nothing is about to buckle, the search must not go on for ever."""
-    monkeypatch.setattr(buckling, "_stepped", lambda *_, **__: None)
+    monkeypatch.setattr(buckling, "_step_to", lambda *_, **__: None)
     with pytest.raises(PathEndsError, match="no equilibrium was found at load factor"):
         list(islice(follow_steps(problem, strut().states), 20))
 
@@ -386,9 +386,9 @@ def test_a_load_step_that_jumps_to_the_buckled_shell_is_not_taken(problem, state
     critical, last = next(state for state in states if state.critical), states[-1]
     start = equilibrium(problem, PathState.rest(problem), 0.9 * critical.t, NEUTRAL)
     aside = PathState(start.t, last.weights, problem.deform(last.weights, start.t), 1, start.tangent)
-    assert buckling._stepped(problem, start, critical.t * 0.95) is not None
+    assert buckling._step_to(problem, start, critical.t * 0.95) is not None
     landed = equilibrium(problem, aside, last.t, NEUTRAL)
     ahead = start.tangent.solve(problem.deform(start.weights, last.t).residual)
-    assert problem.likeness(ahead, landed.weights - start.weights) < 0.7
-    assert problem.likeness(ahead, 3 * ahead) == pytest.approx(1.0)
-    assert problem.likeness(ahead, 0 * ahead) == 1.0
+    assert problem.cosine(ahead, landed.weights - start.weights) < 0.7
+    assert problem.cosine(ahead, 3 * ahead) == pytest.approx(1.0)
+    assert problem.cosine(ahead, 0 * ahead) == 1.0

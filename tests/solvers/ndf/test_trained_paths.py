@@ -69,7 +69,7 @@ def test_the_slope_of_a_state_is_the_limit_of_differences(bent):
     """Loads on the area, the edge, and its moment all change with the hidden weights, at a fixed output layer."""
     level, problem, states = bent
     now = on_path.Trial.of_states(problem, states[-1:], level.fine)
-    slope = on_path._model(now, 0).slope * states[-1].deformed.magnitude
+    slope = on_path._energy_model(now, 0).slope * states[-1].deformed.magnitude
     theta, output = flatten(now.features.network), now.output(states[-1])
     way = torch.rand(theta.shape, generator=torch.Generator().manual_seed(1), dtype=torch.float64) - 0.5
 
@@ -100,7 +100,7 @@ def test_faults_of_training_gain_nothing(bent, fault, monkeypatch):
     match fault:
         case "wrong sign":
             monkeypatch.setattr(on_path, "energy_gradient", lambda *a: -energy_gradient(*a))
-            monkeypatch.setattr(on_path, "_moments", lambda now, state: 0.0)
+            monkeypatch.setattr(on_path, "_moment_work", lambda now, state: 0.0)
         case "frozen layers":
             monkeypatch.setattr(on_path, "unflatten", lambda theta, like: network_of(flatten(like), like))
         case "states not solved for":

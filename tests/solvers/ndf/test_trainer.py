@@ -17,7 +17,7 @@ from shellbench.solvers.ndf.field.build import usual_resolution
 from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.field.network import Network
-from shellbench.solvers.ndf.linear.challenge import last_gain
+from shellbench.solvers.ndf.linear.challenge import training_error
 from shellbench.solvers.ndf.linear.refinement import first_level, joined_features
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from shellbench.solvers.ndf.training import training, training_problem
@@ -158,7 +158,7 @@ def test_joined_features_are_the_trained_ones_and_the_challengers(narrow_roof):
     for name in ("jets", "values"):
         one, other, all_ = (getattr(f, name)(points) for f in (trained, both.beside, both))
         assert torch.equal(all_, torch.cat([one, other], dim=-1))
-    assert len(both.pairs(np.arange(both.count))) == both.allowed().sum()
+    assert len(both.pairs(np.arange(both.count))) == both.component_mask().sum()
 
 
 def test_what_training_gained_last_is_part_of_what_it_missed():
@@ -166,14 +166,14 @@ def test_what_training_gained_last_is_part_of_what_it_missed():
         Step(k, 0.0, energy, 1, quantities={"w": w})
         for k, (energy, w) in enumerate([(-1.0, 1.0), (-1.2, 1.1), (-1.25, 1.15)])
     ]
-    missed = last_gain(steps, {"w": 1.15, "strain_energy": 1.25})
+    missed = training_error(steps, {"w": 1.15, "strain_energy": 1.25})
     ratio = (0.05 / 1.25) / (
         0.2 / 1.2
     )  # of the last two gains; the tail is ratio / (1 - ratio), half of the gain at least
     left = max(0.5, ratio / (1 - ratio))
     assert missed.energy == pytest.approx(left * 0.04)
     assert missed.changes == pytest.approx({"w": left * 0.05, "strain_energy": 0.0})
-    assert last_gain(steps[:1], {"w": 1.0}).energy == 0.0
+    assert training_error(steps[:1], {"w": 1.0}).energy == 0.0
 
 
 def test_a_solution_is_kept_and_trained_on(narrow_roof, tmp_path):

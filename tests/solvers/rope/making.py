@@ -4,7 +4,7 @@ import numpy as np
 
 from shellbench.bench.catalogue import catalog
 from shellbench.problems.rope.solving import Watch
-from shellbench.solvers.rope.solver import PrintedSettings, RopeSettings, followed, scheme_of
+from shellbench.solvers.rope.solver import PrintedSettings, RopeSettings, follow_rope, scheme_of
 from shellbench.solvers.rope.stepping import Chains, Moving, Stepper
 
 
@@ -33,4 +33,4 @@ def last(name, rate, **changes):
 
 def followed_last(case, rate, **changes):
     """Return the last state of a motion with so many steps a second."""
-    return followed(case, scheme(**changes), rate, Watch(case, "", lambda _: None))[-1]
+    return follow_rope(case, scheme(**changes), rate, Watch(case, "", lambda _: None))[-1]

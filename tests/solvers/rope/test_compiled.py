@@ -43,8 +43,8 @@ def test_they_agree_to_rounding(seed, links, chains, chosen):
     places = root(0.0)[0] + np.cumsum((slack * lengths)[..., None] * steps, axis=0)
     plain = fast = Moving(0.0, places, random.normal(size=places.shape))
     for _ in range(STEPS):
-        plain = Stepper(made, scheme(**chosen), 1 / 240).after(plain)
-        fast = Stepper(made, scheme(**chosen, compiled=True), 1 / 240).after(fast)
+        plain = Stepper(made, scheme(**chosen), 1 / 240).next_state(plain)
+        fast = Stepper(made, scheme(**chosen, compiled=True), 1 / 240).next_state(fast)
         assert fast.time == plain.time
         assert fast.places == pytest.approx(plain.places, abs=ROUNDING)
         assert fast.velocities == pytest.approx(plain.velocities, abs=ROUNDING * max(1, np.abs(plain.velocities).max()))
@@ -58,10 +58,10 @@ def test_threads_that_share_chains_take_the_same_steps(monkeypatch):
     still = (np.zeros((7, 3)),) * 3
     made = Chains(lengths, random.uniform(0.5, 2.0, (3, 7)), 9.81, lambda _: still)
     moving = Moving(0.0, places, random.normal(size=places.shape))
-    alone = Stepper(made, scheme(compiled=True), 1 / 60).after(moving)
+    alone = Stepper(made, scheme(compiled=True), 1 / 60).next_state(moving)
     monkeypatch.setattr(compiled, "ENOUGH", 5)
     monkeypatch.setenv("OMP_NUM_THREADS", "3")
-    shared = Stepper(made, scheme(compiled=True), 1 / 60).after(moving)
+    shared = Stepper(made, scheme(compiled=True), 1 / 60).next_state(moving)
     assert np.abs(shared.places - places).max() > 0
     assert shared.places == pytest.approx(alone.places, abs=ROUNDING)
     assert shared.velocities == pytest.approx(alone.velocities, abs=ROUNDING)

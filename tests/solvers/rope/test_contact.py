@@ -7,7 +7,7 @@ from shellbench.bench.catalogue import catalog
 from shellbench.errors import SolveFailure
 from shellbench.problems.obstacle import FormulaBody, HalfSpace, Plate, Sphere
 from shellbench.problems.rope.case import RopeCase
-from shellbench.solvers.rope.contact import collided, entered, pushed, rebound
+from shellbench.solvers.rope.contact import collide, entry_share, push_out, rebound
 from shellbench.solvers.rope.solver import ExactSolver
 from tests.solvers.rope.making import followed_last, last
 
@@ -25,13 +25,13 @@ def test_reverse_pushes_leave_a_known_depth(floor, pushes, incidence):
     """Each push by the depth, at an angle a to the normal, leaves 1 - cos a of it."""
     a = np.radians(incidence)
     back = 100 * np.array([[np.sin(a), 0.0, np.cos(a)]])
-    left = pushed(floor, np.array([[0.0, 0.0, -1.0]]), back, "reverse", pushes)
+    left = push_out(floor, np.array([[0.0, 0.0, -1.0]]), back, "reverse", pushes)
     assert -left[0, 2] == pytest.approx((1 - np.cos(a)) ** pushes, rel=1e-9, abs=1e-15)
 
 
 def test_a_push_does_not_go_behind_the_start_of_the_way():
     back = np.array([[0.1, 0.0, 0.05]])
-    left = pushed(FLOOR, np.array([[0.0, 0.0, -1.0]]), back, "reverse", 50)
+    left = push_out(FLOOR, np.array([[0.0, 0.0, -1.0]]), back, "reverse", 50)
     assert left[0] == pytest.approx([0.1, 0.0, -0.95])
 
 
@@ -42,7 +42,7 @@ def behind(ratio, push, pushes=1):
     places[:, 0] = -0.1 - step * (1 - (np.arange(count) + 0.5) / count)
     velocities[:, 0] = step
     for _ in range(60):
-        met = collided(PLATE, places, places + velocities, velocities, (0.0, 1.0), push, pushes, "gradient")
+        met = collide(PLATE, places, places + velocities, velocities, (0.0, 1.0), push, pushes, "gradient")
         places, velocities = met.places, met.velocities
     return np.mean(places[:, 0] >= HALF * (1 - 1e-9))
 
@@ -61,7 +61,7 @@ def test_a_way_is_followed_to_where_it_enters():
     ball = Sphere(kind="sphere", centre=ORIGIN, radius=1.0)
     start = np.array([[-3.0, 0.0, 0.0], [-3.0, 0.6, 0.0], [-3.0, 1.1, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
     way = np.array([[4.0, 0.0, 0.0], [8.0, 0.0, 0.0], [8.0, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, -0.5, 0.0]])
-    assert entered(ball, start, way) == pytest.approx([0.5, 2.2 / 8, 1.0, 1.0, 0.0], abs=1e-9)
+    assert entry_share(ball, start, way) == pytest.approx([0.5, 2.2 / 8, 1.0, 1.0, 0.0], abs=1e-9)
 
 
 def ball(steps, push, normal):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shellbench.solvers.rope.placing import placed
+from shellbench.solvers.rope.placing import move_nodes
 from shellbench.solvers.rope.stepping import Moving
 from tests.solvers.rope.making import hanging, last, scheme, stepper
 
@@ -17,7 +17,7 @@ TIP = np.array([-0.36838401786864, 0.0, -0.82054309163924])  # of nine links, m,
 def test_a_step_along_a_circle_changes_the_speed_by_a_known_ratio(angle, ratio):
     """Without weight one step of angle v dt / l; above 2.38 the scheme speeds up."""
     start = Moving(0.0, np.array([[[0.0, 0.0, -1.0]]]), np.array([[[angle, 0.0, 0.0]]]))
-    after = stepper(scheme(), ONE, ONE, 0.0).after(start)
+    after = stepper(scheme(), ONE, ONE, 0.0).next_state(start)
     assert np.linalg.norm(after.velocities) / angle == pytest.approx(ratio, abs=1e-7)
 
 
@@ -25,14 +25,14 @@ def test_a_step_along_a_circle_changes_the_speed_by_a_known_ratio(angle, ratio):
 def test_a_rotation_goes_the_whole_arc_and_a_projection_its_tangent(angle):
     start, way = np.array([[0.0, 0.0, -1.0]]), np.array([[angle, 0.0, 0.0]])
     for placing, turned in (("rotation", angle), ("projection", np.arctan(angle))):
-        x, _, z = placed(start, way, np.zeros((1, 3)), np.ones(1), 1.0, placing)[0]
+        x, _, z = move_nodes(start, way, np.zeros((1, 3)), np.ones(1), 1.0, placing)[0]
         assert np.arctan2(x, -z) == pytest.approx(turned, abs=1e-12)
         assert np.hypot(x, z) == pytest.approx(1.0, abs=1e-14)
 
 
 def test_a_slack_node_goes_straight_until_its_link_is_taut():
     """From the middle of the sphere along x, one and a half lengths: it leaves by the surface, and stays there."""
-    at = placed(
+    at = move_nodes(
         np.array([[0.0, 0.0, -0.6]]), np.array([[1.5, 0.0, 0.0]]), np.zeros((1, 3)), np.ones(1), 1.0, "rotation"
     )
     out = np.array([0.8, -0.6])  # where x^2 + 0.6^2 = 1
@@ -45,7 +45,7 @@ def distance(rate, **changes):
     chosen = scheme(**changes)
     made, moving = stepper(chosen, np.full((9, 1), 0.1), np.ones((9, 1)), 9.81, 1 / rate), hanging(30, [0.1] * 9)
     for _ in range(rate):
-        moving = made.after(moving)
+        moving = made.next_state(moving)
     return float(np.linalg.norm(moving.places[-1, 0] - TIP)) / 0.9
 
 
@@ -89,7 +89,7 @@ def test_one_step_does_not_stretch_any_link():
     moving = Moving(0.0, hanging(20, [0.1] * 9).places, random.normal(size=(9, 1, 3)))
     made = stepper(scheme(), np.full((9, 1), 0.1), random.uniform(0.2, 3, (9, 1)), 9.81, 1 / 60)
     for _ in range(50):
-        moving = made.after(moving)
+        moving = made.next_state(moving)
         lengths = made.links(moving.places, np.zeros(3))[1]
         assert lengths.max() <= 0.1 * (1 + 1e-14)
 
@@ -101,6 +101,6 @@ def test_chains_beside_each_other_move_as_alone():
     alone = stepper(scheme(), np.array([[0.3], [0.2]]), np.ones((2, 1)), 9.81, 0.01)
     singles = [hanging(a, [0.3, 0.2]) for a in (10, 50)]
     for _ in range(20):
-        both, singles = made.after(both), [alone.after(single) for single in singles]
+        both, singles = made.next_state(both), [alone.next_state(single) for single in singles]
     for number, single in enumerate(singles):
         assert both.places[:, number] == pytest.approx(single.places[:, 0], abs=1e-12)

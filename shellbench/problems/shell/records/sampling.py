@@ -68,7 +68,7 @@ def probe_fields(solution: DisplacementField, case: Shell) -> dict[str, NDArray[
     points = probes_of(case.surface.domain)
     states = states_at(solution, case, points)
     stacked = np.array(list(states.values()), dtype=float).reshape(-1, *points.shape[:-1], 3)
-    return {"probes": points, "probe_marks": np.array(list(states), dtype=float), "probe_displacements": stacked}
+    return {"probes": points, "probe_marks": np.array(list(states), dtype=float), "probe": stacked}
 
 
 PICTURE = 61  # points a side of the grid that pictures are drawn from

@@ -34,7 +34,7 @@ from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import check_balance, point_supports
 from shellbench.solvers.ndf.linear.constraints import SAME_ROW, point_constraints, slope_constraints
 from shellbench.solvers.ndf.linear.declines import why_declined
-from shellbench.solvers.ndf.linear.refinement import Miss, scale, uncertainties, unsettled
+from shellbench.solvers.ndf.linear.refinement import ErrorBounds, scale, uncertainties, why_unsettled
 from shellbench.solvers.ndf.linear.signs import rounding_energy
 from shellbench.solvers.ndf.strains.energy import Table, concentrated, surface_area, tabulate
 from shellbench.solvers.ndf.strains.reaction import edge_moments
@@ -111,7 +111,7 @@ def cell_points(ansatz: Ansatz, splines: Splines, spec: RuleSpec) -> Iterator[Ce
     for start in range(0, len(order), step):
         part = order[start : start + step]
         points = rule.points[part]
-        numbers, jets = splines.local(points)
+        numbers, jets = splines.nonzero_at(points)
         table = tabulate(ansatz, Rule(points, rule.weights[part]), splines.placement, area)
         yield CellPoints(table, numbers[::per_cell], jets)
 
@@ -163,7 +163,7 @@ def equations_of(ansatz: Ansatz, splines: Splines, spec: RuleSpec) -> Equations:
     )
 
 
-def least(equations: Equations) -> tuple[Array, Array]:
+def minimise(equations: Equations) -> tuple[Array, Array]:
     """Return the coefficients (3 M,) of least energy, and the forces (c,) that hold the conditions.
 
     Raises
@@ -201,7 +201,7 @@ def least(equations: Equations) -> tuple[Array, Array]:
     return root * found[:count], forces
 
 
-def certified(ansatz: Ansatz, splines: Splines, spec: RuleSpec, weights: Array) -> tuple[float, float, float]:
+def certified_energies(ansatz: Ansatz, splines: Splines, spec: RuleSpec, weights: Array) -> tuple[float, float, float]:
     """Return membrane, bending and springs' energy, J, on another rule."""
     parts, output = np.zeros(3), weights.reshape(3, -1)
     for found in cell_points(ansatz, splines, spec):
@@ -227,10 +227,10 @@ class SolvedGrid:
     gap: float
     values: dict[str, float]
 
-    def missed(self, finer: SolvedGrid) -> Miss:
+    def error_bounds(self, finer: SolvedGrid) -> ErrorBounds:
         """Return lower bounds of its errors, from its difference to a finer answer."""
         changes = {name: abs(value - self.values[name]) for name, value in finer.values.items()}
-        return Miss(changes, abs(self.potential - finer.potential) / finer.stored)
+        return ErrorBounds(changes, abs(self.potential - finer.potential) / finer.stored)
 
 
 def solve(case: Case, settings: SplineSettings, progress: ProgressCallback) -> SplineSolution:
@@ -255,10 +255,10 @@ def solve(case: Case, settings: SplineSettings, progress: ProgressCallback) -> S
             progress(Progress(len(answers), None, f"solving on {cells} cells a side"))
             answers.append(solve_level(case, settings, cells))
             last = answers[-1]
-            steps.append(_step(last, len(steps), time.perf_counter() - began))
+            steps.append(_history_step(last, len(steps), time.perf_counter() - began))
             if len(answers) < 2:
                 continue
-            solution = _stated(answers, settings.degree, tuple(steps))
+            solution = _as_answer(answers, settings.degree, tuple(steps))
             if settings.cells is None and len(answers) >= FEWEST and solution.unsettled is None:
                 break
     return solution
@@ -273,9 +273,9 @@ def solve_level(case: Case, settings: SplineSettings, cells: int) -> SolvedGrid:
     rule = area_rule(part.case.surface.domain, focal, spec)
     check_balance(part.case, rule, spec, focal)
     equations = equations_of(ansatz, splines, spec)
-    weights, forces = least(equations)
+    weights, forces = minimise(equations)
     fine = replace(spec, order=spec.order + CERTIFYING_POINTS)
-    membrane, bending, springs = certified(ansatz, splines, fine, weights)
+    membrane, bending, springs = certified_energies(ansatz, splines, fine, weights)
     rounding = rounding_energy(case.material.membrane_stiffness, surface_area(ansatz, rule))
     # Strains are computed on both rules; if a support moves, the lift strains the shell too, which only the finer rule
     # shows.
@@ -297,7 +297,7 @@ def solve_level(case: Case, settings: SplineSettings, cells: int) -> SolvedGrid:
     return SolvedGrid(solution, potential, whole, gap, dict(measure_all(replace(solution, history=(alone,)))))
 
 
-def _step(answer: SolvedGrid, number: int, seconds: float) -> Step:
+def _history_step(answer: SolvedGrid, number: int, seconds: float) -> Step:
     asked = {q.name for q in answer.solution.case.quantities if isinstance(q, DisplacementQuantity)}
     return Step(
         iteration=number,
@@ -310,7 +310,7 @@ def _step(answer: SolvedGrid, number: int, seconds: float) -> Step:
     )
 
 
-def still_missed(last: float, former: float, fastest: float) -> float:
+def remaining_error(last: float, former: float, fastest: float) -> float:
     """Return the estimated error of an answer, in units of its last change.
 
     It is the rest of a geometric series. Its ratio is that of the shares of energy gained by this change and by the one
@@ -322,14 +322,14 @@ def still_missed(last: float, former: float, fastest: float) -> float:
     return ratio / (1 - ratio)
 
 
-def _stated(answers: list[SolvedGrid], degree: int, steps: tuple[Step, ...]) -> SplineSolution:
+def _as_answer(answers: list[SolvedGrid], degree: int, steps: tuple[Step, ...]) -> SplineSolution:
     """Return the last answer with its history and uncertainty."""
     last, solution = answers[-1], answers[-1].solution
-    since = answers[-2].missed(last)
+    since = answers[-2].error_bounds(last)
     left = UNTOLD
     if len(answers) >= FEWEST:
-        former = answers[-3].missed(answers[-2])
-        left = min(UNTOLD, still_missed(since.energy, former.energy, 4 ** (1 - degree)))
+        former = answers[-3].error_bounds(answers[-2])
+        left = min(UNTOLD, remaining_error(since.energy, former.energy, 4 ** (1 - degree)))
     scales = {q.name: scale(solution, q, last.values[q.name], last.stored) for q in solution.case.quantities}
     uncertainty = uncertainties(since.times(left), last.gap, last.values, scales)
-    return replace(solution, history=steps, uncertainty=uncertainty, unsettled=unsettled(uncertainty, scales))
+    return replace(solution, history=steps, uncertainty=uncertainty, unsettled=why_unsettled(uncertainty, scales))

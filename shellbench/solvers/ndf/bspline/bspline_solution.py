@@ -77,7 +77,7 @@ class GridField:
 
     def _planes(self, points: Array, placement: Placement) -> Tensor:
         folded = self.part.fold(points)
-        numbers, jets = self.features.local(folded.points)
+        numbers, jets = self.features.nonzero_at(folded.points)
         free = np.einsum("pnk,ink->pni", jets[: placement.planes], self.output[:, numbers], optimize=True)
         matrix = self.on_part.factors.matrix(folded.points, placement)
         found = matrix_product(matrix, placement.tensor(free)[..., None])[..., 0]
@@ -124,7 +124,7 @@ class SplineSolution(ShellSolution):
         return self.coefficients.size
 
     @cached_property
-    def _answered(self) -> NdfSolution:
+    def _field_solution(self) -> NdfSolution:
         part = solved_part(self.case, self.symmetry)
         features = splines_of(part.case, self.rule, self.degree)
         field: Any = GridField(
@@ -144,11 +144,11 @@ class SplineSolution(ShellSolution):
 
     def displacement_at(self, xi: Array, at: float | None) -> Array:
         """Return the displacement (N, 3) at points (N, 2)."""
-        return self._answered.displacement_at(xi, at)
+        return self._field_solution.displacement_at(xi, at)
 
     def field_at(self, name: str, xi: Array, at: float | None) -> Array:
         """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""
-        return self._answered.field_at(name, xi, at)
+        return self._field_solution.field_at(name, xi, at)
 
     def energies(self, at: float | None = None) -> tuple[float, float]:
         """Return the membrane and the bending part of the strain energy of the whole shell, J."""
@@ -156,7 +156,7 @@ class SplineSolution(ShellSolution):
 
     def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell."""
-        return self._answered.pushed(number, centre, focal_points(self.case))
+        return self._field_solution.support_reaction(number, centre, focal_points(self.case))
 
     def kept(self) -> tuple[Words, Arrays]:
         """Return the data that `restored` needs of a file."""

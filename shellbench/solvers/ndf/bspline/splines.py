@@ -15,7 +15,7 @@ from torch import Tensor
 from shellbench.solvers.ndf.field.jets import PLANES, Array, Integers, Placement
 
 
-def raised(values: Array, x: Array, knots: Array, span: Integers) -> Array:
+def raise_degree(values: Array, x: Array, knots: Array, span: Integers) -> Array:
     """Return the splines (n, k + 1) of degree k that are not zero at x (n,), from those (n, k) of one degree less.
 
     The recurrence of Cox and de Boor (de Boor, A Practical Guide to Splines, 1978, chapter X).
@@ -30,7 +30,7 @@ def raised(values: Array, x: Array, knots: Array, span: Integers) -> Array:
     return found
 
 
-def raised_slopes(values: Array, knots: Array, span: Integers) -> Array:
+def raise_slopes(values: Array, knots: Array, span: Integers) -> Array:
     """Return the derivatives (n, k + 1) of splines of degree k, from splines (n, k) of one degree less; or of these.
 
     A derivative of splines of one degree less gives the next higher one.
@@ -80,7 +80,7 @@ class Line:
         beyond = ends[1 : self.degree + 1] + size if self.closed else np.full(self.degree, ends[-1])
         return np.concatenate([before, ends, beyond])
 
-    def local(self, x: Array) -> tuple[Integers, Array]:
+    def nonzero_at(self, x: Array) -> tuple[Integers, Array]:
         """Return the splines that are not zero at x (n,): numbers (n, k), and values and two derivatives (3, n, k)."""
         # Up to two of the steps from constants to degree p are derivatives, the last ones.
         knots, degree = self.knots, self.degree
@@ -90,7 +90,7 @@ class Line:
             values = np.ones((len(x), 1))
             for step in range(1, degree + 1):
                 slopes = step > degree - order
-                values = raised_slopes(values, knots, span) if slopes else raised(values, x, knots, span)
+                values = raise_slopes(values, knots, span) if slopes else raise_degree(values, x, knots, span)
             planes.append(values if order <= degree else np.zeros((len(x), degree + 1)))
         return (span[:, None] - degree + np.arange(degree + 1)) % self.count, np.stack(planes)
 
@@ -107,23 +107,24 @@ class Splines:
         """Number of features M."""
         return self.lines[0].count * self.lines[1].count
 
-    def local(self, points: Array) -> tuple[Integers, Array]:
+    def nonzero_at(self, points: Array) -> tuple[Integers, Array]:
         """Return the features that are not zero at points (N, 2): numbers (N, k) and jets (6, N, k)."""
-        (rows, first), (columns, second) = (line.local(points[:, axis]) for axis, line in enumerate(self.lines))
+        (rows, first), (columns, second) = (line.nonzero_at(points[:, axis]) for axis, line in enumerate(self.lines))
         numbers = rows[:, :, None] * self.lines[1].count + columns[:, None, :]
         jets = np.stack([first[i][:, :, None] * second[j][:, None, :] for i, j in PLANES])
         return numbers.reshape(len(points), -1), jets.reshape(len(PLANES), len(points), -1)
 
     def jets(self, points: Array) -> Tensor:
         """Return the jets (6, N, M) at points (N, 2)."""
-        return self._whole(points, len(PLANES))
+        return self._dense_jets(points, len(PLANES))
 
     def values(self, points: Array) -> Tensor:
         """Return the values (N, M) at points (N, 2)."""
-        return self._whole(points, 1)[0]
+        return self._dense_jets(points, 1)[0]
 
-    def _whole(self, points: Array, planes: int) -> Tensor:
-        numbers, jets = self.local(points)
+    def _dense_jets(self, points: Array, planes: int) -> Tensor:
+        """Return so many planes of the jets (planes, N, M) of all features, the zero ones included."""
+        numbers, jets = self.nonzero_at(points)
         whole = np.zeros((planes, len(points), self.count))
         np.put_along_axis(whole, np.broadcast_to(numbers, (planes, *numbers.shape)), jets[:planes], axis=2)
         return self.placement.tensor(whole)

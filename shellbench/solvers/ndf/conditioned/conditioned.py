@@ -28,7 +28,7 @@ from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.series.conditioned import ConditionedCase, Material
 from shellbench.problems.series.conditioned_answer import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer
 from shellbench.problems.series.quantities import Parameter, Value
-from shellbench.solvers.ndf.conditioned.reduced import Equations, Reduced, asked_row, of_fields_on
+from shellbench.solvers.ndf.conditioned.reduced import Equations, Reduced, asked_row, matrices_on_rule
 from shellbench.solvers.ndf.field.ansatz import Ansatz
 from shellbench.solvers.ndf.field.build import (
     build_ansatz,
@@ -42,12 +42,12 @@ from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.jets import Array, Placement
 from shellbench.solvers.ndf.field.quadrature import ROUNDING, area_rule
 from shellbench.solvers.ndf.field.supports import check_balance
-from shellbench.solvers.ndf.field.weights import described, network_of, network_tensors, write_described
+from shellbench.solvers.ndf.field.weights import network_of, network_tensors, read_described, write_described
 from shellbench.solvers.ndf.linear.refinement import SAFETY, SETTLED, first_level
 from shellbench.solvers.ndf.linear.ritz_field import field_spec
 from shellbench.solvers.ndf.linear.ritz_settings import ConditionedSettings, RitzSettings
 from shellbench.solvers.ndf.linear.solve import solve_part
-from shellbench.solvers.ndf.strains.energy import exploits
+from shellbench.solvers.ndf.strains.energy import why_exploited
 
 FORMAT = "ndf-conditioned, format 1"
 CANDIDATES = (9, 7)  # thicknesses and Poisson's ratios of the grid from which materials are chosen
@@ -153,9 +153,9 @@ class ConditionedField(ConditionedAnswer):
     @classmethod
     def load(cls, path: Path) -> ConditionedField:
         """Read a file of `save`; InputError in one sentence if it is no such file."""
-        with described(path, FORMAT, "conditioned field") as (words, tensors):
+        with read_described(path, FORMAT, "conditioned field") as (words, tensors):
             case = ConditionedCase.model_validate(words["case"])
-            spec, features = kept_features(case, words, tensors)
+            spec, features = read_features(case, words, tensors)
             energies = {name: tensors[name].numpy() for name in ("parts", "coarse", "load", "asked", "span")}
             return cls(
                 case=case,
@@ -168,7 +168,7 @@ class ConditionedField(ConditionedAnswer):
             )
 
 
-def kept_features(
+def read_features(
     case: ConditionedCase, words: Mapping[str, Any], tensors: Mapping[str, Tensor]
 ) -> tuple[FieldSpec, Features]:
     """Return the choices and the features of a file, from its header and tensors; raise if they do not fit."""
@@ -232,15 +232,15 @@ class _Build:
         equations = Equations.from_rule(self.ansatz, self.features, rule, self.chosen.rule, self.focal)
         usual = np.concatenate([
             np.arange(self.chosen.neurons),
-            self.features.network.width + np.nonzero(self.features.fixed.former())[0],
+            self.features.network.width + np.nonzero(self.features.fixed.coarser_mask())[0],
         ])  # fmt: skip
         everything = np.arange(self.features.count)
-        full, alone, steps = self._solved(equations, everything, usual)
+        full, alone, steps = self._solve_materials(equations, everything, usual)
         self.progress(Progress(len(full), None, "integrating the energy of the fields"))
         both = torch.stack([*full, *alone])
-        on_rule = equations.of_fields(both)
+        on_rule = equations.reduced_matrices(both)
         fine = area_rule(self.shell.surface.domain, self.focal, self.chosen.fine)
-        parts, loads = of_fields_on(self.ansatz, self.features, both, fine, self.chosen.fine, self.focal)
+        parts, loads = matrices_on_rule(self.ansatz, self.features, both, fine, self.chosen.fine, self.focal)
         asked = (both @ self.asked).numpy()
         n, middle = len(full), self.case.middle
         first, second = (
@@ -275,11 +275,11 @@ class _Build:
             rigid=rigid,
             reduced=first,
         )
-        if (reason := exploits(gap, self.settings.largest_gap)) is not None:
+        if (reason := why_exploited(gap, self.settings.largest_gap)) is not None:
             raise SolveFailure(reason, found)
         return found
 
-    def _solved(
+    def _solve_materials(
         self, equations: Equations, everything: Any, usual: Any
     ) -> tuple[list[Tensor], list[Tensor], list[Step]]:
         """Return output layers (3 M,) with the challengers and without them, at as many materials as are needed."""
@@ -295,14 +295,14 @@ class _Build:
                 alone.append(solve_part(self.ansatz, self.features, at, usual).weights)
             energy = -0.5 * float(at.load @ layer)
             steps.append(Step(number, time.perf_counter() - self.begin, energy, len(layer)))
-            if len(full) > LAST_FIELDS + 1 and self._moved(equations, full) <= self.settings.tolerance:
+            if len(full) > LAST_FIELDS + 1 and self._last_change(equations, full) <= self.settings.tolerance:
                 break
         return full, alone, steps
 
-    def _moved(self, equations: Equations, layers: Sequence[Tensor]) -> float:
+    def _last_change(self, equations: Equations, layers: Sequence[Tensor]) -> float:
         """Return the largest relative change of a candidate's displacement by the last fields."""
         stacked = torch.stack(list(layers))
-        parts, load = equations.of_fields(stacked), (stacked @ equations.load).numpy()
+        parts, load = equations.reduced_matrices(stacked), (stacked @ equations.load).numpy()
         now = Reduced.from_fields(parts, parts, load, (stacked @ self.asked).numpy(), self.case.middle)
         before = now.without_last(LAST_FIELDS, self.case.middle)
         return max(abs(before.value(m) / now.value(m) - 1) for m in candidates(self.case)[0])
@@ -344,12 +344,12 @@ def uncertainties(case: ConditionedCase, first: Reduced, second: Reduced) -> tup
         share = missed[quantity.material] + gaps[quantity.material] + ROUNDING
         value, challenged, alone = (quantity_of(one, material, quantity) for one in (first, like, second))
         scale = abs(value) if isinstance(quantity, Value) else 1.0
-        last = max(_changed(first, shorter, candidate, quantity) for candidate in among)
+        last = max(_difference(first, shorter, candidate, quantity) for candidate in among)
         found[quantity.name] = SAFETY * (max(abs(challenged - alone), share * scale) + last * scale)
     return found, max(gaps), max(missed)
 
 
-def _changed(one: Reduced, other: Reduced, material: Material, quantity: Any) -> float:
+def _difference(one: Reduced, other: Reduced, material: Material, quantity: Any) -> float:
     """Return the difference of two answers in a quantity at some material, relative if it is a displacement."""
     first, second = (quantity_of(each, material, quantity) for each in (one, other))
     return abs(first - second) / (abs(first) if isinstance(quantity, Value) else 1.0)

@@ -35,20 +35,20 @@ from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.series.conditioned import ConditionedCase, Material
 from shellbench.problems.series.conditioned_answer import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer
 from shellbench.problems.series.quantities import Parameter, Value
-from shellbench.solvers.ndf.conditioned.conditioned import ASKED_TIMES, kept_features
+from shellbench.solvers.ndf.conditioned.conditioned import ASKED_TIMES, read_features
 from shellbench.solvers.ndf.conditioned.plane_motion import PLANE, coordinates, features_of, plane_motion
 from shellbench.solvers.ndf.field.ansatz import Combined
 from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.field import Features
 from shellbench.solvers.ndf.field.jets import Array
 from shellbench.solvers.ndf.field.network import Network
-from shellbench.solvers.ndf.field.weights import HEADER, described, network_tensors, read_tensors, write_described
+from shellbench.solvers.ndf.field.weights import HEADER, network_tensors, read_described, read_tensors, write_described
 from shellbench.solvers.ndf.linear.refinement import SETTLED
 from shellbench.solvers.ndf.linear.ritz_settings import ConditionedSettings
 from shellbench.solvers.ndf.motion.motion import degree_of
 from shellbench.solvers.ndf.motion.motion_problem import Motion
-from shellbench.solvers.ndf.strains.energy import exploits
-from shellbench.solvers.ndf.strains.smooth import finer, widest
+from shellbench.solvers.ndf.strains.energy import why_exploited
+from shellbench.solvers.ndf.strains.smooth import finer, width_for
 
 FORMAT = "ndf-conditioned in motion, format 2"
 DEGREE, FEWER = 13, 3  # of the features along a side; and the difference to the lower degree that estimates the error
@@ -85,7 +85,7 @@ class Polynomials:
             values = np.moveaxis(np.tensordot(np.linalg.inv(matrix), values, (1, axis)), 0, axis)
         return values
 
-    def evaluated(
+    def evaluate(
         self, coefficients: Array, at: float, place: tuple[float, float], order: tuple[int, int, int] = (0, 0, 0)
     ) -> Array:
         """Return the sum (...) of coefficients (times, n, m, ...) at a time and material, or a derivative."""
@@ -95,7 +95,7 @@ class Polynomials:
             coefficients = np.tensordot(rows, coefficients, 1)
         return coefficients
 
-    def told(self, asked: Array, at: float, material: Material, by: Parameter | None) -> float:
+    def asked_value(self, asked: Array, at: float, material: Material, by: Parameter | None) -> float:
         """Return the asked value of coefficients (times, n, m), or the derivative of its logarithm by a parameter.
 
         Raises
@@ -104,13 +104,13 @@ class Polynomials:
             If the value is zero up to rounding, and a derivative is asked.
         """
         place = coordinates(material)
-        value = float(self.evaluated(asked, at, place))
+        value = float(self.evaluate(asked, at, place))
         if by is None:
             return value
         if abs(value) <= ROUNDING_OF_SUMS * float(np.abs(asked).sum()):
             raise InputError(f"at {at:g} s the displacement is zero: its logarithm has no derivative")
         order = (0, 0, 1) if by == "poissons_ratio" else (0, 1, 0)
-        return float(self.evaluated(asked, at, place, order)) / value
+        return float(self.evaluate(asked, at, place, order)) / value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,8 +136,9 @@ class ConditionedMotion(ConditionedAnswer):
         return Polynomials.of_case(self.case)
 
     @cached_property
-    def _asked(self) -> Array:
-        return asked_of(self.case, self.features, self.coefficients.numpy())
+    def _values(self) -> Array:
+        """The asked displacement's coefficients."""
+        return asked_values(self.case, self.features, self.coefficients.numpy())
 
     @property
     def _network(self) -> Network:
@@ -168,7 +169,7 @@ class ConditionedMotion(ConditionedAnswer):
         place, moment = coordinates(self.case.chosen_material(material)), self._time(at)
         flat = np.asarray(points, dtype=float).reshape(-1, 2)
         found = np.zeros((len(flat), 3))
-        weights = self._polynomials.evaluated(self.coefficients.numpy(), moment, place)
+        weights = self._polynomials.evaluate(self.coefficients.numpy(), moment, place)
         found[:, :PLANE] = self.features.values(flat).numpy() @ weights.T
         return found.reshape(*np.shape(points)[:-1], 3)
 
@@ -180,11 +181,11 @@ class ConditionedMotion(ConditionedAnswer):
 
     def asked(self, material: Material | Mapping[str, float], at: float | None = None) -> float:
         """Return the asked displacement, m, at any material and time, the end if None; InputError beyond them."""
-        return self._polynomials.told(self._asked, self._time(at), self.case.chosen_material(material), None)
+        return self._polynomials.asked_value(self._values, self._time(at), self.case.chosen_material(material), None)
 
     def derivative(self, material: Material | Mapping[str, float], by: Parameter, at: float | None = None) -> float:
         """Return the derivative of its logarithm by log h, log E or nu; InputError beyond the ranges and at rest."""
-        return self._polynomials.told(self._asked, self._time(at), self.case.chosen_material(material), by)
+        return self._polynomials.asked_value(self._values, self._time(at), self.case.chosen_material(material), by)
 
     def value(self, number: int) -> float:
         """Return the asked displacement, m, at a held-out material."""
@@ -213,9 +214,9 @@ class ConditionedMotion(ConditionedAnswer):
     @classmethod
     def load(cls, path: Path) -> ConditionedMotion:
         """Read a file of `save`; InputError in one sentence if it is no such file."""
-        with described(path, FORMAT, "conditioned field") as (words, tensors):
+        with read_described(path, FORMAT, "conditioned field") as (words, tensors):
             case = ConditionedCase.model_validate(words["case"])
-            spec, features = kept_features(case, words, tensors)
+            spec, features = read_features(case, words, tensors)
             combined, kept = Combined(features, tensors["combine"]), tensors["coefficients"]
             if kept.ndim != 5 or kept.shape[3:] != (PLANE, combined.count) or features.count != len(combined.combine):
                 raise ValueError("its tensors do not fit each other")
@@ -228,7 +229,7 @@ def is_motion(path: Path) -> bool:
     return FORMAT in read_tensors(path)[0].get(HEADER, "")
 
 
-def asked_of(case: ConditionedCase, features: Combined, weights: Array) -> Array:
+def asked_values(case: ConditionedCase, features: Combined, weights: Array) -> Array:
     """Return the asked displacement (...), m, of output weights (..., 2, r)."""
     shell = case.shell_of(case.middle)
     points = np.array([shell.points[name] for name in case.asked.points])
@@ -257,7 +258,7 @@ def solve(case: ConditionedCase, settings: ConditionedSettings, progress: Progre
             raise InputError(f"{case.name}: a motion has no use for the setting '{name}'")
     degree = degree_of(shell, settings.neurons) if settings.neurons else DEGREE
     if degree <= FEWER:  # nothing is left to compare with
-        fewest = widest(shell, FEWER + 1)
+        fewest = width_for(shell, FEWER + 1)
         raise InputError(f"field 'neurons': found {settings.neurons}, but a motion needs {fewest} or more")
     polynomials = Polynomials.of_case(case)
     times, stiffnesses, ratios = (polynomials.points(axis, count) for axis, count in enumerate(COUNTS))
@@ -282,13 +283,13 @@ def solve(case: ConditionedCase, settings: ConditionedSettings, progress: Progre
         field = ConditionedMotion(
             case=case, spec=motion.spec, features=features, coefficients=torch.as_tensor(coefficients)
         )
-        return asked_of(case, features, coefficients), field, gap
+        return asked_values(case, features, coefficients), field, gap
 
     with torch.no_grad():
         asked, found, gap = built(degree)
         coarse, _, _ = built(degree - FEWER)
     told: tuple[Parameter | None, ...] = (None, *get_args(Parameter))
-    shares = {by: doubt(polynomials, (asked, coarse), case.materials, by) for by in told}
+    shares = {by: relative_uncertainty(polynomials, (asked, coarse), case.materials, by) for by in told}
     uncertainty = {}
     for quantity in case.quantities:
         by = None if isinstance(quantity, Value) else quantity.by
@@ -310,7 +311,7 @@ def solve(case: ConditionedCase, settings: ConditionedSettings, progress: Progre
             "independent_features": found.features.count,
         },
     )
-    if (reason := exploits(gap, settings.largest_gap)) is not None:
+    if (reason := why_exploited(gap, settings.largest_gap)) is not None:
         raise SolveFailure(reason, found)
     return found
 
@@ -324,7 +325,7 @@ def why_unsettled(shares: Mapping[Parameter | None, float]) -> str | None:
     return None
 
 
-def doubt(
+def relative_uncertainty(
     polynomials: Polynomials, both: tuple[Array, Array], materials: tuple[Material, ...], by: Parameter | None
 ) -> float:
     """Return the uncertainty at the end, relative for values. `both` are the results of more and fewer features."""
@@ -336,8 +337,8 @@ def doubt(
         shorter.append(np.moveaxis(cut, 0, axis))
     until, largest = float(polynomials.upper[0]), 0.0
     for material in materials:
-        told = polynomials.told(asked, until, material, by)
-        apart = sum(abs(told - polynomials.told(other, until, material, by)) for other in (coarse, *shorter))
+        told = polynomials.asked_value(asked, until, material, by)
+        apart = sum(abs(told - polynomials.asked_value(other, until, material, by)) for other in (coarse, *shorter))
         share = apart / abs(told) if told != 0 else np.inf
         largest = max(largest, share if by is None else apart)
     return largest

@@ -24,10 +24,10 @@ from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.linear.ritz_field import field_spec
 from shellbench.solvers.ndf.linear.ritz_settings import ConditionedSettings, RitzSettings
 from shellbench.solvers.ndf.motion.integration import ATOL, RTOL
-from shellbench.solvers.ndf.motion.motion import MotionLevel, degree_of, prepared
+from shellbench.solvers.ndf.motion.motion import MotionLevel, degree_of, prepare_motion
 from shellbench.solvers.ndf.motion.motion_problem import Motion
 from shellbench.solvers.ndf.strains.sampled import Sampled
-from shellbench.solvers.ndf.strains.smooth import POINTS_A_DEGREE, scales, widest
+from shellbench.solvers.ndf.strains.smooth import POINTS_A_DEGREE, scales, width_for
 
 PLANE = 2  # components of the motion
 
@@ -87,7 +87,7 @@ class PlaneMotion:
     def of_features(cls, motion: Motion, features: Combined, sampled: Sampled) -> PlaneMotion:
         """Tabulate features at the sample points."""
         case, jets = motion.case, sampled.jets
-        share = motion.share.numpy()
+        share = motion.areas.numpy()
         values = jets[:, VALUE].numpy()
         stiffness = case.spring_stiffness(sampled.points) * share[:, None]
         force = np.zeros((PLANE, features.count))
@@ -170,13 +170,13 @@ def features_of(shell: Case, degree: int, settings: ConditionedSettings) -> tupl
     placement, inputs = Placement(), build_inputs(shell, spec)
     spread = placement.tensor(scales(shell, inputs, degree))
     width = settings.neurons if settings.neurons and degree == degree_of(shell, settings.neurons) else None
-    network = random_features(spread, width or widest(shell, degree), settings.seed, spec.activation)
+    network = random_features(spread, width or width_for(shell, degree), settings.seed, spec.activation)
     features = build_features(shell, spec, network, placement, inputs)
-    motion = prepared(shell, spec, MotionLevel(degree, features), POINTS_A_DEGREE)
+    motion = prepare_motion(shell, spec, MotionLevel(degree, features), POINTS_A_DEGREE)
     # The prepared features are orthonormal in all three components, of which one is held.
     values = motion.sampled.jets[:, VALUE]
     assert isinstance(motion.features, Combined)  # features of a network are combined
-    root = torch.linalg.cholesky(values.T @ (motion.share[:, None] * values))
+    root = torch.linalg.cholesky(values.T @ (motion.areas[:, None] * values))
     combine = torch.linalg.solve_triangular(root, motion.features.combine.T, upper=False).T
     return motion, Combined(motion.features.features, combine)
 

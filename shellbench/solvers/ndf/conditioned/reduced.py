@@ -31,18 +31,18 @@ from shellbench.problems.shell.posed.rigid import free_motions
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.solvers.ndf.field.ansatz import DEPENDENT, Ansatz
 from shellbench.solvers.ndf.field.field import Features
-from shellbench.solvers.ndf.field.geometry import apply_rows, elasticity_tensor, geometry, strain_rows, through_matrix
+from shellbench.solvers.ndf.field.geometry import apply_rows, elasticity_tensor, geometry, pull_back_rows, strain_rows
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec
-from shellbench.solvers.ndf.field.supports import asked_points
+from shellbench.solvers.ndf.field.supports import quantity_points
 from shellbench.solvers.ndf.strains.energy import (
     NormalEquations,
     Table,
     add_gram,
     concentrated,
-    mirrored,
     strain_matrix,
     surface_area,
+    symmetric,
     tabulate,
     value_vector,
 )
@@ -114,7 +114,7 @@ class Reduced:
         """Return the c (n,) of least energy."""
         return np.asarray(self.span @ np.linalg.solve(self._matrix(stiffnesses(material)), self.span.T @ self.load))
 
-    def rates(self, material: Material, by: Parameter) -> Array:
+    def coefficient_rates(self, material: Material, by: Parameter) -> Array:
         """Return the derivative of c (n,) by the material: K c' = -K' c."""
         change = np.tensordot(stiffness_rates(material, by), self.parts, 1) @ self.coefficients(material)
         return np.asarray(-self.span @ np.linalg.solve(self._matrix(stiffnesses(material)), self.span.T @ change))
@@ -125,7 +125,7 @@ class Reduced:
 
     def sensitivity(self, material: Material, by: Parameter) -> float:
         """Return the derivative of its logarithm."""
-        return float(self.asked @ self.rates(material, by)) / self.value(material)
+        return float(self.asked @ self.coefficient_rates(material, by)) / self.value(material)
 
     def energy(self, material: Material) -> float:
         """Return the least potential energy, J: minus half the work of the loads."""
@@ -165,14 +165,14 @@ class Equations:
         forces = concentrated(ansatz, spec, focal, features.placement)
         if len(forces.points):
             load += value_vector(forces.force, features.values(forces.points))
-        return cls(torch.stack([mirrored(part) for part in parts]), load, anchor)
+        return cls(torch.stack([symmetric(part) for part in parts]), load, anchor)
 
     def at(self, material: Material) -> NormalEquations:
         """Return the equations of a material."""
         factors = torch.as_tensor(stiffnesses(material)).to(self.parts)
         return NormalEquations(torch.tensordot(factors, self.parts, 1), self.load, self.anchor, 0.0)
 
-    def of_fields(self, layers: Tensor) -> Array:
+    def reduced_matrices(self, layers: Tensor) -> Array:
         """Return the four matrices (4, n, n) of fields with output layers (n, 3 M)."""
         found = np.stack([(layers @ (part @ layers.T)).cpu().numpy() for part in self.parts])
         return np.asarray((found + found.swapaxes(1, 2)) / 2)
@@ -192,7 +192,7 @@ def part_rows(ansatz: Ansatz, points: Array, weights: Array, placement: Placemen
         flat = strains[:, kind].reshape(len(points), 3, 18)
         for root in (trace, rest):
             rows = (root @ flat * share[:, None, None]).view(len(points), -1, 3, 6)
-            found.append(through_matrix(rows, matrix))
+            found.append(pull_back_rows(rows, matrix))
     return tuple(found)
 
 
@@ -206,7 +206,7 @@ def _split_tables(
         yield batch.points, table, part_rows(ansatz, batch.points, batch.weights, placement)
 
 
-def of_fields_on(
+def matrices_on_rule(
     ansatz: Ansatz, features: Features, layers: Tensor, rule: Rule, spec: RuleSpec, focal: Array
 ) -> tuple[Array, Array]:
     """Return the four matrices (4, n, n) of fields with output layers (n, 3 M) on a rule, and the loads' works (n,).
@@ -234,7 +234,7 @@ def asked_row(ansatz: Ansatz, features: Features) -> Tensor:
     case = ansatz.case
     quantity = case.quantity(ASKED)
     assert isinstance(quantity, DisplacementQuantity)
-    points, directions = asked_points(case, quantity)
+    points, directions = quantity_points(case, quantity)
     wanted = features.placement.tensor(directions / len(points))
     matrix = ansatz.factors.matrix(points, features.placement)[VALUE]
     along = (matrix.mT @ wanted[..., None])[..., 0]

@@ -136,7 +136,7 @@ class Combined:
         return self.features.values(points) @ self.combine
 
 
-def independent(stiffness: Tensor) -> Tensor:
+def independent_combinations(stiffness: Tensor) -> Tensor:
     """Return combinations (n, r) whose stiffness is the identity, from a positive semidefinite matrix (n, n).
 
     Raises

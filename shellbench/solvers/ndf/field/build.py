@@ -19,17 +19,17 @@ from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.corners import CornerPowers
 from shellbench.solvers.ndf.field.factors import (
     BoundaryFactors,
+    EdgeRotations,
     Lift,
     MirroredFactors,
     NoFactors,
     NoLift,
     TurnedFactors,
-    Turning,
-    turns,
+    turns_clamps,
 )
 from shellbench.solvers.ndf.field.field import Features, FixedFeatures
 from shellbench.solvers.ndf.field.geometry import LINE, side_lengths
-from shellbench.solvers.ndf.field.inputs import Inputs, edge_layers, foci, seams, strongest_curvature
+from shellbench.solvers.ndf.field.inputs import Inputs, edge_layers, foci, seam_mirrors, strongest_curvature
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.lines import TOGETHER, Creases, Hinges, hinges_of
 from shellbench.solvers.ndf.field.mirrors import Mirrors, mirrors_of, samples
@@ -37,13 +37,13 @@ from shellbench.solvers.ndf.field.network import Network
 from shellbench.solvers.ndf.field.quadrature import ROUNDING, RuleSpec
 
 
-def built_in(case: Case, spec: FieldSpec) -> Mirrors | None:
+def field_mirrors(case: Case, spec: FieldSpec) -> Mirrors | None:
     """Return the planes of symmetry to build into a field; None if there are none, or if the choices exclude them.
 
     Only planes about which the boundary matrix is its own image are built in.
     """
     plain = spec.supports == "hard" and spec.components == "cartesian" and spec.periodic_input == "both"
-    if not spec.mirrors or not plain or turns(case):
+    if not spec.mirrors or not plain or turns_clamps(case):
         return None
     found, factors = mirrors_of(case), BoundaryFactors(case, slopes=spec.slopes)
 
@@ -65,19 +65,19 @@ def build_inputs(case: Case, spec: FieldSpec) -> Inputs:
     edges = edge_layers(case, flat=spec.detail > 0) if asked else None
     near = around if spec.stretched else ()
     hinged = tuple((hinge.axis, hinge.at) for hinge in (hinges_of(case) if spec.detail else ()))
-    return Inputs.from_case(case, spec.periodic_input, near, edges, spec.slopes, built_in(case, spec), hinged)
+    return Inputs.from_case(case, spec.periodic_input, near, edges, spec.slopes, field_mirrors(case, spec), hinged)
 
 
 def build_features(case: Case, spec: FieldSpec, network: Network, placement: Placement, inputs: Inputs) -> Features:
     """Return the features of which the field is a linear combination."""
     # Other components, and soft supports, would need other powers.
-    exact = spec.supports == "hard" and spec.components == "cartesian" and not turns(case)
+    exact = spec.supports == "hard" and spec.components == "cartesian" and not turns_clamps(case)
     corners = CornerPowers.from_case(case, spec.detail) if exact and spec.detail else None
     creases = Creases(case.surface.domain, spec.creases) if spec.creases else None
     found = hinges_of(case) if spec.detail else ()
     hinges = Hinges(case, found) if found else None
     around = foci(case, spec.layer)
-    mirrors, closed = built_in(case, spec), seams(case.surface.domain, spec.periodic_input)
+    mirrors, closed = field_mirrors(case, spec), seam_mirrors(case.surface.domain, spec.periodic_input)
     fixed = FixedFeatures.from_case(
         case, around, spec.multipliers, closed, corners, spec.slopes, creases, mirrors, hinges
     )
@@ -91,10 +91,10 @@ def build_ansatz(case: Case, spec: FieldSpec) -> Ansatz:
     if spec.vanishing:
         return Ansatz(case, NoFactors(case), NoLift(), spec.t)
     factors = BoundaryFactors(case, spec.components == "covariant", spec.slopes)
-    if turns(case):
-        turning = Turning(case, spec.t)
+    if turns_clamps(case):
+        turning = EdgeRotations(case, spec.t)
         return Ansatz(case, TurnedFactors(factors, turning), turning, spec.t)
-    mirrors = built_in(case, spec)
+    mirrors = field_mirrors(case, spec)
     held = factors if mirrors is None else MirroredFactors(factors, mirrors)
     return Ansatz(case, held, Lift(case, spec.t), spec.t, slopes=spec.slopes, mirrors=mirrors)
 

@@ -109,14 +109,14 @@ class CornerPowers:
         """Number of features."""
         return len(self.corners) * len(self.exponents) * (1 + 2 * self.harmonics)
 
-    def former(self) -> Array:
+    def coarser_mask(self) -> Array:
         """Return (count,): True for features that also exist with one detail less."""
         detail = EXPONENTS.index(self.exponents) - 1 if self.exponents else 0
         powers = np.arange(len(self.exponents)) < len(EXPONENTS[detail])
         turns = np.arange(1 + 2 * self.harmonics) < 1 + 2 * HARMONICS[detail]
         return np.tile(np.outer(powers, turns).ravel(), len(self.corners))
 
-    def allowed(self) -> Array:
+    def component_mask(self) -> Array:
         """Return (3, count): True if a component of F has a feature."""
         each = len(self.exponents) * (1 + 2 * self.harmonics)
         return np.repeat(np.array([c.components for c in self.corners], dtype=bool).reshape(-1, 3).T, each, axis=1)

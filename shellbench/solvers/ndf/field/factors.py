@@ -208,19 +208,20 @@ class Lift:
         return x, y, z
 
     @cached_property
-    def _whole(self) -> tuple[Support, Whole] | None:
+    def _whole_support(self) -> tuple[Support, Whole] | None:
+        """The first support that moves the whole surface, with its place."""
         found = [(s, place) for s, place in self.case.supported_places() if isinstance(place, Whole) and s.motion]
         return found[0] if found else None
 
     @property
     def moves(self) -> bool:
         """True if any edge is moved."""
-        return self._whole is not None or any(support.motion for edges in self._edges for _, support in edges)
+        return self._whole_support is not None or any(support.motion for edges in self._edges for _, support in edges)
 
     def jet(self, points: Array, placement: Placement) -> Tensor:
         """Return the jet (6, N, 3) of the lift at points (N, 2)."""
-        if self._whole is not None:
-            return from_derivatives(self.case.motion(*self._whole, points, self.t, 2), placement)
+        if self._whole_support is not None:
+            return from_derivatives(self.case.motion(*self._whole_support, points, self.t, 2), placement)
         zero = constant(placement.tensor(np.zeros(len(points))))
         columns = [
             self._component(c, edges, points, placement) if any(s.motion for _, s in edges) else zero
@@ -234,10 +235,10 @@ class Lift:
             return self._motion(*edges[0], points, placement)[..., c]
         sides = [[(e, s) for e, s in edges if e.axis == axis] for axis in (0, 1)]
         if not (sides[0] and sides[1]):
-            return self._across(c, sides[0] or sides[1], points, placement)
-        first = self._across(c, sides[0], points, placement, frozen=True)
+            return self._blend(c, sides[0] or sides[1], points, placement)
+        first = self._blend(c, sides[0], points, placement, frozen=True)
         for edge, support in sides[1]:
-            motion = self._frozen(edge, support, points, placement)[..., c]
+            motion = self._edge_motion(edge, support, points, placement)[..., c]
             for other, _ in sides[0]:  # contribution of the other pair of edges
                 corner = other.project(self.case.surface.domain, edge.project(self.case.surface.domain, points))
                 value = self._motion(edge, support, corner, placement)[VALUE, :, c]
@@ -247,10 +248,11 @@ class Lift:
             first = first + product(weight, motion)
         return first
 
-    def _across(self, c: int, edges: Moved, points: Array, placement: Placement, frozen: bool = False) -> Tensor:
+    def _blend(self, c: int, edges: Moved, points: Array, placement: Placement, frozen: bool = False) -> Tensor:
+        """Return the jet (6, N) of a component: the motions of these edges, weighted across the shell."""
         total = constant(placement.tensor(np.zeros(len(points))))
         for edge, support in edges:
-            motion = (self._frozen if frozen else self._motion)(edge, support, points, placement)
+            motion = (self._edge_motion if frozen else self._motion)(edge, support, points, placement)
             weight = edge_weight(self.case, edge, len(edges) == 1, points, placement)
             total = total + product(weight, motion[..., c])
         return total
@@ -258,7 +260,7 @@ class Lift:
     def _motion(self, edge: Edge, support: Support, points: Array, placement: Placement) -> Tensor:
         return from_derivatives(self.case.motion(support, edge, points, self.t, 2), placement)
 
-    def _frozen(self, edge: Edge, support: Support, points: Array, placement: Placement) -> Tensor:
+    def _edge_motion(self, edge: Edge, support: Support, points: Array, placement: Placement) -> Tensor:
         """Return the motion on the edge itself, constant along the other coordinate."""
         jet = self._motion(edge, support, edge.project(self.case.surface.domain, points), placement)
         across = [plane for plane, orders in enumerate(PLANES) if orders[edge.axis]]
@@ -266,14 +268,14 @@ class Lift:
         return jet
 
 
-def turns(case: Case) -> bool:
+def turns_clamps(case: Case) -> bool:
     """Return True if a clamped edge turns by a finite angle."""
     return not case.linear and any(s.clamped and isinstance(s.motion, Rotation) for s in case.supports)
 
 
 def why_not_turned(case: Case) -> str | None:
     """Return the reason that clamped edges of a case can't be turned by finite angles, as one clause, or None."""
-    if not turns(case):
+    if not turns_clamps(case):
         return None
     name = next(s.name for s in case.supports if s.clamped and isinstance(s.motion, Rotation))
     turn = f"it can't turn the clamped support '{name}' by finite angles"
@@ -295,7 +297,7 @@ def why_not_turned(case: Case) -> str | None:
 
 
 @dataclass(frozen=True)
-class Turning:
+class EdgeRotations:
     """The rigid motions of a case's supported edges at load factor t, as a lift and as the field's axes."""
 
     case: Case
@@ -356,7 +358,7 @@ class MirroredFactors:
 
     def matrix(self, points: Array, placement: Placement) -> Tensor:
         """Return the jet (6, N, 3, 3) of M O at points (N, 2)."""
-        return product(self.factors.matrix(points, placement), self.mirrors.odd(points, placement)[..., None, :])
+        return product(self.factors.matrix(points, placement), self.mirrors.odd_jets(points, placement)[..., None, :])
 
 
 @dataclass(frozen=True)
@@ -364,7 +366,7 @@ class TurnedFactors:
     """Boundary factors on axes that turn with the supported edges: the matrix Q M."""
 
     factors: Factors
-    turning: Turning
+    turning: EdgeRotations
 
     def matrix(self, points: Array, placement: Placement) -> Tensor:
         """Return the jet (6, N, 3, 3) of Q M at points (N, 2)."""

@@ -125,18 +125,18 @@ class FixedFeatures:
         """Number of features."""
         return len(self.kept)
 
-    def former(self) -> Array:
+    def coarser_mask(self) -> Array:
         """Return (count,): True for features that exist with one detail less: all but new powers about corners."""
         first = np.ones(1 + self.multipliers * len(self.foci), dtype=bool)
-        powers = [self.corners.former()] if self.corners else []
+        powers = [self.corners.coarser_mask()] if self.corners else []
         cut = [np.ones(self.creases.count, dtype=bool)] if self.creases else []
-        cut += [self.hinges.former()] if self.hinges else []
+        cut += [self.hinges.coarser_mask()] if self.hinges else []
         return np.asarray(np.concatenate([first, *powers, *cut])[list(self.kept)])
 
-    def allowed(self) -> Array:
+    def component_mask(self) -> Array:
         """Return (3, count): True if a component of F has a feature."""
         first = np.ones((3, 1 + self.multipliers * len(self.foci)), dtype=bool)
-        powers = [self.corners.allowed()] if self.corners else []
+        powers = [self.corners.component_mask()] if self.corners else []
         cut = [np.ones((3, part.count), dtype=bool) for part in (self.creases, self.hinges) if part]
         everything = np.concatenate([first, *powers, *cut], axis=1)
         return np.asarray(everything[:, list(self.kept)])
@@ -172,7 +172,7 @@ class FixedFeatures:
             return from_derivatives(self.case.surface.derivatives(points, placement.order), placement)
 
         for focus in self.foci:
-            yield self.multipliers, partial(self._around, focus, position, placement)
+            yield self.multipliers, partial(self._focus_jets, focus, position, placement)
         # With planes of symmetry most corners are images of one corner, whose features represent all.
         alone = [replace(self.corners, corners=(c,)) for c in self.corners.corners] if self.corners else []
         powers = alone if self.mirrors else [self.corners]
@@ -180,7 +180,8 @@ class FixedFeatures:
             if part:
                 yield part.count, partial(part.columns, points, placement)
 
-    def _around(self, focus: Focus, position: Callable[[], Tensor], placement: Placement) -> list[Tensor]:
+    def _focus_jets(self, focus: Focus, position: Callable[[], Tensor], placement: Placement) -> list[Tensor]:
+        """Return the jets (6, N) of r^2 log r^2 about a focus, and of its products with t1, t2, r^2, ..."""
         x = position()
         chord = (x - constant(placement.tensor(focus.position).expand(x.shape[1:]), len(x))) / focus.reach
         first, second = (chord @ placement.tensor(focus.tangents).T).unbind(-1)
@@ -209,14 +210,14 @@ class Features:
         """Number of features M."""
         return self.network.width + self.fixed.count + (self.beside.count if self.beside else 0)
 
-    def allowed(self) -> Array:
+    def component_mask(self) -> Array:
         """Return (3, M): True if a component of F has a feature."""
-        parts = [np.ones((3, self.network.width), dtype=bool), self.fixed.allowed()]
-        return np.concatenate([*parts, *([self.beside.allowed()] if self.beside else [])], axis=1)
+        parts = [np.ones((3, self.network.width), dtype=bool), self.fixed.component_mask()]
+        return np.concatenate([*parts, *([self.beside.component_mask()] if self.beside else [])], axis=1)
 
     def pairs(self, part: Integers) -> Array:
         """Return the numbers of the (component, feature) pairs (3 M,) to solve for, of features with these numbers."""
-        allowed = self.allowed()
+        allowed = self.component_mask()
         return np.concatenate([part[allowed[c, part]] + c * self.count for c in range(3)])
 
     def jets(self, points: Array) -> Tensor:
@@ -262,7 +263,7 @@ class Field:
         if mirrors is None:
             free = self.features.values(points) @ self.output.T
         else:
-            folded, number = mirrors.folded(points)
+            folded, number = mirrors.fold_onto_part(points)
             free = (self.features.values(folded) @ self.output.T)[number]
         u = (self.ansatz.factors.matrix(points, placement.of_values)[VALUE] @ free[..., None])[..., 0]
         u = u + self.ansatz.lift.jet(points, placement)[VALUE]

@@ -164,7 +164,7 @@ def energy_rows(geometry: Geometry, poissons_ratios: tuple[float, float], rigidi
     return torch.cat([membrane, bending], dim=1).view(count, 6, 3, 6)
 
 
-def through_matrix(rows: Tensor, matrix: Tensor) -> Tensor:
+def pull_back_rows(rows: Tensor, matrix: Tensor) -> Tensor:
     """Rewrite rows (N, r, 3, 6) on the jet of M F as rows on the jet of F, M a jet (6, N, 3, 3).
 
     The product rule, transposed: sum over planes of M's and F's contributions.

@@ -230,7 +230,7 @@ class Inputs:
             candidates = replace(candidates, mirrors=mirrors, squared=squared, averaged=averaged)
         values = candidates.values
         columns = values(domain.grid(INPUT_SAMPLES, INPUT_SAMPLES).reshape(-1, 2))
-        usable = (seams(domain, periodic).parity(values) == 1).all(0).tolist()
+        usable = (seam_mirrors(domain, periodic).parity(values) == 1).all(0).tolist()
         return replace(candidates, kept=independent_columns(columns, usable))
 
     def values(self, points: Array) -> Tensor:
@@ -370,7 +370,7 @@ def _stretched(distance: Tensor, reach: float, widest: float = math.inf) -> Tens
     return compose((torch.asinh(v) / extent, 1 / (root * extent), -v / (root**3 * extent)), distance)
 
 
-def seams(domain: Domain, periodic: PeriodicInput) -> Mirrors:
+def seam_mirrors(domain: Domain, periodic: PeriodicInput) -> Mirrors:
     """Return the lines about which all features must be even, because the field is even about a seam."""
     closed = [axis for axis in (0, 1) if domain.periodic[axis] and periodic == "cosine"]
     return Mirrors(domain, tuple(Mirror(axis, domain.lower[axis], normal=axis) for axis in closed))

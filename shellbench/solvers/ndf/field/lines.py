@@ -208,10 +208,10 @@ class Hinges:
     @property
     def count(self) -> int:
         """Number of features."""
-        return len(self.former())
+        return len(self.coarser_mask())
 
-    def former(self) -> Mask:
-        """Return (count,): True for features from the middle of their line; the others challenge these."""
+    def coarser_mask(self) -> Mask:
+        """Return (count,): True for features about the middle of their line; the others estimate the error."""
         each = [
             np.full(len(hinge.profiles) * math.prod(HINGE_POLYNOMIALS), hinge.across == MIDDLE) for hinge in self.hinges
         ]

@@ -104,7 +104,7 @@ class Mirrors:
             columns |= zip(alike, each.mean(1).unbind(-1), strict=True)
         return torch.stack([columns[k] for k in range(len(about))], dim=-1)
 
-    def folded(self, points: Array) -> tuple[Array, NDArray[np.intp]]:
+    def fold_onto_part(self, points: Array) -> tuple[Array, NDArray[np.intp]]:
         """Return points (n, 2) of one part, and the numbers (N,) of those whose images the points (N, 2) are."""
         here = np.array(points, dtype=float)
         for mirror in self.each:
@@ -116,7 +116,7 @@ class Mirrors:
         _, chosen, number = np.unique(first + 1j * second, return_index=True, return_inverse=True)
         return here[chosen], number
 
-    def odd(self, points: Array, placement: Placement) -> Tensor:
+    def odd_jets(self, points: Array, placement: Placement) -> Tensor:
         """Return the jets (6, N, 3) of functions with each component's parity about its plane, even about others."""
         columns = [constant(placement.tensor(np.ones(len(points))), placement.planes)] * 3
         for mirror in self.each:

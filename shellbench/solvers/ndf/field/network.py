@@ -70,7 +70,7 @@ class Network:
         """Number of weights and biases."""
         return sum(t.numel() for t in (*self.weights, *self.biases))
 
-    def narrowed(self, width: int) -> Network:
+    def first_features(self, width: int) -> Network:
         """Return the network with the first `width` features only."""
         return replace(
             self,

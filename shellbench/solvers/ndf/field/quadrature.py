@@ -161,7 +161,7 @@ def area_rule(domain: Domain, focal: Array, spec: RuleSpec) -> Rule:
     lines = replace(spec, cuts=0) if spec.point_cuts else spec
     ends = [ends_of(domain, focal, lines, axis) for axis in (0, 1)]
     (x1, w1), (x2, w2) = (line_rule(along, spec.order) for along in ends)
-    points, weights = _tensor(x1, w1, x2, w2)
+    points, weights = _tensor_product(x1, w1, x2, w2)
     inner = np.ones((len(x1), len(x2)), dtype=bool)
     rules = []
     for (i, first), (j, second), cuts in _cut_cells(domain, focal, spec, ends):
@@ -196,12 +196,12 @@ def _cut_cells(domain: Domain, focal: Array, spec: RuleSpec, ends: Sequence[Arra
             for second in ((0, False), (last[1], True)):
                 yield first, second, spec.corner_cuts
     for point in focal if spec.point_cuts else ():
-        for first in _beside(ends[0], float(point[0]), domain.periodic[0]):
-            for second in _beside(ends[1], float(point[1]), domain.periodic[1]):
+        for first in _panels_at(ends[0], float(point[0]), domain.periodic[0]):
+            for second in _panels_at(ends[1], float(point[1]), domain.periodic[1]):
                 yield first, second, spec.point_cuts
 
 
-def _beside(ends: Array, at: float, periodic: bool) -> list[Side]:
+def _panels_at(ends: Array, at: float, periodic: bool) -> list[Side]:
     """Return the numbers of the panels that begin or end at a value, each with True if they end there."""
     size = ends[-1] - ends[0]
     distance = np.abs(ends - at)
@@ -212,7 +212,8 @@ def _beside(ends: Array, at: float, periodic: bool) -> list[Side]:
     return [(int(k), False) for k in found if k < panels] + [(int(k) - 1, True) for k in found if k]
 
 
-def _tensor(x1: Array, w1: Array, x2: Array, w2: Array) -> tuple[Array, Array]:
+def _tensor_product(x1: Array, w1: Array, x2: Array, w2: Array) -> tuple[Array, Array]:
+    """Return the points (n m, 2) and weights (n m,) of the product of two rules on lines."""
     return np.stack(np.meshgrid(x1, x2, indexing="ij"), axis=-1).reshape(-1, 2), np.outer(w1, w2).ravel()
 
 
@@ -224,7 +225,7 @@ def _corner_rule(first: tuple[float, float], second: tuple[float, float], order:
         far, near = (PANEL_CUT ** (k + 1), PANEL_CUT**k), (0.0, PANEL_CUT ** (k + 1))
         for one, two in ((far, near), (near, far), (far, far)):
             (x1, w1), (x2, w2) = (line_rule(np.array(interval), order) for interval in (one, two))
-            parts.append(_tensor(x1, w1, x2, w2))
+            parts.append(_tensor_product(x1, w1, x2, w2))
     local, weights = _last_corner_rule(order)
     parts.append((PANEL_CUT**cuts * local, PANEL_CUT ** (2 * cuts) * weights))
     points = np.array([first[0], second[0]]) + np.concatenate([p for p, _ in parts]) * [first[1], second[1]]
@@ -250,7 +251,7 @@ def _last_corner_rule(order: int) -> tuple[Array, Array]:
 def rule_on_parts(origins: Array, sizes: Array, order: int) -> Rule:
     """Return the rule of so many points a side on each of some rectangles (k, 2)."""
     x, w = line_rule(np.array([0.0, 1.0]), order)
-    unit, weights = _tensor(x, w, x, w)
+    unit, weights = _tensor_product(x, w, x, w)
     points = origins[:, None] + unit * sizes[:, None]
     return Rule(points.reshape(-1, 2), np.outer(np.prod(sizes, axis=1), weights).ravel())
 

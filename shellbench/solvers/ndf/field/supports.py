@@ -102,7 +102,7 @@ Sides = tuple[tuple[bool, bool], tuple[bool, bool]]
 """For each coordinate, something that holds or not at its lower and at its upper bound."""
 
 
-def asked_points(case: Case, quantity: DisplacementQuantity) -> tuple[Array, Array]:
+def quantity_points(case: Case, quantity: DisplacementQuantity) -> tuple[Array, Array]:
     """Return the points (n, 2) of a displacement quantity, and its unit directions (n, 3) there."""
     places = [case.places[name] for name in quantity.points]
     points = np.array([place.xi for place in places if isinstance(place, Point)])

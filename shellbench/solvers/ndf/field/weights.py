@@ -65,7 +65,7 @@ def texts_of(path: Path) -> dict[str, str]:
 
 
 @contextmanager
-def telling_damage(path: Path) -> Iterator[None]:
+def input_errors(path: Path) -> Iterator[None]:
     """Turn errors of inconsistent data of a file into InputError, in one sentence."""
     try:
         yield
@@ -84,7 +84,7 @@ def write_described(path: Path, tensors: Mapping[str, Tensor], words: Mapping[st
 
 
 @contextmanager
-def described(path: Path, form: str, what: str) -> Iterator[tuple[dict[str, Any], dict[str, Tensor]]]:
+def read_described(path: Path, form: str, what: str) -> Iterator[tuple[dict[str, Any], dict[str, Tensor]]]:
     """Yield words and tensors of a file of `write_described`; turn exceptions on inconsistent data into InputError.
 
     Raises
@@ -93,7 +93,7 @@ def described(path: Path, form: str, what: str) -> Iterator[tuple[dict[str, Any]
         In one sentence, if it can't be read, or its words do not have this `format`, so that it holds no `what`.
     """
     texts, tensors = read_tensors(path)
-    with telling_damage(path):
+    with input_errors(path):
         words = json.loads(texts.get(HEADER, "{}"))
         if words.get("format") != form:
             raise ValueError(f"it holds no {what}")
@@ -181,7 +181,7 @@ def read(path: Path, solver: str) -> tuple[Header, dict[str, Tensor]]:
         In one sentence, if it can't be read, is damaged, or was written by another solver.
     """
     texts, tensors = read_tensors(path)
-    with telling_damage(path):
+    with input_errors(path):
         header = Header.model_validate_json(texts.get(HEADER, ""))
         check_like_numbers(tensors)
     if header.solver != solver:
@@ -216,7 +216,7 @@ def network_of(tensors: Mapping[str, Tensor], name: str, inputs: int) -> Network
     return network
 
 
-def short_enough(tensors: Iterable[Tensor], format: NumberFormat) -> bool:
+def fits_format(tensors: Iterable[Tensor], format: NumberFormat) -> bool:
     """Return True if no tensor is longer than a format, so that rounding changes nothing."""
     return all(tensor.element_size() <= np.dtype(format).itemsize for tensor in tensors)
 

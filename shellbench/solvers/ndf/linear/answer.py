@@ -14,7 +14,7 @@ from shellbench.problems.shell.quantities.measure import measure, measure_all
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
 from shellbench.solvers.ndf.field.jets import Array
 from shellbench.solvers.ndf.field.quadrature import ROUNDING
-from shellbench.solvers.ndf.linear.refinement import Level, Miss, changes, probed, tail
+from shellbench.solvers.ndf.linear.refinement import ErrorBounds, Level, gain_left, probe, quantity_changes
 from shellbench.solvers.ndf.linear.regularised import JITTER
 from shellbench.solvers.ndf.linear.signs import Signs
 from shellbench.solvers.ndf.linear.solution import NdfSolution
@@ -54,20 +54,20 @@ class Candidate:
         return dict(measure_all(replace(self.solution, history=(self.step,))))
 
     @cached_property
-    def probed(self) -> Array:
+    def probes(self) -> Array:
         """Displacement (n, 3) at points all over the shell, metres."""
-        return probed(self.solution)
+        return probe(self.solution)
 
-    def exploits(self, other: float) -> bool:
+    def exploits_rule(self, other: float) -> bool:
         """Return True if its certified energy is above another one, J, by more than rounding."""
         return self.potential - other > EXPLOITED * self.stored
 
-    def missed(self, finer: Candidate) -> Miss:
+    def error_bounds(self, finer: Candidate) -> ErrorBounds:
         """Return lower bounds of its errors, from its difference to a finer answer."""
         # Relative to the stored energy: with loads only, strain energies and displacements on which loads work change
         # by this share.
-        changed = changes(self.solution.case, self.values, finer.values, (self.probed, finer.probed))
-        return Miss(changed, abs(self.potential - finer.potential) / finer.stored)
+        changed = quantity_changes(self.solution.case, self.values, finer.values, (self.probes, finer.probes))
+        return ErrorBounds(changed, abs(self.potential - finer.potential) / finer.stored)
 
 
 @dataclass(frozen=True)
@@ -93,28 +93,28 @@ class SolvedLevel:
     energies: Callable[[], dict[str, float]]
 
     @property
-    def challenged(self) -> Candidate:
+    def with_challengers(self) -> Candidate:
         """The answer of least certified energy with the challengers' features; in a tie, the usual one."""
         # Less regularisation lowers the energy on the rule of the solve. If it raises the energy on the finer rule, the
         # field exploits its rule: hardly in displacements, much in their third derivatives.
         *_, usual = self.regularised
         best = min(self.regularised, key=lambda answer: answer.potential)
-        return best if usual.exploits(best.potential) else usual
+        return best if usual.exploits_rule(best.potential) else usual
 
     @property
     def best(self) -> Candidate:
         """The answer of the level: with the challengers' features, unless these lose certified energy."""
-        return self.first if self.challenged.exploits(self.first.potential) else self.challenged
+        return self.first if self.with_challengers.exploits_rule(self.first.potential) else self.with_challengers
 
-    def missed(self) -> Miss:
+    def error_bounds(self) -> ErrorBounds:
         """Return lower bounds of the errors: changes by challengers, and changes by less regularisation."""
         # Combinations of features that are softer than rounding are excluded. Challengers do not show their effect,
         # since they are regularised too. But energies show the gain of each step of regularisation, down to that of
         # rounding. If the last step loses energy, no further one would gain any: the change by one step is the bound.
-        (stiffest, stiffer, usual), best = self.regularised, self.challenged
-        left = tail((stiffest.potential, stiffer.potential, usual.potential), STEPS_LEFT) if best is usual else 1.0
-        softer = (stiffest if best is stiffer else stiffer).missed(best).times(left)
-        return self.first.missed(best).or_larger(softer)
+        (stiffest, stiffer, usual), best = self.regularised, self.with_challengers
+        left = gain_left((stiffest.potential, stiffer.potential, usual.potential), STEPS_LEFT) if best is usual else 1.0
+        softer = (stiffest if best is stiffer else stiffer).error_bounds(best).times(left)
+        return self.first.error_bounds(best).or_larger(softer)
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class BestLevel:
 
     answer: Candidate
     solved: SolvedLevel
-    missed: Miss
+    missed: ErrorBounds
 
 
 def displacement_values(solution: NdfSolution) -> dict[str, float]:

@@ -22,17 +22,17 @@ from shellbench.solvers.ndf.field.quadrature import NOWHERE, area_rule
 from shellbench.solvers.ndf.field.supports import point_supports
 from shellbench.solvers.ndf.linear.refinement import (
     TRAINED_SHARE,
-    Miss,
-    changes,
+    ErrorBounds,
+    challenger_spec,
     finer_rule,
     first_level,
     joined_features,
-    looking_everywhere,
-    probed,
+    probe,
+    quantity_changes,
+    remaining_error,
     scale,
-    still_missed,
     uncertainties,
-    unsettled,
+    why_unsettled,
 )
 from shellbench.solvers.ndf.linear.signs import jitter_share, rounding_energy
 from shellbench.solvers.ndf.linear.solution import NdfSolution
@@ -46,7 +46,7 @@ MIRRORED_SHARE, MIRRORED_CHALLENGER_SCALES = 1.0, (1.0, 4.0)
 
 
 @dataclass(frozen=True)
-class Challenged:
+class ChallengedField:
     """A trained field compared with the one with challengers.
 
     Attributes
@@ -59,19 +59,19 @@ class Challenged:
         Their number.
     """
 
-    missed: Miss
+    missed: ErrorBounds
     gap: float
     challengers: int
 
 
-def stated(solution: NdfSolution, seed: int, steps: Sequence[Step]) -> NdfSolution:
+def with_uncertainty(solution: NdfSolution, seed: int, steps: Sequence[Step]) -> NdfSolution:
     """Return a trained solution with the uncertainty of each quantity, and the reason if it has not settled.
 
     `steps` are the states that training passed through; `seed` draws the challengers.
     """
     case, values = solution.case, dict(measure_all(solution))
-    found = challenge(solution, values, seed)
-    missed = found.missed.or_larger(last_gain(steps, values))
+    found = compare_with_challengers(solution, values, seed)
+    missed = found.missed.or_larger(training_error(steps, values))
     gap = max(found.gap, solution.diagnostics["energy_gap"])
     rounding = _rounding(solution)
     scales = {q.name: scale(solution, q, values[q.name], rounding) for q in case.quantities}
@@ -80,7 +80,7 @@ def stated(solution: NdfSolution, seed: int, steps: Sequence[Step]) -> NdfSoluti
     return replace(
         solution,
         uncertainty=uncertainty,
-        unsettled=unsettled(uncertainty, scales),
+        unsettled=why_unsettled(uncertainty, scales),
         diagnostics={**solution.diagnostics, **told},
     )
 
@@ -91,26 +91,26 @@ def _rounding(solution: NdfSolution) -> float:
     return rounding_energy(case.material.membrane_stiffness, surface_area(solution.field.ansatz, rule))
 
 
-def last_gain(steps: Sequence[Step], values: dict[str, float]) -> Miss:
+def training_error(steps: Sequence[Step], values: dict[str, float]) -> ErrorBounds:
     """Return the error that training leaves, from its last two gains: the tail of a geometric series."""
     changed = dict.fromkeys(values, 0.0)
     if len(steps) < 2:
-        return Miss(changed, 0.0)
+        return ErrorBounds(changed, 0.0)
     gains = [abs(b.energy - a.energy) / max(abs(b.energy), np.finfo(float).tiny) for a, b in pairwise(steps)]
-    left = still_missed(gains[-1], gains[-2] if len(gains) > 1 else 0.0)
+    left = remaining_error(gains[-1], gains[-2] if len(gains) > 1 else 0.0)
     before, last = steps[-2].quantities, steps[-1].quantities
     changed |= {name: abs(last[name] - before[name]) for name in last}
-    return Miss(changed, gains[-1]).times(left)
+    return ErrorBounds(changed, gains[-1]).times(left)
 
 
-def challenge(solution: NdfSolution, values: dict[str, float], seed: int) -> Challenged:
+def compare_with_challengers(solution: NdfSolution, values: dict[str, float], seed: int) -> ChallengedField:
     """Add challengers to a trained field of a linear shell at rest whose quantities have these values."""
     # 1. Take the rules of `ndf-ritz` for this case, graded toward edges and corners, with as many points a feature.
     # 2. Join the features: the trained last hidden layer, fixed features, challengers of all kinds, powers about
     #    corners.
     # 3. Solve once; compute the energies of both fields on the finer rule, each with the multiple that is best there.
     case, trained = solution.case, solution.field.features
-    spec = looking_everywhere(solution.spec)
+    spec = challenger_spec(solution.spec)
     level, focal = first_level(case, usual_resolution(case)), graded_points(case, spec)
     ansatz, placement = solution.field.ansatz, trained.placement
     usual, share = level.resolution, TRAINED_SHARE
@@ -147,7 +147,7 @@ def challenge(solution: NdfSolution, values: dict[str, float], seed: int) -> Cha
         point_forces=tuple((shares[1] * layer.reactions).tolist()),
         history=tuple(replace(step, energy=joined.potential(shares[1])) for step in solution.history[-1:]),
     )
-    changed = changes(case, values, measure_all(other), (probed(solution), probed(other)))
+    changed = quantity_changes(case, values, measure_all(other), (probe(solution), probe(other)))
     gained = abs(first.potential(shares[0]) - joined.potential(shares[1]))
     stored = membrane + bending + joined.spring_energy(shares[1]) + rounding
-    return Challenged(Miss(changed, gained / stored), gap, len(level.kinds) * number)
+    return ChallengedField(ErrorBounds(changed, gained / stored), gap, len(level.kinds) * number)

@@ -30,7 +30,7 @@ def point_rows(ansatz: Ansatz, features: FeatureSet) -> Tensor:
     placement, supports = features.placement, point_supports(ansatz.case)
     if not supports:
         return placement.zeros(0, 3 * features.count)
-    points, components = _held_at(supports)
+    points, components = _held_components(supports)
     held = ansatz.factors.matrix(points, placement)[VALUE][range(len(supports)), components]
     return (held[:, :, None] * features.values(points)[:, None, :]).reshape(len(supports), -1)
 
@@ -41,11 +41,12 @@ def point_targets(ansatz: Ansatz, placement: Placement) -> Tensor:
     targets = placement.tensor(np.array([s.value for s in supports]))
     if not supports or not ansatz.lift.moves:
         return targets
-    points, components = _held_at(supports)
+    points, components = _held_components(supports)
     return targets - ansatz.lift.jet(points, placement)[VALUE][range(len(supports)), components]
 
 
-def _held_at(supports: Sequence[PointSupport]) -> tuple[Array, list[int]]:
+def _held_components(supports: Sequence[PointSupport]) -> tuple[Array, list[int]]:
+    """Return the points (k, 2) of point supports, and the component that each of them holds."""
     return np.array([s.point.xi for s in supports]), [s.component for s in supports]
 
 

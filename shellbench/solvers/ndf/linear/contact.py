@@ -42,30 +42,30 @@ from shellbench.solvers.ndf.linear.contact_forces import (
     ROWS_ACROSS,
     SLIGHT,
     contact_points,
+    crease_mask,
     least_forces,
-    on_creases,
-    smoothest,
+    smoothest_forces,
     typical_compliance,
 )
 from shellbench.solvers.ndf.linear.refinement import (
     SETTLED,
-    Miss,
-    changes,
+    ErrorBounds,
     finer_rule,
     first_level,
     is_slender,
-    lengthwise,
-    probed,
+    probe,
+    quantity_changes,
     scale,
+    slender_rule,
     uncertainties,
-    unsettled,
+    why_unsettled,
 )
 from shellbench.solvers.ndf.linear.regularised import JITTER
 from shellbench.solvers.ndf.linear.ritz_field import with_settings
 from shellbench.solvers.ndf.linear.ritz_settings import NDF_RITZ, RitzSettings
 from shellbench.solvers.ndf.linear.signs import Signs, jitter_share, refusal, rounding_energy, unseen_turning
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
-from shellbench.solvers.ndf.linear.solve import HeldInverse, OutputLayer, held_part, potential_energy, spread
+from shellbench.solvers.ndf.linear.solve import HeldInverse, OutputLayer, full_layer, held_part, potential_energy
 from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, normal_equations
 
 # The cases of the tuning are not on record, except where a line states them.
@@ -142,7 +142,7 @@ def solve(
     if case.linear:
         spec = spec.model_copy(update={"detail": 1})
     else:
-        rules = [spec if fixed[1] else lengthwise(case, spec) for spec in (chosen.rule, chosen.fine)]
+        rules = [spec if fixed[1] else slender_rule(case, spec) for spec in (chosen.rule, chosen.fine)]
         chosen = replace(chosen, edge_scale=0.0, rule=rules[0], fine=rules[1])
     if is_slender(case):
         longer = int(np.argmax(side_lengths(case)))
@@ -156,7 +156,7 @@ def solve(
     for number, resolution in enumerate((chosen, fine)):
         progress(Progress(number, None, f"looking for contact with {resolution.neurons} neurons"))
         given = settings.seed + number * 2**20
-        last, creases = _located(case, spec, settings, resolution, creases, given, root**number, answer or _answer)
+        last, creases = _fit_creases(case, spec, settings, resolution, creases, given, root**number, answer or _at_rest)
         steps.append(
             Step(
                 iteration=number,
@@ -168,13 +168,13 @@ def solve(
             )
         )
         answers.append(last)
-    solution = _stated(answers[0], answers[1], tuple(steps), settled)
+    solution = _as_answer(answers[0], answers[1], tuple(steps), settled)
     if (reason := refusal(answers[1].signs, spec, settings.largest_gap)) is not None:
         raise SolveFailure(reason, solution)
     return solution
 
 
-def _stated(before: Touching, last: Touching, steps: tuple[Step, ...], settled: float) -> NdfSolution | PathSolution:
+def _as_answer(before: Touching, last: Touching, steps: tuple[Step, ...], settled: float) -> NdfSolution | PathSolution:
     """Return the last answer with its uncertainty and diagnostics."""
     solution, case = last.solution, last.solution.case
     try:
@@ -182,9 +182,9 @@ def _stated(before: Touching, last: Touching, steps: tuple[Step, ...], settled: 
     except ValueError as error:
         raise SolveFailure(str(error), solution) from None
     rounding = rounding_energy(case.material.membrane_stiffness, 1.0)
-    largest = float(np.linalg.norm(probed(solution), axis=-1).max())
+    largest = float(np.linalg.norm(probe(solution), axis=-1).max())
     scales = {q.name: scale(solution, q, second[q.name], rounding) for q in case.quantities}
-    changed = changes(case, first, second, (probed(before.solution), probed(solution)))
+    changed = quantity_changes(case, first, second, (probe(before.solution), probe(solution)))
     for q in case.quantities:
         if isinstance(q, LargestPenetration):  # it is an error itself, compared with the shell's displacement
             scales[q.name] = largest
@@ -198,10 +198,10 @@ def _stated(before: Touching, last: Touching, steps: tuple[Step, ...], settled: 
     sides = side_lengths(case)
     for name, axis in edges.items():
         changed[name] = max(changed[name], SETTLED_EDGE * sides[axis])
-    stated = uncertainties(Miss(changed, abs(energy - before_energy) / (energy + rounding)), gap, second, scales)
-    stated |= {n: u for n, u in uncertainties(Miss(changed, 0.0), gap, second, scales).items() if n in depths}
+    stated = uncertainties(ErrorBounds(changed, abs(energy - before_energy) / (energy + rounding)), gap, second, scales)
+    stated |= {n: u for n, u in uncertainties(ErrorBounds(changed, 0.0), gap, second, scales).items() if n in depths}
     open_ones = [
-        unsettled({n: u for n, u in stated.items() if (n in edges) == edge}, scales, limit)
+        why_unsettled({n: u for n, u in stated.items() if (n in edges) == edge}, scales, limit)
         for edge, limit in ((False, settled), (True, max(settled, SETTLED_POINT)))
     ]
     own = (replace(step, iteration=len(steps) + step.iteration) for step in solution.history)
@@ -209,7 +209,7 @@ def _stated(before: Touching, last: Touching, steps: tuple[Step, ...], settled: 
     return replace(solution, history=(*steps, *own), uncertainty=stated, unsettled=words)
 
 
-def _located(
+def _fit_creases(
     case: Case,
     spec: FieldSpec,
     settings: RitzSettings,
@@ -231,7 +231,7 @@ def _located(
     return touching, creases
 
 
-def _settled(
+def _solve_touch(
     ansatz: Ansatz, features: Features, kept: Tensor, held: HeldInverse, touch: Touch, creases: tuple[Crease, ...]
 ) -> tuple[OutputLayer, Touch]:
     """Return the weights of the kept pairs, with the contact forces at the points of `touch`."""
@@ -244,7 +244,7 @@ def _settled(
     values = features.values(touch.points)
     matrix = ansatz.factors.matrix(touch.points, placement)[VALUE]
     lift = ansatz.lift.jet(touch.points, placement)[VALUE]
-    line = on_creases(case, touch, creases)
+    line = crease_mask(case, touch, creases)
     free, nothing = held.layer(), held.targets.new_zeros((len(held.targets), len(touch.points)))
 
     def moved(weights: Tensor) -> Array:
@@ -265,7 +265,7 @@ def _settled(
         unit = typical_compliance(compliance, touch)
         forces = least_forces(compliance, offset, SLIGHT * unit)
         largest = float(np.abs(moved(free.weights + response @ placement.tensor(forces))).max())
-        smooth = smoothest(compliance, offset, forces, unit, line, largest)
+        smooth = smoothest_forces(compliance, offset, forces, unit, line, largest)
         last, u = u, moved(free.weights + response @ placement.tensor(smooth))
         if np.abs(u - last).max() <= ROUNDING * np.abs(u).max():
             break
@@ -328,7 +328,7 @@ def _root_of_gap(along: Array, gap: Array, farthest: float = FARTHEST) -> float 
     return float(roots[np.argmin(np.abs(roots - x[-1]))]) if len(roots) else None
 
 
-def drawn(
+def draw_field(
     case: Case, spec: FieldSpec, settings: RitzSettings, resolution: Resolution, seed: int
 ) -> tuple[Ansatz, Features, tuple[RuleSpec, RuleSpec], Array]:
     """Return a field's supports and features, the rules to train and to certify it, and the points of their grading."""
@@ -344,19 +344,19 @@ def drawn(
     return build_ansatz(case, spec), build_features(case, spec, network, placement, inputs), (rule, fine), focal
 
 
-def _answer(
+def _at_rest(
     case: Case, spec: FieldSpec, settings: RitzSettings, resolution: Resolution, seed: int, finer: float
 ) -> Touching:
     # 1. Draw features, integrate the normal equations, and factorise them with the supports held.
-    # 2. Find the contact forces and the output layer (`_settled`).
+    # 2. Find the contact forces and the output layer (`_solve_touch`).
     # 3. Certify the energy on the finer rule, and collect the signs.
-    ansatz, features, (rule_spec, fine_spec), focal = drawn(case, spec, settings, resolution, seed)
+    ansatz, features, (rule_spec, fine_spec), focal = draw_field(case, spec, settings, resolution, seed)
     placement = features.placement
     rule, fine = (area_rule(case.surface.domain, focal, one) for one in (rule_spec, fine_spec))
     equations = normal_equations(ansatz, features, rule, concentrated(ansatz, rule_spec, focal, placement))
     kept, held = held_part(ansatz, features, equations, np.arange(features.count))
-    pressed, touch = _settled(ansatz, features, kept, held, contact_points(case, spec.creases, finer), spec.creases)
-    layer = spread(ansatz, features, kept, pressed)
+    pressed, touch = _solve_touch(ansatz, features, kept, held, contact_points(case, spec.creases, finer), spec.creases)
+    layer = full_layer(ansatz, features, kept, pressed)
     output = layer.weights.view(3, -1)
     certified = certify(ansatz, features, [output], fine, concentrated(ansatz, fine_spec, focal, placement))[0]
     membrane, bending, _ = certified.parts()

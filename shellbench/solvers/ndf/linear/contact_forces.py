@@ -115,7 +115,7 @@ def typical_compliance(compliance: Array, touch: Touch) -> Array:
     return np.asarray(np.mean(np.diag(compliance)) * area.mean() / area)
 
 
-def smoothest(
+def smoothest_forces(
     compliance: Array, gap: Array, forces: Array, unit: Array, line: Flags, largest: float, passes: int = 1
 ) -> Array:
     """Return the forces (n,) >= 0, N, that move the shell as `forces` do and vary least.
@@ -136,7 +136,7 @@ def smoothest(
     return smooth
 
 
-def on_creases(case: Case, touch: Touch, creases: tuple[Crease, ...]) -> Flags:
+def crease_mask(case: Case, touch: Touch, creases: tuple[Crease, ...]) -> Flags:
     """Return a mask (n,) of the points that are on an edge of contact."""
     line = np.zeros(len(touch.points), dtype=bool)
     for axis, at, _ in creases:

@@ -25,7 +25,7 @@ from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs
 from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.corners import held_corners
-from shellbench.solvers.ndf.field.factors import turns, why_not_turned
+from shellbench.solvers.ndf.field.factors import turns_clamps, why_not_turned
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Placement, from_derivatives
 from shellbench.solvers.ndf.field.network import random_features
@@ -51,7 +51,7 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
         return "it takes no springs beside edge moments, or where all of the displacement is prescribed"
     if spec is not None and spec.supports == "soft":
         return why_not_soft(case)
-    probe = _probe(case, spec or FieldSpec())
+    probe = _random_field(case, spec or FieldSpec())
     for support in edge_supports(case):
         value, slope = violations(probe, support)
         if not value < ROUNDING:
@@ -59,7 +59,7 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
         by_rows = support.free and spec is not None and spec.slopes == "rows"
         if not by_rows and not slope < ROUNDING:
             return f"its boundary factors can't hold the slope on '{support.edge.name}' of this surface"
-        if support.free and not by_rows and _slides(case, support):
+        if support.free and not by_rows and _slides_across(case, support):
             return f"it holds the slope on '{support.edge.name}', which slides, by features that take no shear there"
     return None
 
@@ -78,7 +78,7 @@ def why_not_moved(case: Case) -> str | None:
     """Return the reason that a field can't follow a motion, as one clause, or None if it can."""
     if case.obstacles:
         return "it touches obstacles at rest alone"
-    if turns(case):
+    if turns_clamps(case):
         return "it can't turn clamped edges by finite angles in motion"
     for support in case.supports:
         if support.clamped and isinstance(support.motion, Value):
@@ -102,51 +102,52 @@ def violations(field: Field, support: EdgeSupport) -> tuple[float, float]:
     value = 0.0
     for c, holder in support.held.items():
         wanted = case.motion(holder, support.edge, points, field.ansatz.t)[0, 0][:, c]
-        scale = np.abs(wanted).max(initial=0.0) + float(u[VALUE].abs().max()) + _size(field)
+        scale = np.abs(wanted).max(initial=0.0) + float(u[VALUE].abs().max()) + _largest_displacement(field)
         value = max(value, float((u[VALUE, :, c] - placement.tensor(wanted)).abs().max()) / scale)
     if support.slope is None:
         return value, 0.0
     motion = case.motion(support.slope, support.edge, points, field.ansatz.t, 1)
     moved = torch.stack([placement.tensor(motion[k]) for k in ((0, 0), (1, 0), (0, 1))])
-    turned = x[:3] + moved if turns(case) and isinstance(support.slope.motion, Rotation) else x[:3]
+    turned = x[:3] + moved if turns_clamps(case) and isinstance(support.slope.motion, Rotation) else x[:3]
     normal = torch.linalg.cross(turned[D1], turned[D2], dim=-1)
     normal = normal / normal.norm(dim=-1, keepdim=True)
-    wanted_tilt = _tilt(moved, x, normal, support.edge.axis)
-    tilt = _tilt(u, x, normal, support.edge.axis)
+    wanted_tilt = _conormal_slope(moved, x, normal, support.edge.axis)
+    tilt = _conormal_slope(u, x, normal, support.edge.axis)
     largest = (u[[D1, D2]].norm(dim=-1) / x[[D1, D2]].norm(dim=-1)).max()
     return value, float((tilt - wanted_tilt).abs().max() / (largest + wanted_tilt.abs().max()))
 
 
-def _slides(case: Case, support: EdgeSupport) -> bool:
+def _slides_across(case: Case, support: EdgeSupport) -> bool:
     """Return True if free components have a part across an edge that holds the slope: it is no plane of symmetry."""
     x = from_derivatives(case.surface.derivatives(edge_samples(case, support.edge), 2), Placement())
-    _, conormal = _across(x, support.edge.axis)
+    _, conormal = _conormal(x, support.edge.axis)
     free = [c for c in range(3) if c not in support.held]
     return bool((conormal[:, free].norm(dim=-1) > ROUNDING * conormal.norm(dim=-1)).any())
 
 
-def _across(x: Tensor, axis: int) -> tuple[Tensor, Tensor]:
+def _conormal(x: Tensor, axis: int) -> tuple[Tensor, Tensor]:
     """Return a share (N, 1) and n = a_across - share a_along (N, 3), across an edge within the surface."""
     across, along = (x[D1], x[D2]) if axis == 0 else (x[D2], x[D1])
     share = ((across * along).sum(-1) / (along * along).sum(-1))[:, None]
     return share, across - share * along
 
 
-def _tilt(u: Tensor, x: Tensor, normal: Tensor, axis: int) -> Tensor:
+def _conormal_slope(u: Tensor, x: Tensor, normal: Tensor, axis: int) -> Tensor:
     """Return u,n . normal along an edge, n the unit conormal (the direction across the edge within the surface)."""
     du, dv = (u[D1], u[D2]) if axis == 0 else (u[D2], u[D1])
-    share, conormal = _across(x, axis)
+    share, conormal = _conormal(x, axis)
     tilt: Tensor = ((du - share * dv) * normal).sum(-1) / conormal.norm(dim=-1)
     return tilt
 
 
-def _size(field: Field) -> float:
+def _largest_displacement(field: Field) -> float:
+    """Return the largest component of the displacement at 25 points, metres."""
     domain = field.ansatz.case.surface.domain
     middle = np.asarray(domain.grid(5, 5)).reshape(-1, 2)
     return float(field.displacement(middle).abs().max())
 
 
-def _probe(case: Case, spec: FieldSpec) -> Field:
+def _random_field(case: Case, spec: FieldSpec) -> Field:
     """Return a random field on the shell."""
     placement = Placement()
     inputs = build_inputs(case, spec)
@@ -185,6 +186,6 @@ def _why_not_touched(case: Case) -> str | None:
         return "it touches obstacles by load steps before buckling only"
     if any(isinstance(q, CriticalPoint) for q in case.quantities):
         return "it tells of no critical points where there are obstacles"
-    if case.following or any(isinstance(load, MomentLoad) for load in case.loads) or turns(case):
+    if case.following or any(isinstance(load, MomentLoad) for load in case.loads) or turns_clamps(case):
         return "it touches obstacles at finite strain under dead forces alone, without moments or edges that turn"
     return None

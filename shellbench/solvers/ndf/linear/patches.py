@@ -39,7 +39,7 @@ from shellbench.solvers.ndf.field.jets import PLANES, VALUE, Array, Placement, m
 from shellbench.solvers.ndf.field.quadrature import ROUNDING, Rule, line_rule
 from shellbench.solvers.ndf.field.supports import edge_supports
 from shellbench.solvers.ndf.linear.regularised import JITTER, RegularisedInverse
-from shellbench.solvers.ndf.strains.energy import add_gram, mirrored, strain_matrix, tables, value_vector
+from shellbench.solvers.ndf.strains.energy import add_gram, strain_matrix, symmetric, tables, value_vector
 from shellbench.solvers.ndf.strains.strain_measures import Undeformed, stresses
 
 SIDES_OF_PATCHES = (3 / 8, 3 / 16, 3 / 32)  # in sides of the shell
@@ -81,13 +81,13 @@ class Patch:
         (x, v), (y, w) = (line_rule(np.array(ends), order) for ends in zip(self.lower, self.upper, strict=True))
         return Rule(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2), np.outer(v, w).ravel())
 
-    def holds(self, xi: tuple[float, float]) -> bool:
+    def contains(self, xi: tuple[float, float]) -> bool:
         """Return True if a point lies in the patch or on its rim."""
         return all(a <= at <= b for a, at, b in zip(self.lower, xi, self.upper, strict=True))
 
 
 @dataclass(frozen=True)
-class OnPatch:
+class PatchField:
     """The displacement lift + M (Q + bubble P) on a patch; `output` (3, M) are the weights of Q, then of P."""
 
     ansatz: Ansatz
@@ -141,7 +141,7 @@ class Balance:
             add_gram(stiffness, rows)
             right[:, 0] += value_vector(table.force, of_p[VALUE]) - rows.T @ table.offset.reshape(-1)
             right[:, 1:].addmm_(rows.T, strain_matrix(table, of_q))
-        solved = RegularisedInverse.from_matrix(mirrored(stiffness), JITTER) @ right
+        solved = RegularisedInverse.from_matrix(symmetric(stiffness), JITTER) @ right
         return cls(rule.points, fit, solved[:, 0], solved[:, 1:])
 
     def output(self, found: Field) -> Tensor:
@@ -163,7 +163,7 @@ class Recovery:
     measure: StrainName
     at_rest: bool
     balances: Balances = field(default_factory=dict)
-    known: dict[Patch, tuple[OnPatch, ...]] = field(default_factory=dict)
+    known: dict[Patch, tuple[PatchField, ...]] = field(default_factory=dict)
 
     def resultants(self, name: str, points: Array) -> Array:
         """Return resultants (2, N, 3), or shear forces (2, N, 2), at points (N, 2), by both degrees; see `RESULTANTS`.
@@ -179,10 +179,10 @@ class Recovery:
             for k in np.flatnonzero(differ > AGREED * np.abs(values).max(axis=(0, 2))):
                 groups.setdefault(self._patch(points[k], share), []).append(int(k))
             for patch, those in groups.items():
-                if not (self.at_rest and self._plain(patch)):
+                if not (self.at_rest and self._fits_polynomials(patch)):
                     continue
                 if patch not in self.known:
-                    self.known[patch] = tuple(self._balanced(patch, degree) for degree in PATCH_DEGREES)
+                    self.known[patch] = tuple(self._balance_patch(patch, degree) for degree in PATCH_DEGREES)
                 both = np.stack([resultants(case, self.measure, u.jet, name, points[those]) for u in self.known[patch]])
                 change = np.abs(both[1] - both[0]).max(axis=-1)
                 better = change < differ[those]
@@ -190,11 +190,11 @@ class Recovery:
                 values[:, where], differ[where] = both[:, better], change[better]
         return values
 
-    def _balanced(self, patch: Patch, degree: int) -> OnPatch:
+    def _balance_patch(self, patch: Patch, degree: int) -> PatchField:
         ansatz, key = self.found.ansatz, (patch, degree)
         if key not in self.balances:
             self.balances[key] = Balance.on(ansatz, patch, degree, self.found.features.placement)
-        return OnPatch(ansatz, patch, degree, self.balances[key].output(self.found))
+        return PatchField(ansatz, patch, degree, self.balances[key].output(self.found))
 
     def _patch(self, point: Array, share: float) -> Patch:
         domain, ends, inner = self.found.ansatz.case.surface.domain, [], set()
@@ -209,13 +209,13 @@ class Recovery:
         (a, b), (c, d) = ends
         return Patch((a, c), (b, d), frozenset(inner))
 
-    def _plain(self, patch: Patch) -> bool:
+    def _fits_polynomials(self, patch: Patch) -> bool:
         """Return True if polynomials can fit a patch: no force or kink lies on it, nor a support beyond M."""
         ansatz, fixed = self.found.ansatz, self.found.features.fixed
         case = ansatz.case
         forced = {n for load in case.loads if isinstance(load, PointLoad | EdgeLoad | MomentLoad) for n in load.on}
         places = [*(case.places[n] for n in forced), *(place for _, place in case.supported_places())]
-        on_points = any(isinstance(place, Point) and patch.holds(place.xi) for place in places)
+        on_points = any(isinstance(place, Point) and patch.contains(place.xi) for place in places)
         edges = {case.places[n] for n in forced} | {s.edge for s in edge_supports(case) if s.free}
         on_edges = any(isinstance(edge, Edge) and (edge.axis, edge.side) not in patch.inner for edge in edges)
         corner = all(len([a for a, _ in patch.inner if a == axis]) < len(SIDES) for axis in (0, 1))
@@ -228,14 +228,14 @@ def resultants(case: Case, measure: StrainName, jet: Callable[[Array], Tensor], 
     """Return resultants at points (N, 2) of a field with this displacement jet (6, N, 3); see `RESULTANTS`."""
     if name == "shear_force":
         return _shear_forces(case, measure, jet, points)
-    surface, membrane, moments = _conjugate(case, measure, jet, points)
-    frame = _frame(surface)
-    full = _full(membrane if name == "membrane_force" else moments)
+    surface, membrane, moments = _stress_resultants(case, measure, jet, points)
+    frame = _frame_components(surface)
+    full = _tensors(membrane if name == "membrane_force" else moments)
     turned = frame.mT @ full @ frame
     return np.asarray(torch.stack([turned[:, 0, 0], turned[:, 1, 1], turned[:, 0, 1]], dim=-1).cpu().numpy())
 
 
-def _conjugate(
+def _stress_resultants(
     case: Case, measure: StrainName, jet: Callable[[Array], Tensor], points: Array
 ) -> tuple[Undeformed, Tensor, Tensor]:
     """Return the surface, and membrane forces and moments (N, 3) in contravariant components 11, 22, 12."""
@@ -247,12 +247,12 @@ def _conjugate(
     return surface, found[:, :3], found[:, 3:]
 
 
-def _full(pairs: Tensor) -> Tensor:
+def _tensors(pairs: Tensor) -> Tensor:
     """Return tensors (N, 2, 2) of components 11, 22, 12 (N, 3)."""
     return pairs[:, [0, 2, 2, 1]].view(-1, 2, 2)
 
 
-def _frame(surface: Undeformed) -> Tensor:
+def _frame_components(surface: Undeformed) -> Tensor:
     """Return a_a . e_i (N, 2, 2)."""
     tangents = surface.geometry.tangents
     first = tangents[:, 0] / tangents[:, 0].norm(dim=-1, keepdim=True)
@@ -262,18 +262,18 @@ def _frame(surface: Undeformed) -> Tensor:
 
 def _shear_forces(case: Case, measure: StrainName, jet: Callable[[Array], Tensor], points: Array) -> Array:
     """Return q_i (N, 2): q^a = m^ab,b + Gamma^a_bc m^cb + Gamma^b_bc m^ac, in the orthonormal frame."""
-    surface, _, here = _conjugate(case, measure, jet, points)
+    surface, _, here = _stress_resultants(case, measure, jet, points)
     christoffel = surface.geometry.christoffel[:, [0, 2, 2, 1]].view(-1, 2, 2, 2)  # (N, b, c, a)
-    moments = _full(here)
+    moments = _tensors(here)
     total = torch.einsum("nbca,ncb->na", christoffel, moments) + torch.einsum("nbcb,nac->na", christoffel, moments)
     for axis in (0, 1):
         lines = [_line(case, axis, point) for point in points]
         along = np.repeat(points[:, None], LINE_NODES, axis=1)
         along[:, :, axis] = [nodes for nodes, _ in lines]
-        _, _, there = _conjugate(case, measure, jet, along.reshape(-1, 2))
+        _, _, there = _stress_resultants(case, measure, jet, along.reshape(-1, 2))
         rows = here.new_tensor(np.array([row for _, row in lines]))
-        total = total + torch.einsum("np,npa->na", rows, _full(there).view(len(points), LINE_NODES, 2, 2)[..., axis])
-    return np.asarray((total[:, None] @ _frame(surface))[:, 0].cpu().numpy())
+        total = total + torch.einsum("np,npa->na", rows, _tensors(there).view(len(points), LINE_NODES, 2, 2)[..., axis])
+    return np.asarray((total[:, None] @ _frame_components(surface))[:, 0].cpu().numpy())
 
 
 def _line(case: Case, axis: int, point: Array) -> tuple[Array, Array]:

@@ -191,7 +191,7 @@ def is_slender(case: Case) -> bool:
     return is_flat(case) and max(lengths) > SLENDER * min(lengths)
 
 
-def lengthwise(case: Case, spec: RuleSpec) -> RuleSpec:
+def slender_rule(case: Case, spec: RuleSpec) -> RuleSpec:
     """Return a rule of a slender shell with twice the panels along it, since its inputs resolve the ends' layers."""
     if foci(case) or not is_slender(case):
         return spec
@@ -202,11 +202,11 @@ def lengthwise(case: Case, spec: RuleSpec) -> RuleSpec:
 
 def _with_layers(case: Case, usual: Resolution) -> Resolution:
     """Return a resolution whose rules are graded toward edges, if nothing acts at points, and toward corners."""
-    rule, fine = (lengthwise(case, spec) for spec in (usual.rule, usual.fine))
-    return replace(usual, rule=layered(case, rule), fine=layered(case, fine, CORNER_CUTS + 1))
+    rule, fine = (slender_rule(case, spec) for spec in (usual.rule, usual.fine))
+    return replace(usual, rule=graded_rule(case, rule), fine=graded_rule(case, fine, CORNER_CUTS + 1))
 
 
-def layered(case: Case, spec: RuleSpec, corner_cuts: int = CORNER_CUTS) -> RuleSpec:
+def graded_rule(case: Case, spec: RuleSpec, corner_cuts: int = CORNER_CUTS) -> RuleSpec:
     """Return a rule that is graded toward edges, if nothing acts at points, and toward corners where any is held."""
     layers = edge_layers(case, flat=True)
     if not foci(case) and layers is not None:
@@ -221,7 +221,7 @@ def finer_rule(spec: RuleSpec, growth: float) -> RuleSpec:
 
 
 @dataclass(frozen=True)
-class Miss:
+class ErrorBounds:
     """Lower bounds of the errors of an answer, from a finer one.
 
     Attributes
@@ -235,17 +235,17 @@ class Miss:
     changes: Mapping[str, float]
     energy: float
 
-    def times(self, factor: float) -> Miss:
+    def times(self, factor: float) -> ErrorBounds:
         """Return the bounds times a factor."""
-        return Miss({name: factor * value for name, value in self.changes.items()}, factor * self.energy)
+        return ErrorBounds({name: factor * value for name, value in self.changes.items()}, factor * self.energy)
 
-    def or_larger(self, other: Miss) -> Miss:
+    def or_larger(self, other: ErrorBounds) -> ErrorBounds:
         """Return the larger bound of each value."""
         changes = {name: max(value, other.changes[name]) for name, value in self.changes.items()}
-        return Miss(changes, max(self.energy, other.energy))
+        return ErrorBounds(changes, max(self.energy, other.energy))
 
 
-def changes(
+def quantity_changes(
     case: Case, before: Mapping[str, float], after: Mapping[str, float], displacements: tuple[Array, Array]
 ) -> dict[str, float]:
     """Return the change of each quantity, in its unit, from its values before and after.
@@ -261,11 +261,11 @@ def changes(
             directions = np.array([unit(d) for d in q.directions]) if isinstance(q, DisplacementQuantity) else np.eye(3)
             least[q.name] = float(np.sqrt(np.mean((moved @ directions.T) ** 2)))
         if isinstance(q, LargestDisplacement) and q.name in after:
-            least[q.name] = min(least[q.name], _rise(moved, displacements[1], after[q.name]))
+            least[q.name] = min(least[q.name], _possible_rise(moved, displacements[1], after[q.name]))
     return {name: max(abs(value - before[name]), least.get(name, 0.0)) for name, value in after.items()}
 
 
-def _rise(moved: Array, displacement: Array, largest: float) -> float:
+def _possible_rise(moved: Array, displacement: Array, largest: float) -> float:
     """Return the possible rise of the largest displacement if the field changes again, twice as much, metres.
 
     No features can change a prescribed displacement: if the largest one is prescribed, it is certain as long as the
@@ -279,13 +279,13 @@ def _rise(moved: Array, displacement: Array, largest: float) -> float:
     return float(max(0.0, (size + change)[free].max(initial=0.0) - size.max()))
 
 
-def probed(solution: ShellSolution, at: float | None = None) -> Array:
+def probe(solution: ShellSolution, at: float | None = None) -> Array:
     """Return the displacement (n, 3) of a solution at points all over the shell, metres."""
     points = solution.case.surface.domain.grid(PROBES, PROBES).reshape(-1, 2)
     return solution.displacement(points, at)
 
 
-def tail(energies: tuple[float, float, float], steps: float) -> float:
+def gain_left(energies: tuple[float, float, float], steps: float) -> float:
     """Return the gain of so many further steps, in units of the last gain, from three energies that fall step by step.
 
     Gains shrink by the ratio of the two known ones; if these give no ratio below 1, the gains are taken as constant.
@@ -295,7 +295,7 @@ def tail(energies: tuple[float, float, float], steps: float) -> float:
     return steps if ratio == 1.0 else ratio * (1 - ratio**steps) / (1 - ratio)
 
 
-def still_missed(last: float, former: float) -> float:
+def remaining_error(last: float, former: float) -> float:
     """Return the estimated error of an answer, in units of its change since the level before.
 
     It is the tail of a geometric series, from the shares of energy gained by this change and by the one before, but at
@@ -306,7 +306,7 @@ def still_missed(last: float, former: float) -> float:
 
 
 def uncertainties(
-    missed: Miss,
+    missed: ErrorBounds,
     gap: float,
     values: Mapping[str, float],
     scales: Mapping[str, float],
@@ -341,22 +341,22 @@ def scale(
         case FieldError():
             return 1.0  # it is already relative, and converges to zero
         case LargestDisplacement() | DisplacementQuantity():
-            moved = probed(solution) if displacement is None else displacement
+            moved = probe(solution) if displacement is None else displacement
             largest = float(np.linalg.norm(moved, axis=-1).max())
             return max(abs(value), NEGLIGIBLE * largest, np.finfo(float).tiny)
     return max(abs(value), float(np.finfo(float).tiny))
 
 
-def unsettled(uncertainty: Mapping[str, float], scales: Mapping[str, float], settled: float = SETTLED) -> str | None:
+def why_unsettled(uncertainty: Mapping[str, float], scales: Mapping[str, float], limit: float = SETTLED) -> str | None:
     """Return the reason that an answer has not settled, as a clause, or None if it has, or if nothing is asked for.
 
-    It has settled if no uncertainty is above `settled` of its scale.
+    It has settled if no uncertainty is above `limit` of its scale.
     """
     if not uncertainty:
         return None
     worst = max(uncertainty, key=lambda name: uncertainty[name] / scales[name])
     share = uncertainty[worst] / scales[worst]
-    if share <= settled:  # False if it is NaN
+    if share <= limit:  # False if it is NaN
         return None
     return f"{worst} may be off by {share:.1e} of its scale: that is what features of other kinds still change, twice"
 
@@ -364,7 +364,7 @@ def unsettled(uncertainty: Mapping[str, float], scales: Mapping[str, float], set
 def joined_features(field: Field, spec: FieldSpec, level: Level, seed: int) -> Features:
     """Return the features of a trained field, built by the choices `spec`, together with challengers."""
     case, trained, multipliers = field.ansatz.case, field.features, spec.multipliers
-    spec = looking_everywhere(spec)
+    spec = challenger_spec(spec)
     inputs, placement = build_inputs(case, spec), trained.placement
     network = level.network(inputs, seed, spec.activation, placement)
     drawn = build_features(case, spec, network, placement, inputs)
@@ -374,7 +374,7 @@ def joined_features(field: Field, spec: FieldSpec, level: Level, seed: int) -> F
     return replace(trained, beside=replace(drawn, fixed=new))
 
 
-def looking_everywhere(spec: FieldSpec) -> FieldSpec:
+def challenger_spec(spec: FieldSpec) -> FieldSpec:
     """Return the choices of challengers: with stretched inputs, singular features and powers about corners."""
     more = {"stretched": True, "edge_stretched": True, "multipliers": spec.multipliers or MULTIPLIERS, "detail": 1}
     return spec.model_copy(update=more)

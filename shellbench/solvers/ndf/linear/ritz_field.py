@@ -70,14 +70,14 @@ def strain_of(case: Case, strain: StrainName | None) -> StrainName:
     return strain or ("linear" if case.linear else "exact")
 
 
-def takes_planes(case: Case) -> bool:
+def mirrors_by_default(case: Case) -> bool:
     """Return True if planes of symmetry are built in by default: not with point forces on uneven coordinates."""
     x = case.surface.derivatives(case.surface.domain.grid(SURFACE_SAMPLES, SURFACE_SAMPLES), 1)
     speeds = [np.linalg.norm(d, axis=-1) for d in (x[1, 0], x[0, 1])]
     return not foci(case) or all(bool((s.max(k) <= UNEVEN * s.min(k)).all()) for k, s in enumerate(speeds))
 
 
-def for_part(case: Case, mirrors: Mirrors | None) -> Resolution:
+def part_resolution(case: Case, mirrors: Mirrors | None) -> Resolution:
     """Return the default resolution of a case with these planes of symmetry built in: on one part, or the whole."""
     usual = usual_resolution(case)
     if mirrors is None:

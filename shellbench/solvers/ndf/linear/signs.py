@@ -18,7 +18,7 @@ from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import D1, D2, D11, D22, KINKED, Array
 from shellbench.solvers.ndf.field.mirrors import inner_shares
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, line_rule, panel_ends
-from shellbench.solvers.ndf.strains.energy import NormalEquations, exploits
+from shellbench.solvers.ndf.strains.energy import NormalEquations, why_exploited
 from shellbench.solvers.ndf.strains.strain_measures import UNSTRAINED
 
 CANCELLED = 1e-12  # share of the loads' work that remains on the feature with the most; rounding leaves 1e-15
@@ -51,7 +51,7 @@ class Signs:
     jitter_share: float
 
 
-def taken_up(equations: NormalEquations) -> float:
+def net_work(equations: NormalEquations) -> float:
     """Return the largest work of the loads on a feature, as a share of the work without cancellation."""
     return float(equations.load.abs().max()) / equations.uncancelled if equations.uncancelled > 0 else 1.0
 
@@ -87,7 +87,7 @@ def refusal(signs: Signs, spec: FieldSpec, largest_gap: float) -> str | None:
     soft = spec.supports == "soft"
     if soft and not signs.jitter_share <= LARGEST_ADDED:  # before the gap: more panels would not help
         return ill_conditioned(signs.jitter_share, "a smaller penalty")
-    if (reason := exploits(signs.gap, largest_gap)) is not None:
+    if (reason := why_exploited(signs.gap, largest_gap)) is not None:
         return f"{reason}; use more panels or fewer neurons"
     if not signs.jitter_share <= MOST_ADDED:
         return ill_conditioned(signs.jitter_share, "fewer neurons")

@@ -30,12 +30,12 @@ from shellbench.solvers.ndf.field.supports import point_supports
 from shellbench.solvers.ndf.field.weights import (
     Header,
     StateHeader,
+    fits_format,
+    input_errors,
     network_of,
     network_tensors,
     rounded_network,
     rounded_tensors,
-    short_enough,
-    telling_damage,
     write,
 )
 from shellbench.solvers.ndf.linear.patches import Balances, Recovery
@@ -67,14 +67,14 @@ class FieldSolution(ShellSolution):
         return np.concatenate(parts).astype(float)
 
 
-def strained(case: Case, xi: Array, placement: Placement, jet: Tensor, measure: StrainName) -> tuple[Tensor, Tensor]:
+def strain_data(case: Case, xi: Array, placement: Placement, jet: Tensor, measure: StrainName) -> tuple[Tensor, Tensor]:
     """Return membrane and bending strains (N, 6) of a displacement jet at points (N, 2), and their energy densities."""
     surface = Undeformed.at_points(case.surface, xi, placement)
     strains = surface.strained(measure, surface.gradients(jet)).strains
     return strains, 0.5 * strains * stresses(surface.elasticity(case.material), strains)
 
 
-def one_of_fields(name: str, strains: Tensor, densities: Tensor) -> Tensor:
+def field_by_name(name: str, strains: Tensor, densities: Tensor) -> Tensor:
     """Return the result of `evaluate`: covariant strains (N, 3), or an energy density (N,)."""
     part = slice(0, 3) if name.startswith("membrane") else slice(3, 6)
     if name.endswith("strain"):
@@ -131,24 +131,24 @@ class NdfSolution(FieldSolution):
     def field_at(self, name: str, xi: Array, at: float | None) -> Array:
         """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""
         key = xi.tobytes()
-        if key not in self._latest:
-            self._latest.clear()
-            self._latest[key] = self.in_portions(xi, lambda part: torch.cat(self._strained(part), dim=1), JETS)
-        both = torch.from_numpy(self._latest[key])
-        return one_of_fields(name, both[:, :6], both[:, 6:]).numpy()
+        if key not in self._last_strains:
+            self._last_strains.clear()
+            self._last_strains[key] = self.in_portions(xi, lambda part: torch.cat(self._strain_data(part), dim=1), JETS)
+        both = torch.from_numpy(self._last_strains[key])
+        return field_by_name(name, both[:, :6], both[:, 6:]).numpy()
 
     def resultant_at(self, name: str, xi: Array, at: float | None) -> Array:
         """Return membrane forces or moments (N, 3), or shear forces (N, 2), at points (N, 2)."""
-        finer: Array = self.recovered(name, xi)[1]
+        finer: Array = self.recovered_resultants(name, xi)[1]
         return finer
 
-    def recovered(self, name: str, xi: Array) -> Array:
+    def recovered_resultants(self, name: str, xi: Array) -> Array:
         """Return resultants (2, N, ...) at points (N, 2), coarser and finer; see `Recovery.resultants`."""
         with torch.no_grad():
             return self._recovery.resultants(name, self.case.surface.domain.wrap(xi))
 
     @cached_property
-    def _latest(self) -> dict[bytes, Array]:
+    def _last_strains(self) -> dict[bytes, Array]:
         """Strains and energy densities (N, 12) at the last points, cached."""
         return {}
 
@@ -158,19 +158,19 @@ class NdfSolution(FieldSolution):
         still = self.case.dynamics is None and not self.case.modal and self.touching is None
         return Recovery(self.field, self.spec.strain, linear and still, self.balances)
 
-    def _strained(self, xi: Array) -> tuple[Tensor, Tensor]:
+    def _strain_data(self, xi: Array) -> tuple[Tensor, Tensor]:
         """Return membrane and bending strains (N, 6) at points (N, 2), and the energy density of each of them."""
         placement = self.field.features.placement
-        return strained(self.case, xi, placement, self.field.jet(xi), self.spec.strain)
+        return strain_data(self.case, xi, placement, self.field.jet(xi), self.spec.strain)
 
     def energies(self, at: float | None = None) -> tuple[float, float]:
         """Return the membrane and the bending part of the strain energy of the whole shell, J."""
-        return self._integrated if math.isnan(self.membrane) else (self.membrane, self.bending)
+        return self._integrated_energies if math.isnan(self.membrane) else (self.membrane, self.bending)
 
     @cached_property
-    def _integrated(self) -> tuple[float, float]:
+    def _integrated_energies(self) -> tuple[float, float]:
         rule = area_rule(self.case.surface.domain, graded_points(self.case, self.spec), self.rule)
-        parts = rule.areas(self.case.surface) @ self.in_portions(rule.points, lambda xi: self._strained(xi)[1], JETS)
+        parts = rule.areas(self.case.surface) @ self.in_portions(rule.points, lambda xi: self._strain_data(xi)[1], JETS)
         return float(parts[:3].sum()), float(parts[3:].sum())
 
     def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
@@ -181,9 +181,9 @@ class NdfSolution(FieldSolution):
         InputError
             If it can't be separated from that of another support.
         """
-        return self.pushed(number, centre, graded_points(self.case, self.spec))
+        return self.support_reaction(number, centre, graded_points(self.case, self.spec))
 
-    def pushed(
+    def support_reaction(
         self, number: int, centre: Array, focal: Array, lag: Callable[[Array], Array] | None = None
     ) -> tuple[Array, Array]:
         """Return force and moment of a support: along its edges by virtual work, and those of its points.
@@ -208,14 +208,14 @@ class NdfSolution(FieldSolution):
 
         Every tensor is scaled by its largest magnitude before (see `shellbench.problems.shell.solution`).
         """
-        if short_enough(self.tensors().values(), format):
+        if fits_format(self.tensors().values(), format):
             return self, self.storage_bytes
         network, hidden = rounded_network(self.field.features.network, format)
         features = replace(self.field.features, network=network)
-        last, bytes_taken = self.on_rounded(features, format)
+        last, bytes_taken = self.with_rounded_features(features, format)
         return last, hidden + bytes_taken
 
-    def on_rounded(self, features: Features, format: NumberFormat) -> tuple[NdfSolution, int]:
+    def with_rounded_features(self, features: Features, format: NumberFormat) -> tuple[NdfSolution, int]:
         """Return the field on already rounded features, and the bytes of output weights and rigid motion."""
         (output, rigid), bytes_taken = rounded_tensors([self.field.output, self.field.rigid], format)
         field = Field(self.field.ansatz, features, output, rigid)
@@ -276,7 +276,7 @@ def read_states(
     InputError
         In one sentence, if the file is not a complete and consistent solution.
     """
-    with telling_damage(path):
+    with input_errors(path):
         case = header.read_case()
         features = features_of(case, header, tensors)
         output, rigid = tensors.get("output"), tensors.get("rigid")
@@ -377,12 +377,12 @@ class PathSolution(FieldSolution):
 
     def rounded(self, format: NumberFormat) -> tuple[PathSolution, int]:
         """Return the path with all weights rounded to a format, and the bytes it takes; see `NdfSolution.rounded`."""
-        if all(short_enough(state.tensors().values(), format) for state in self.states):
+        if all(fits_format(state.tensors().values(), format) for state in self.states):
             return self, self.storage_bytes
         last, bytes_taken = self.states[-1].rounded(format)
         states = [last]
         for state in self.states[-2::-1]:
-            before, more = state.on_rounded(last.field.features, format)
+            before, more = state.with_rounded_features(last.field.features, format)
             states.insert(0, before)
             bytes_taken += more
         return replace(self, states=tuple(states)), bytes_taken

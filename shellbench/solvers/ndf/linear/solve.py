@@ -131,7 +131,7 @@ def solve_part(
 ) -> OutputLayer:
     """Solve for the weights of some features, by their numbers (n,); all others are zero."""
     kept, held = held_part(ansatz, features, equations, part, level)
-    return spread(ansatz, features, kept, held.layer())
+    return full_layer(ansatz, features, kept, held.layer())
 
 
 def held_part(
@@ -148,7 +148,7 @@ def held_part(
     return kept, HeldInverse.from_equations(within, constraints[:, kept], targets, stiffness, level)
 
 
-def spread(ansatz: Ansatz, features: Features, kept: Tensor, solved: OutputLayer) -> OutputLayer:
+def full_layer(ansatz: Ansatz, features: Features, kept: Tensor, solved: OutputLayer) -> OutputLayer:
     """Return the output layer of all pairs from that of some, with the forces of point supports only."""
     weights = solved.weights.new_zeros(3 * features.count)
     weights[kept] = solved.weights

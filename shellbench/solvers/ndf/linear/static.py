@@ -22,7 +22,7 @@ from shellbench.solvers.ndf.field.build import (
     build_ansatz,
     build_features,
     build_inputs,
-    built_in,
+    field_mirrors,
     graded_points,
 )
 from shellbench.solvers.ndf.field.choices import FieldSpec
@@ -34,19 +34,19 @@ from shellbench.solvers.ndf.linear.answer import STRONGER, BestLevel, Candidate,
 from shellbench.solvers.ndf.linear.patches import Balances
 from shellbench.solvers.ndf.linear.refinement import (
     KINDS,
+    ErrorBounds,
     Level,
-    Miss,
     first_level,
     next_level,
+    remaining_error,
     scale,
-    still_missed,
     uncertainties,
-    unsettled,
+    why_unsettled,
 )
 from shellbench.solvers.ndf.linear.regularised import JITTER
-from shellbench.solvers.ndf.linear.ritz_field import for_part, takes_planes, with_settings
+from shellbench.solvers.ndf.linear.ritz_field import mirrors_by_default, part_resolution, with_settings
 from shellbench.solvers.ndf.linear.ritz_settings import NDF_RITZ, RitzSettings
-from shellbench.solvers.ndf.linear.signs import Signs, jitter_share, refusal, rounding_energy, taken_up, unseen_turning
+from shellbench.solvers.ndf.linear.signs import Signs, jitter_share, net_work, refusal, rounding_energy, unseen_turning
 from shellbench.solvers.ndf.linear.solution import NdfSolution
 from shellbench.solvers.ndf.linear.solve import potential_energy, solve_part
 from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, normal_equations, surface_area
@@ -77,11 +77,11 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
     given_width, given_rule = settings.neurons is not None, settings.panels is not None
     fixed = given_width or given_rule
     # Fields of given widths serve for comparisons with each other, and with those of other recipes.
-    wanted = not fixed and takes_planes(case) if settings.mirrors is None else settings.mirrors
+    wanted = not fixed and mirrors_by_default(case) if settings.mirrors is None else settings.mirrors
     asked = spec.model_copy(update={"mirrors": wanted})
-    mirrors = built_in(case, asked)
+    mirrors = field_mirrors(case, asked)
     spec = spec if mirrors is None else asked
-    usual = with_settings(for_part(case, mirrors), settings)
+    usual = with_settings(part_resolution(case, mirrors), settings)
     first = first_level(case, usual, given_width, given_rule)
     level: Level | None = first
     kept: BestLevel | None = None
@@ -92,7 +92,7 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
         progress(Progress(level.number, None, f"solving with {level.resolution.neurons} neurons and their challengers"))
         solved = _solve_level(case, spec, settings, level, begin, balances)
         last = solved.first if fixed else solved.best
-        exploiting = solved.best is not solved.challenged
+        exploiting = solved.best is not solved.with_challengers
         reason = refusal(last.signs, last.solution.spec, settings.largest_gap)
         alone = refusal(solved.first.signs, solved.first.solution.spec, settings.largest_gap)
         if reason is not None and alone is None:
@@ -101,15 +101,15 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
         if reason is not None and kept is not None:
             break
         steps += [a.step for a in (*solved.narrower, solved.first, *(() if last is solved.first else (last,)))]
-        missed = solved.missed()
+        missed = solved.error_bounds()
         if kept is not None:
-            since = kept.answer.missed(last)
-            if last.exploits(_certified_again(kept.answer, level, settings)):
+            since = kept.answer.error_bounds(last)
+            if last.exploits_rule(_energy_on_rule(kept.answer, level, settings)):
                 last, solved, missed = kept.answer, kept.solved, kept.missed.or_larger(since)
             else:
-                left = still_missed(since.energy, kept.missed.energy)
+                left = remaining_error(since.energy, kept.missed.energy)
                 missed = missed.times(max(1.0, left)).or_larger(since.times(left))
-        answer, wider = _stated(last, solved, tuple(steps), missed)
+        answer, wider = _as_answer(last, solved, tuple(steps), missed)
         exploited = replace(
             last.signs, gap=0.0, jitter_share=last.signs.jitter_share if spec.supports == "soft" else 0.0
         )
@@ -136,7 +136,7 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
     return answer
 
 
-def _certified_again(answer: Candidate, level: Level, settings: RitzSettings) -> float:
+def _energy_on_rule(answer: Candidate, level: Level, settings: RitzSettings) -> float:
     """Return the potential energy of an answer on the finer rule of another level, J."""
     solution, spec = answer.solution, level.resolution.fine
     case, field = solution.case, solution.field
@@ -152,13 +152,13 @@ def _certified_again(answer: Candidate, level: Level, settings: RitzSettings) ->
 def _without_challengers(solution: NdfSolution, width: int) -> NdfSolution:
     """Return a solution whose network has only its first features: the others have no weight."""
     field, total = solution.field, solution.field.features.network.width
-    features = replace(field.features, network=field.features.network.narrowed(width))
+    features = replace(field.features, network=field.features.network.first_features(width))
     output = torch.cat([field.output[:, :width], field.output[:, total:]], dim=1)
     return replace(solution, field=Field(field.ansatz, features, output, field.rigid))
 
 
-def _stated(
-    last: Candidate, solved: SolvedLevel, steps: tuple[Step, ...], missed: Miss
+def _as_answer(
+    last: Candidate, solved: SolvedLevel, steps: tuple[Step, ...], missed: ErrorBounds
 ) -> tuple[NdfSolution, str | None]:
     """Return an answer with its history and uncertainty, and the reason for a wider field, or None."""
     # Stress resultants are derivatives, and settle last: they need wider fields. But a field with settled displacements
@@ -167,8 +167,8 @@ def _stated(
     area = surface_area(solution.field.ansatz, area_rule(solution.case.surface.domain, NOWHERE, solution.rule))
     rounding = rounding_energy(solution.case.material.membrane_stiffness, area)
     scales = {q.name: scale(solution, q, last.values[q.name], rounding) for q in solution.case.quantities}
-    missed = missed.or_larger(_unrecovered(solution))
-    gap = max(a.signs.gap + a.signs.jitter_share for a in (solved.first, solved.challenged))
+    missed = missed.or_larger(_recovery_bounds(solution))
+    gap = max(a.signs.gap + a.signs.jitter_share for a in (solved.first, solved.with_challengers))
     uncertainty = uncertainties(missed, gap, last.values, scales)
     others = {q.name for q in solution.case.quantities if not isinstance(q, ResultantQuantity)}
     numbered = tuple(replace(step, iteration=k) for k, step in enumerate(steps))
@@ -176,7 +176,7 @@ def _stated(
         solution,
         history=numbered,
         uncertainty=uncertainty,
-        unsettled=unsettled({name: value for name, value in uncertainty.items() if name in others}, scales),
+        unsettled=why_unsettled({name: value for name, value in uncertainty.items() if name in others}, scales),
         diagnostics={
             **solution.diagnostics,
             "support_error": support_error(solution.field),
@@ -185,18 +185,18 @@ def _stated(
             "challengers": len(solved.level.kinds) * solved.level.challengers,
         },
     )
-    return stated, unsettled(uncertainty, scales)
+    return stated, why_unsettled(uncertainty, scales)
 
 
-def _unrecovered(solution: NdfSolution) -> Miss:
+def _recovery_bounds(solution: NdfSolution) -> ErrorBounds:
     """Return lower bounds of the errors of recovered stress resultants: their difference to a coarser degree."""
     changed = {q.name: 0.0 for q in solution.case.quantities}
     for q in solution.case.quantities:
         if isinstance(q, ResultantQuantity):
             points, weights = q.rule(solution.case)
-            coarser, finer = (q.component_of(values) for values in solution.recovered(q.kind, points))
+            coarser, finer = (q.component_of(values) for values in solution.recovered_resultants(q.kind, points))
             changed[q.name] = abs(float(weights @ (finer - coarser)))
-    return Miss(changed, 0.0)
+    return ErrorBounds(changed, 0.0)
 
 
 def _solve_level(
@@ -222,9 +222,9 @@ def _solve_level(
     weight = settings.penalty or PENALTY
     springs = Springs.from_spec(ansatz, chosen.fine, focal, weight) if ansatz.soft else None
     if springs:
-        equations = Springs.from_spec(ansatz, chosen.rule, focal, weight).join(equations, ansatz, features)
+        equations = Springs.from_spec(ansatz, chosen.rule, focal, weight).added_to(equations, ansatz, features)
 
-    hidden, former = network.width, np.logical_or(features.fixed.former(), level.number > 1)
+    hidden, former = network.width, np.logical_or(features.fixed.coarser_mask(), level.number > 1)
     plain, powers = hidden + np.nonzero(former)[0], hidden + np.nonzero(~former)[0]
     shares = NESTED if level.number == 0 and not level.repeated else NESTED[-1:]
     widths = sorted({math.ceil(share * chosen.neurons) for share in shares})
@@ -264,7 +264,7 @@ def _solve_level(
         judged = len(answers) >= len(parts) - 4
         signs = Signs(
             gap=gap,
-            taken_up=1.0 if moved else taken_up(equations),
+            taken_up=1.0 if moved else net_work(equations),
             unseen_turning=unseen_turning(solution.field, chosen.fine, focal) if judged else 0.0,
             jitter_share=jitter_share(equations, layer.weights, layer.unbalanced, rounding),
         )

@@ -112,22 +112,22 @@ def integrate(
         if method.status == "finished":
             t = left.pop(0)
         if following is not None:
-            z = carried(motion, following, z, t)
+            z = extended_state(motion, following, z, t)
             motion = following
             longest = STABLE / motion.highest_frequency()
 
 
-def carried(motion: Motion, following: Motion, z: Array, t: float) -> Array:
+def extended_state(motion: Motion, following: Motion, z: Array, t: float) -> Array:
     """Return unknowns, rates and work of the same motion with more features, which begin with these."""
     count, placement = motion.basis.size, motion.features.placement
     parts = [
-        following.unknowns(widened(motion.weights(placement.tensor(z[k * count : (k + 1) * count]), t, k), following))
+        following.unknowns(padded(motion.weights(placement.tensor(z[k * count : (k + 1) * count]), t, k), following))
         for k in (0, 1)
     ]
     return np.concatenate([*(part.cpu().numpy() for part in parts), z[-1:]])
 
 
-def widened(w: Tensor, motion: Motion) -> Tensor:
+def padded(w: Tensor, motion: Motion) -> Tensor:
     """Return output weights (3 M,) extended by zeros to those of a motion whose features begin with theirs."""
     own = w.view(COMPONENTS, -1)
     return torch.nn.functional.pad(own, (0, motion.features.count - own.shape[1])).reshape(-1)

@@ -18,7 +18,7 @@ the degree, and with its fourth power if bending determines them: a shell as sti
 
 Products of placed waves (`products`) can be added during the motion: those of a higher degree begin with the present
 ones, so that displacement, velocity and energy do not change. More are added when the shortest waves of the motion are
-no longer small, which the field itself shows: see `asks_for_more`.
+no longer small, which the field itself shows: see `needs_more_products`.
 
 Ever finer features are tried until the motion settles; the change of the case's quantities between the last two levels
 estimates their error. The integrator does not show exploitation of the quadrature. Therefore energies at the kept times
@@ -47,13 +47,13 @@ from shellbench.solvers.ndf.field.field import Features
 from shellbench.solvers.ndf.field.geometry import side_lengths
 from shellbench.solvers.ndf.field.jets import COMPONENTS, Array
 from shellbench.solvers.ndf.field.quadrature import NOWHERE, area_rule
-from shellbench.solvers.ndf.motion.integration import Stepping, StuckError, Track, integrate, widened
+from shellbench.solvers.ndf.motion.integration import Stepping, StuckError, Track, integrate, padded
 from shellbench.solvers.ndf.motion.motion_parts import Energies
 from shellbench.solvers.ndf.motion.motion_problem import Motion
 from shellbench.solvers.ndf.motion.motion_solution import Course, MotionSolution
 from shellbench.solvers.ndf.motion.products import Products
-from shellbench.solvers.ndf.strains.energy import exploits
-from shellbench.solvers.ndf.strains.smooth import PANEL_ORDER, POINTS_A_DEGREE, finer, rule_of, smooth, widest
+from shellbench.solvers.ndf.strains.energy import why_exploited
+from shellbench.solvers.ndf.strains.smooth import PANEL_ORDER, POINTS_A_DEGREE, finer, rule_of, smooth, width_for
 
 DEGREES = (10, 13, 17, 22)  # along the longest side, of each level: each costs some four times the one before
 SETTLED_MOTION = 2e-4  # change of the motion between levels, over the longest side, below which the finer one is kept
@@ -97,13 +97,13 @@ def motion_levels(
     """Return degrees with the widths of random features for them: given widths or degrees, or `DEGREES`."""
     if widths:
         return [(degree_of(case, width), width) for width in widths]
-    return [(degree, widest(case, degree)) for degree in degrees or DEGREES]
+    return [(degree, width_for(case, degree)) for degree in degrees or DEGREES]
 
 
 def degree_of(case: Case, width: int) -> int:
     """Return the degree that a width of random features represents."""
     degree = 1
-    while widest(case, degree + 1) <= width:
+    while width_for(case, degree + 1) <= width:
         degree += 1
     return degree
 
@@ -141,7 +141,7 @@ def solve(
         kept = f"; what is kept is the whole motion of degree {before.diagnostics['degree']}" if before else ""
         while True:
             try:
-                motion = prepared(case, spec, level, points)
+                motion = prepare_motion(case, spec, level, points)
                 solution = _Run(case, solver, motion, level, began, progress, stepping or Stepping(), points).solve()
             except SolveFailure as failure:  # the coarser field's result is kept, but not taken as the answer
                 raise SolveFailure(f"at degree {level.degree} {failure}{kept}", before or failure.partial) from None
@@ -150,7 +150,7 @@ def solve(
                     raise
                 reason = f"the motion of degree {level.degree} does not fit into memory{kept}"
                 raise SolveFailure(reason, before) from None
-            exploited = exploits(solution.diagnostics["energy_gap"], largest_gap)
+            exploited = why_exploited(solution.diagnostics["energy_gap"], largest_gap)
             if exploited is None:
                 break
             if not points * MORE_POINTS <= MOST_POINTS:
@@ -180,18 +180,18 @@ def solve(
     )
 
 
-def prepared(case: Case, spec: FieldSpec, level: MotionLevel, points: float) -> Motion:
+def prepare_motion(case: Case, spec: FieldSpec, level: MotionLevel, points: float) -> Motion:
     """Return the equations of motion of a level's features (for products, the first ones), on its rule."""
     spec = spec.model_copy(update={"t": 0.0})
     if isinstance(level.features, Products):
-        return grown(case, spec, level, points, level.first)
+        return motion_of_products(case, spec, level, points, level.first)
     chosen = rule_of(case, level.degree, level.share * points, level.order)
     rule = area_rule(case.surface.domain, NOWHERE, chosen)
     features = smooth(build_ansatz(case, spec), level.features, rule, level.degree)
     return Motion(case, spec, features, chosen)
 
 
-def grown(case: Case, spec: FieldSpec, level: MotionLevel, points: float, degree: int) -> Motion:
+def motion_of_products(case: Case, spec: FieldSpec, level: MotionLevel, points: float, degree: int) -> Motion:
     """Return the equations of motion of products up to a degree."""
     assert isinstance(level.features, Products)
     # One panel: its points crowd at edges, where such fields vary most.
@@ -199,7 +199,7 @@ def grown(case: Case, spec: FieldSpec, level: MotionLevel, points: float, degree
     return Motion(case, spec, level.features.up_to(degree), chosen)
 
 
-def asks_for_more(motion: Motion, w: Tensor, tail: float) -> bool:
+def needs_more_products(motion: Motion, w: Tensor, tail: float) -> bool:
     """Return True if the displacement in the highest degrees of products exceeds `tail` times the longest side.
 
     As products are orthonormal in the area, the root mean square of that part of the displacement is the norm of its
@@ -243,7 +243,7 @@ class _Run:
 
     def solve(self) -> MotionSolution:
         track, reason, until = Track(), "", self.case.states[-1]
-        finer = self._finer if self.level.grow else None
+        finer = self._finer_motion if self.level.grow else None
         try:
             for t in integrate(self.motion, self.case.states, self.stepping, track, finer):
                 done = f"degree {self.degree}, t = {t:.4g} s of {until:g} s"
@@ -252,22 +252,23 @@ class _Run:
             reason = str(error)
         if len(track.times) < 2:
             raise SolveFailure(f"{reason}: no time step from rest converged")
-        solution = self._kept(track)
+        solution = self._build_solution(track)
         if reason:
             raise SolveFailure(f"{reason}; the last time reached is {track.times[-1]:.6g} s", solution)
         return solution
 
-    def _finer(self, motion: Motion, y: Array, t: float) -> Motion | None:
+    def _finer_motion(self, motion: Motion, y: Array, t: float) -> Motion | None:
         """Return equations of motion with more products if the field needs them, and there are more; else None."""
         tail = TAIL * (REFERENCE / self.level.degree) ** TAIL_POWER
         w = motion.weights(motion.features.placement.tensor(y), t)
-        if self.degree == self.level.degree or not asks_for_more(motion, w, tail):
+        if self.degree == self.level.degree or not needs_more_products(motion, w, tail):
             return None
         self.degree = min(math.ceil(DEGREE_GROWTH * self.degree), self.level.degree)
         self.growth.append([self.degree, t])
-        return grown(self.case, motion.spec, self.level, self.points, self.degree)
+        return motion_of_products(self.case, motion.spec, self.level, self.points, self.degree)
 
-    def _kept(self, track: Track) -> MotionSolution:
+    def _build_solution(self, track: Track) -> MotionSolution:
+        """Return the motion up to the last accepted step, with its energies and their certificates."""
         # 1. Compute output weights with two derivatives at all accepted steps, extended to the features of the last
         #    step.
         # 2. Compute the energies on the rule of the motion, and the drift of their balance.
@@ -279,7 +280,7 @@ class _Run:
             for by, t, (state, _) in zip(track.motions, track.times, track.states, strict=True)
         ]
         energies = [by.energies(o[0], o[1], t) for by, t, o in zip(track.motions, track.times, outputs, strict=True)]
-        weights, rates, seconds = (torch.stack([widened(o[k], motion).view(3, -1) for o in outputs]) for k in range(3))
+        weights, rates, seconds = (torch.stack([padded(o[k], motion).view(3, -1) for o in outputs]) for k in range(3))
         # Energy less work since rest: zero for exact integration in time, for any features.
         lost = [e.total - work for e, (_, work) in zip(energies, track.states, strict=True)]
         solution = MotionSolution(
@@ -317,7 +318,7 @@ class _Run:
                 "features": self.level.features.count,
                 "independent_features": motion.features.count,
                 "neurons": self.level.features.network.width,
-                "quadrature_points": len(motion.share),
+                "quadrature_points": len(motion.areas),
                 "time_steps": len(history),
                 "force_evaluations": track.evaluations[-1],
                 "interpolation": "quintic Hermite in time",

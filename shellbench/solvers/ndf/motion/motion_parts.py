@@ -32,7 +32,7 @@ class Energies:
 
 
 @dataclass(frozen=True)
-class Lifted:
+class LiftValues:
     """The lift at the points of the rule: displacement (N, 3) and its gradients (N, 5, 3)."""
 
     values: Tensor
@@ -49,14 +49,14 @@ class Table:
         """Return six planes of fields (N, 6, 3) of output weights (3, M)."""
         return (self.rows @ output.T).view(-1, 6, COMPONENTS)  # one product for all points
 
-    def onto(self, conjugate: Tensor) -> Tensor:
+    def pull_back(self, conjugate: Tensor) -> Tensor:
         """Return the vector (3, M) on the output weights of forces (N, 6, 3) conjugate to the fields."""
         total: Tensor = conjugate.reshape(-1, COMPONENTS).T @ self.rows
         return total
 
 
 @dataclass(frozen=True)
-class Reflected:
+class ReflectedBasis:
     """Unknowns of orthonormal features: the same as `Basis`, without a matrix.
 
     The null space of the point supports' conditions is kept as Householder reflections.
@@ -80,7 +80,7 @@ class Reflected:
     held: Tensor
 
     @classmethod
-    def from_constraints(cls, free: Tensor, density: float, rows: Tensor) -> Reflected:
+    def from_constraints(cls, free: Tensor, density: float, rows: Tensor) -> ReflectedBasis:
         """Hold the conditions `rows` (k, 3 M) on the weights."""
         # R^T = Q [T; 0]: the first columns of Q span the held directions, the others are free. R Q_1 T^-T = 1.
         own = rows[:, free].T.contiguous()
@@ -101,14 +101,15 @@ class Reflected:
         """Return weights (3 M,) of unknowns (r,)."""
         own = torch.cat([y.new_zeros(len(self.factors)), y]) / self.root
         w = y.new_zeros(len(self.free))
-        w[self.free] = self._turned(own, back=False)
+        w[self.free] = self._apply_reflections(own, back=False)
         return w
 
     def gather(self, force: Tensor) -> Tensor:
         """Return forces (r,) on the unknowns of forces (3 M,) on the weights."""
-        return self._turned(force[self.free], back=True)[len(self.factors) :] / self.root
+        return self._apply_reflections(force[self.free], back=True)[len(self.factors) :] / self.root
 
-    def _turned(self, own: Tensor, back: bool) -> Tensor:
+    def _apply_reflections(self, own: Tensor, back: bool) -> Tensor:
+        """Return Q y for `own` weights y that move, or Q^T y if `back`."""
         if not len(self.factors):
             return own
         turned: Tensor = torch.ormqr(self.reflections, self.factors, own[:, None], transpose=back)[:, 0]

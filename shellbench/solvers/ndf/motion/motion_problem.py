@@ -29,7 +29,7 @@ from shellbench.solvers.ndf.field.jets import COMPONENTS, VALUE, Array
 from shellbench.solvers.ndf.field.quadrature import NOWHERE, RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density, point_supports
 from shellbench.solvers.ndf.linear.constraints import point_rows, point_targets
-from shellbench.solvers.ndf.motion.motion_parts import Energies, Lifted, Reflected, Table
+from shellbench.solvers.ndf.motion.motion_parts import Energies, LiftValues, ReflectedBasis, Table
 from shellbench.solvers.ndf.motion.products import Grid, Products
 from shellbench.solvers.ndf.path.newton import Basis
 from shellbench.solvers.ndf.strains.sampled import Sampled
@@ -77,7 +77,7 @@ class Motion:
         return Sampled.at_points(self.ansatz(0.0), self.features, rule.points, keep)
 
     @cached_property
-    def _alike(self) -> bool:
+    def _scalar_matrix(self) -> bool:
         """Return True if the boundary matrix is a multiple of the identity, as with all components held or none."""
         through = self.sampled.through.view(-1, 5, COMPONENTS, COMPONENTS, 6)
         first = through[:, :, :1, :1] * torch.eye(COMPONENTS).to(through)[:, :, None]
@@ -90,14 +90,14 @@ class Motion:
             return self.features.on_grid(self.sampled.points)
         jets = self.sampled.jets
         # If M is a multiple of the identity, all components share one small table. Both ways give the same field.
-        if self._alike:
+        if self._scalar_matrix:
             through = self.sampled.through.view(-1, 5, COMPONENTS, COMPONENTS, 6)[:, :, 0, 0]
             value = self.sampled.matrix[:, 0, :1, None] * torch.eye(6).to(through)[VALUE]
             jets = torch.cat([value, through], dim=1) @ jets
         return Table(jets.reshape(-1, self.features.count))
 
     @cached_property
-    def share(self) -> Tensor:
+    def areas(self) -> Tensor:
         """(N,): area of each point, m^2."""
         rule = area_rule(self.case.surface.domain, NOWHERE, self.rule_spec)
         return self.features.placement.tensor(rule.weights) * self.sampled.undeformed.geometry.jacobian
@@ -105,21 +105,21 @@ class Motion:
     @property
     def area(self) -> float:
         """Area of the midsurface, m^2."""
-        return float(self.share.sum())
+        return float(self.areas.sum())
 
     @cached_property
     def _elasticity(self) -> Tensor:
-        return self.sampled.undeformed.elasticity(self.case.material) * self.share[:, None, None, None]
+        return self.sampled.undeformed.elasticity(self.case.material) * self.areas[:, None, None, None]
 
     @cached_property
     def _springs(self) -> Tensor:
         """(N, 3): stiffness of each point, N/m."""
-        return self.features.placement.tensor(self.case.spring_stiffness(self.sampled.points)) * self.share[:, None]
+        return self.features.placement.tensor(self.case.spring_stiffness(self.sampled.points)) * self.areas[:, None]
 
     @cached_property
     def mass(self) -> Tensor:
         """(3 M, 3 M) on the output weights, kg; zero for components that are held on the whole surface."""
-        total = self.sampled.products(self.case.material.areal_density * self.share)
+        total = self.sampled.products(self.case.material.areal_density * self.areas)
         blocks = total.view(COMPONENTS, self.features.count, COMPONENTS, self.features.count)
         # A component held on the whole surface moves as prescribed. Its features get no inertia, and therefore no place
         # in the basis.
@@ -134,17 +134,17 @@ class Motion:
         return point_rows(self.ansatz(0.0), self.features)
 
     @cached_property
-    def basis(self) -> Basis | Reflected:
+    def basis(self) -> Basis | ReflectedBasis:
         """The unknowns, orthonormal in mass."""
         if isinstance(self.features, Products):
             free = torch.ones((COMPONENTS, self.features.count), dtype=torch.bool)
             free[list(self.case.held_everywhere)] = False
-            return Reflected.from_constraints(free.flatten(), self.case.material.areal_density, self._rows)
+            return ReflectedBasis.from_constraints(free.flatten(), self.case.material.areal_density, self._rows)
         return Basis.from_stiffness(self.mass, self._rows)
 
     def inertia(self, second: Tensor) -> Tensor:
         """Return mass times accelerations (3 M,) of the output weights, N."""
-        if isinstance(self.basis, Reflected):
+        if isinstance(self.basis, ReflectedBasis):
             return torch.where(self.basis.free, self.case.material.areal_density * second, 0.0)
         return self.mass @ second
 
@@ -152,10 +152,10 @@ class Motion:
         """Return the unknowns y (r,), or their rates, of output weights (3 M,) that satisfy the point supports."""
         return self.basis.gather(self.inertia(w))
 
-    def pushed(self, force: Tensor) -> Tensor:
+    def force_vector(self, force: Tensor) -> Tensor:
         """Return the vector (3 M,) of forces (N, 3) on u."""
         if isinstance(self.features, Products):
-            return self._on_weights(force, force.new_zeros((len(force), GRADIENTS)))
+            return self._weight_forces(force, force.new_zeros((len(force), GRADIENTS)))
         return self.sampled.forces(force)
 
     def targets(self, t: float) -> Tensor:
@@ -163,7 +163,7 @@ class Motion:
         return point_targets(self.ansatz(t), self.features.placement)
 
     @cached_property
-    def _driven(self) -> bool:
+    def _moves_supports(self) -> bool:
         """Return True if any point or edge is moved."""
         points = any(s.support.motion is not None for s in point_supports(self.case))
         return points or self._lifts
@@ -192,24 +192,24 @@ class Motion:
         slope, bend = (torch.tensordot(values.new_tensor(w), values, dims=1) for w in weights.T)
         return slope, bend
 
-    def _lift(self, t: float) -> Lifted:
+    def _lift(self, t: float) -> LiftValues:
         jet = self.ansatz(t).lift.jet(self.sampled.points, self.features.placement)
-        return Lifted(jet[VALUE], self.sampled.undeformed.gradients(jet))
+        return LiftValues(jet[VALUE], self.sampled.undeformed.gradients(jet))
 
-    def _lift_rates(self, t: float) -> tuple[Lifted, Lifted]:
+    def _lift_rates(self, t: float) -> tuple[LiftValues, LiftValues]:
         """Return the lift's first and second derivative in time."""
 
         def packed(time: float) -> Tensor:
             lifted = self._lift(time)
             return torch.cat([lifted.values[:, None], lifted.gradients], dim=1)
 
-        slope, bend = (Lifted(both[:, 0], both[:, 1:]) for both in self.rates(packed, t))
+        slope, bend = (LiftValues(both[:, 0], both[:, 1:]) for both in self.rates(packed, t))
         return slope, bend
 
     def weights(self, y: Tensor, t: float, order: int = 0) -> Tensor:
         """Return the output weights w (3 M,) of unknowns (r,), or their derivative in time from that of y."""
         total = self.basis.spread(y)
-        if not self._driven:
+        if not self._moves_supports:
             return total
         targets = self.targets(t) if order == 0 else self._target_rates(t)[order - 1]
         return total + self.basis.held @ targets
@@ -239,7 +239,7 @@ class Motion:
         if "loads" in self._load_memory and np.array_equal(self._load_memory["loads"][0], key):
             return self._load_memory["loads"][1]
         placement = self.features.placement
-        total = self.pushed(placement.tensor(density) * self.share[:, None])
+        total = self.force_vector(placement.tensor(density) * self.areas[:, None])
         if len(points):
             matrix = self.ansatz(t).factors.matrix(points, placement)[VALUE]
             on_free = (matrix.mT @ placement.tensor(concentrated)[..., None])[..., 0]
@@ -247,30 +247,30 @@ class Motion:
         self._load_memory["loads"] = (key, total)
         return total
 
-    def _fields(self, w: Tensor, lifted: Lifted | None) -> tuple[Tensor, Tensor]:
+    def _fields(self, w: Tensor, lifted: LiftValues | None) -> tuple[Tensor, Tensor]:
         """Return displacement (N, 3) and its gradients (N, 5, 3)."""
         found = self._table.fields(w.view(COMPONENTS, -1))
-        if self._alike:
+        if self._scalar_matrix:
             u, gradients = found[:, 0], found[:, 1:]
         else:
-            u, gradients = self._through(found.mT)
+            u, gradients = self._apply_matrix(found.mT)
         if lifted is not None:
             return u + lifted.values, gradients + lifted.gradients
         return u, gradients
 
-    def _through(self, free: Tensor) -> tuple[Tensor, Tensor]:
+    def _apply_matrix(self, free: Tensor) -> tuple[Tensor, Tensor]:
         """Return displacement (N, 3) and gradients (N, 5, 3) from the jets of free components (N, 3, 6)."""
         gradients = (self.sampled.through @ free.reshape(-1, 6 * COMPONENTS, 1)).view(-1, 5, COMPONENTS)
         return (self.sampled.matrix @ free[..., VALUE, None])[..., 0], gradients
 
-    def _on_weights(self, force: Tensor, conjugate: Tensor) -> Tensor:
+    def _weight_forces(self, force: Tensor, conjugate: Tensor) -> Tensor:
         """Return the vector (3 M,) of forces (N, 3) on u and of forces (N, 15) conjugate to its gradients."""
-        if self._alike:
+        if self._scalar_matrix:
             on_fields = torch.cat([force[:, None], conjugate.view(-1, 5, COMPONENTS)], dim=1)
-            return self._table.onto(on_fields).reshape(-1)
+            return self._table.pull_back(on_fields).reshape(-1)
         on_jet = (conjugate[:, None] @ self.sampled.through).view(-1, COMPONENTS, 6)
         on_jet[..., VALUE] += (self.sampled.matrix.mT @ force[..., None])[..., 0]
-        return self._table.onto(on_jet.mT).reshape(-1)
+        return self._table.pull_back(on_jet.mT).reshape(-1)
 
     def resistance(self, w: Tensor, t: float) -> tuple[Tensor, Tensor, Tensor]:
         """Return dE/dw (3 M,), and by point the forces conjugate to gradients (N, 15) and the springs' pull (N, 3)."""
@@ -278,8 +278,8 @@ class Motion:
         strained = self.sampled.undeformed.strained(self.spec.strain, gradients)
         stress = stresses(self._elasticity, strained.strains)
         # Stress . eps' is conjugate to the gradients of u, the springs' pull to u itself.
-        conjugate, pull = strained.conjugate(stress), self._springs * u
-        return self._on_weights(pull, conjugate), conjugate, pull
+        conjugate, pull = strained.conjugate_forces(stress), self._springs * u
+        return self._weight_forces(pull, conjugate), conjugate, pull
 
     def accelerate(self, y: Tensor, velocity: Tensor, t: float) -> tuple[Tensor, float]:
         """Return y'' (r,), and the power of loads and supports, W."""
@@ -297,18 +297,18 @@ class Motion:
         residual = force - resistance
         rates = self._lift_rates(t) if self._lifts else None
         if rates is not None:
-            residual = residual - self.pushed(rho * self.share[:, None] * rates[1].values)
+            residual = residual - self.force_vector(rho * self.areas[:, None] * rates[1].values)
         acceleration = self.basis.gather(residual)
         moved = self.weights(velocity, t, 1)
         power = float(force @ moved)
-        if self._driven:
+        if self._moves_supports:
             # The free fields are in balance, so that only held ones remain; w' - combine y' is their motion.
             balance = self.inertia(self.weights(acceleration, t, 2)) - residual
             power += float(balance @ (moved - self.basis.spread(velocity)))
         if rates is not None:
             rate, second = rates
             free, _ = self._fields(self.weights(acceleration, t, 2), None)
-            inertia = rho * self.share[:, None] * (free + second.values)
+            inertia = rho * self.areas[:, None] * (free + second.values)
             power += float(((inertia + pull) * rate.values).sum() + (conjugate * rate.gradients.flatten(1)).sum())
         return acceleration, power
 
@@ -316,7 +316,7 @@ class Motion:
         """Return the highest angular frequency of small motions about rest, rad/s, by power iteration."""
         # Power iteration on the stiffness at rest, which in this basis has the squared frequencies as eigenvalues. Its
         # product with a vector is a central difference of the forces: no matrix is made.
-        rest = self.share.new_zeros(self.basis.size)
+        rest = self.areas.new_zeros(self.basis.size)
         direction = torch.sin(torch.arange(1.0, 1 + len(rest)).to(rest))  # any vector that is orthogonal to no mode
         size, value = NUDGE * self.area**0.5 * self.case.material.areal_density**0.5, 0.0
         for _ in range(POWER_ITERATIONS):
@@ -328,13 +328,13 @@ class Motion:
             value = float(direction.norm())
         return math.sqrt(value)
 
-    def holding(self, w: Tensor, second: Tensor, t: float) -> Tensor:
+    def support_forces(self, w: Tensor, second: Tensor, t: float) -> Tensor:
         """Return the forces (k,) of the point supports, N, from output weights (3 M,) and their second derivative."""
         # D'Alembert: the supports exert the unbalanced forces, on the fields that move one of them by one unit.
         residual = self.resistance(w, t)[0] - self.forces(t) + self.inertia(second)
         if self._lifts:
-            lag = self.case.material.areal_density * self.share[:, None] * self._lift_rates(t)[1].values
-            residual = residual + self.pushed(lag)
+            lag = self.case.material.areal_density * self.areas[:, None] * self._lift_rates(t)[1].values
+            residual = residual + self.force_vector(lag)
         return self.basis.held.T @ residual
 
     def energies(self, w: Tensor, rate: Tensor, t: float) -> Energies:
@@ -347,7 +347,7 @@ class Motion:
             v = v + self._lift_rates(t)[0].values
         membrane, bending = work.tolist()
         return Energies(
-            kinetic=self.case.material.areal_density / 2 * float(self.share @ (v * v).sum(-1)),
+            kinetic=self.case.material.areal_density / 2 * float(self.areas @ (v * v).sum(-1)),
             membrane=membrane,
             bending=bending,
             springs=float((self._springs * u * u).sum()) / 2,

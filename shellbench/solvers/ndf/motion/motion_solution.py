@@ -31,13 +31,13 @@ from shellbench.solvers.ndf.field.quadrature import NOWHERE, RuleSpec
 from shellbench.solvers.ndf.field.supports import point_supports
 from shellbench.solvers.ndf.field.weights import (
     Header,
+    fits_format,
+    input_errors,
     network_of,
     network_tensors,
     read,
     rounded_network,
     rounded_tensors,
-    short_enough,
-    telling_damage,
     write,
 )
 from shellbench.solvers.ndf.linear.solution import FieldSolution, NdfSolution, PathSolution, features_of, read_states
@@ -190,7 +190,7 @@ class MotionSolution(FieldSolution):
             return -self.case.material.areal_density * self._rate(points, t, 2) - springs
 
         with torch.no_grad():
-            return state.pushed(number, centre, NOWHERE, lag)
+            return state.support_reaction(number, centre, NOWHERE, lag)
 
     def _point_forces(self, t: float) -> Array:
         """Return the forces (k,) of the point supports, N."""
@@ -198,7 +198,7 @@ class MotionSolution(FieldSolution):
             return np.zeros(0)
         with torch.no_grad():
             w, second = (self.course.at(t, order).reshape(-1) for order in (0, 2))
-            return np.asarray(self._motion.holding(w, second, t).cpu().numpy())
+            return np.asarray(self._motion.support_forces(w, second, t).cpu().numpy())
 
     def _output(self, t: float, order: int = 0) -> Tensor:
         """Return the output weights (3, M) of the network itself, or of products, or their derivative."""
@@ -228,7 +228,7 @@ class MotionSolution(FieldSolution):
         Every tensor is scaled by its largest magnitude before (see `rounding`). The times, of which there are few, are
         not rounded.
         """
-        if short_enough(self.tensors().values(), format):
+        if fits_format(self.tensors().values(), format):
             return self, self.storage_bytes
         features, course = self.features, self.course
         network, hidden = rounded_network(self._network, format)
@@ -284,7 +284,7 @@ def read_motion(path: Path, header: Header, tensors: Mapping[str, Tensor]) -> Mo
     InputError
         In one sentence, if it is not a complete and consistent motion.
     """
-    with telling_damage(path):
+    with input_errors(path):
         case = header.read_case()
         if any(name not in tensors for name in MOTION_TENSORS):
             raise ValueError("its motion is not whole")

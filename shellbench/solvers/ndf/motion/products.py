@@ -196,7 +196,7 @@ class Grid:
             found[:, :, plane] = (half[:, along] @ other).permute(1, 2, 0)
         return found.view(-1, 6, COMPONENTS)
 
-    def onto(self, conjugate: Tensor) -> Tensor:
+    def pull_back(self, conjugate: Tensor) -> Tensor:
         """Return the vector (3, M) on the output weights of forces (N, 6, 3) conjugate to the fields."""
         (_, n1, r1), (_, n2, r2) = self.first.shape, self.second.shape
         u, u1, u2, u11, u22, u12 = conjugate.view(n1, n2, 6, COMPONENTS).permute(2, 3, 0, 1)

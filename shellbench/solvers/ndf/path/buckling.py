@@ -3,7 +3,8 @@
 Up to the first state that is no minimum of the energy, the path is followed under load control. At the critical load
 the tangent's smallest eigenvalue, relative to the stiffness at rest, passes zero. It is found between a stable and an
 unstable state by the Illinois variant of regula falsi (Dowell & Jarratt 1971). Slightly beyond it the shell relaxes to
-a stable state (`relaxed`). Load steps follow as long as they lead to stable states; otherwise the shell relaxes again.
+a stable state (`relax_to_stable`). Load steps follow as long as they lead to stable states; otherwise the shell relaxes
+again.
 
 Relaxation: descent from any displacement to a stable state, by Newton's method in a trust region.
 
@@ -57,7 +58,7 @@ SECULAR = 100  # bisections of the shift, at most
 BISECTED = 1e-12  # relative width of the interval at which bisection ends: some thousand units of rounding
 
 
-def relaxed(problem: PathProblem, start: PathState, t: float) -> PathState:
+def relax_to_stable(problem: PathProblem, start: PathState, t: float) -> PathState:
     """Return a stable state at load factor t with at most the energy of the start there.
 
     Raises
@@ -98,15 +99,15 @@ def relaxed(problem: PathProblem, start: PathState, t: float) -> PathState:
             if float(left.sum()) <= CONVERGED * scale:
                 return PathState(t, weights, deformed, iteration)
         step = trust_region_step(values, gradient, radius)
-        foretold = -float(gradient @ step + (values * step * step).sum() / 2)
+        predicted = -float(gradient @ step + (values * step * step).sum() / 2)
         change = basis.combine @ (vectors @ step)
         tried = problem.deform(weights + change, t, deformed.angles)
         gain = deformed.potential - tried.potential
         length = float(step.norm())
         # A full Newton step inside the ball is no test of the radius, which grows only if it has limited the step.
-        if gain < DOUBTED * foretold or not gain > 0:
+        if gain < DOUBTED * predicted or not gain > 0:
             radius = NARROWER * length
-        elif gain > TRUSTED * foretold and length > 0.99 * radius:
+        elif gain > TRUSTED * predicted and length > 0.99 * radius:
             radius *= WIDER
         if gain > 0:
             weights, deformed, model = weights + change, tried, None
@@ -202,26 +203,26 @@ def _to_buckling(problem: PathProblem, marks: Sequence[float], coarse: dict[floa
     # 3. If a short step fails, or a state is unstable, search the critical state in between.
     # 4. If that state is far from buckling, only Newton's method had failed: continue from it.
     state, end = PathState.rest(problem), marks[-1]
-    step, foretold = FIRST_STEP * end, end
+    step, predicted = FIRST_STEP * end, end
     for mark in marks:
         while state.t < mark:
             near = coarse.pop(mark, None)
-            target = mark if near else min(step_end(state.t, mark, step), (1 + OVERSHOT) * max(foretold, state.t))
-            found = _stepped(problem, state, target, near)
+            target = mark if near else min(step_end(state.t, mark, step), (1 + OVERSHOT) * max(predicted, state.t))
+            found = _step_to(problem, state, target, near)
             if found is not None and found.stable:
                 if found.iterations <= EASY:
                     step = max(step, (target - state.t) * GROWTH)
-                foretold = _zero(state, found) or end
+                predicted = _critical_load(state, found) or end
                 state = found
-                if abs(_lowest(state)) <= NEUTRAL:
+                if abs(_lowest_eigenvalue(state)) <= NEUTRAL:
                     yield replace(state, critical=True)
                     return
             elif found is None and target - state.t > SHORT * end:
                 step = (target - state.t) * CUT
                 continue
             else:
-                before, state, foretold = state, _critical(problem, state, found, target), end
-                if _lowest(state) <= ABOUT_TO_BUCKLE:
+                before, state, predicted = state, _critical_state(problem, state, found, target), end
+                if _lowest_eigenvalue(state) <= ABOUT_TO_BUCKLE:
                     yield replace(state, critical=True)
                     return
                 if state is before or target - state.t < SMALLEST_STEP * end:
@@ -240,13 +241,13 @@ def _beyond_buckling(
         while state.t < mark:
             near = coarse.pop(mark, None)
             target = mark if near else step_end(state.t, mark, step)
-            found = _stepped(problem, state, target, near, straight=False)
+            found = _step_to(problem, state, target, near, straight=False)
             if found is None and not near and target - state.t > SHORT_BUCKLED * end:
                 step = (target - state.t) * CUT
                 continue
             if found is None or not found.stable:
                 try:
-                    found = relaxed(problem, near or state, target)
+                    found = relax_to_stable(problem, near or state, target)
                 except NotConvergedError:
                     step = (target - state.t) * CUT
                     if step < SMALLEST_STEP * end:
@@ -258,7 +259,7 @@ def _beyond_buckling(
             yield state
 
 
-def _critical(problem: PathProblem, stable: PathState, unstable: PathState | None, beyond: float) -> PathState:
+def _critical_state(problem: PathProblem, stable: PathState, unstable: PathState | None, beyond: float) -> PathState:
     """Return the last stable state before a load factor with an unstable state, or without a state.
 
     A field that is not quite symmetric may pass around the bifurcation: a state whose smallest eigenvalue has risen
@@ -266,34 +267,35 @@ def _critical(problem: PathProblem, stable: PathState, unstable: PathState | Non
     """
     # Regula falsi for the root of the lowest eigenvalue. The textbook has a value at both ends. Here the upper end may
     # have no state, and then the interval is bisected.
-    root = Illinois(_lowest(stable), _lowest(unstable) if unstable is not None else None)
+    root = Illinois(_lowest_eigenvalue(stable), _lowest_eigenvalue(unstable) if unstable is not None else None)
     for _ in range(SECANTS):
-        if beyond - stable.t <= LOCATED * beyond or abs(_lowest(stable)) <= NEUTRAL:
+        if beyond - stable.t <= LOCATED * beyond or abs(_lowest_eigenvalue(stable)) <= NEUTRAL:
             break
         t = stable.t + min(max(root.trial_share, LOCATED), 1 - LOCATED) * (beyond - stable.t)
-        found = _stepped(problem, stable, t)
-        if found is not None and found.stable and _lowest(found) > _lowest(stable):
+        found = _step_to(problem, stable, t)
+        if found is not None and found.stable and _lowest_eigenvalue(found) > _lowest_eigenvalue(stable):
             found = None
         if found is not None and found.stable:
             stable = found
-            root.raise_low(_lowest(found))
+            root.raise_low(_lowest_eigenvalue(found))
         else:
             beyond = t
-            root.lower_high(_lowest(found) if found is not None else None)
+            root.lower_high(_lowest_eigenvalue(found) if found is not None else None)
     return stable
 
 
-def _zero(before: PathState, after: PathState) -> float | None:
+def _critical_load(before: PathState, after: PathState) -> float | None:
     """Return the load factor where the smallest eigenvalue vanishes, extrapolated linearly from two states."""
-    fall = _lowest(before) - _lowest(after)
-    return after.t + _lowest(after) / fall * (after.t - before.t) if fall > 0 else None
+    fall = _lowest_eigenvalue(before) - _lowest_eigenvalue(after)
+    return after.t + _lowest_eigenvalue(after) / fall * (after.t - before.t) if fall > 0 else None
 
 
-def _lowest(state: PathState) -> float:
+def _lowest_eigenvalue(state: PathState) -> float:
+    """Return the smallest eigenvalue of the tangent at a state, relative to the stiffness at rest, where it is 1."""
     return 1.0 if state.tangent is None else state.tangent.lowest
 
 
-def _stepped(
+def _step_to(
     problem: PathProblem, state: PathState, t: float, near: PathState | None = None, straight: bool = True
 ) -> PathState | None:
     """Return the state at a load factor by Newton's method, from `near` if given; None if it does not converge.
@@ -310,5 +312,5 @@ def _stepped(
     # Compare the tangent's direction at the state with the step of Newton's method.
     ahead = state.tangent.solve(problem.deform(state.weights, t, state.deformed.angles).residual)
     moved = found.weights - state.weights
-    along = problem.likeness(ahead, moved)
+    along = problem.cosine(ahead, moved)
     return found if along >= STRAIGHT else None

@@ -20,14 +20,14 @@ from shellbench.problems.shell.question.contact import Touch, gaps
 from shellbench.solvers.ndf.field.build import Resolution
 from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import VALUE, Array
-from shellbench.solvers.ndf.linear.contact import Touching, drawn
+from shellbench.solvers.ndf.linear.contact import Touching, draw_field
 from shellbench.solvers.ndf.linear.contact_forces import (
     SLIGHT,
     Flags,
     contact_points,
+    crease_mask,
     least_forces,
-    on_creases,
-    smoothest,
+    smoothest_forces,
     typical_compliance,
 )
 from shellbench.solvers.ndf.linear.ritz_settings import NDF_RITZ, RitzSettings
@@ -36,7 +36,7 @@ from shellbench.solvers.ndf.linear.solution import PathSolution
 from shellbench.solvers.ndf.path.continuation import load_steps
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.levels import PathLevel, disagreement, state_solution
-from shellbench.solvers.ndf.path.newton import MOST_ITERATIONS, PathState, settled
+from shellbench.solvers.ndf.path.newton import MOST_ITERATIONS, PathState, has_converged
 from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError
 
 DIFFERENCE = 1e-6  # of the shell's size: step of differences of normals; truncation and rounding are both below 1e-9
@@ -91,7 +91,7 @@ class ContactRows:
         return (added + added.T) / 2
 
 
-def in_contact(points: ContactRows, start: PathState, t: float) -> tuple[PathState, Touch]:
+def contact_state(points: ContactRows, start: PathState, t: float) -> tuple[PathState, Touch]:
     """Return the state at a load factor that enters no obstacle, from another one, and the contact forces.
 
     Raises
@@ -114,7 +114,7 @@ def in_contact(points: ContactRows, start: PathState, t: float) -> tuple[PathSta
     weights, deformed, geometric = start.weights, start.deformed, start.deformed.stresses
     moved = basis.held @ (problem.targets(t) - problem.constraints @ weights)
     if bool(moved.any()):
-        geometric = problem.predicted(deformed, moved)
+        geometric = problem.predicted_stresses(deformed, moved)
         weights = weights + moved
     deformed = problem.deform(weights, t, start.deformed.angles)
     forces, first = np.zeros(len(points.touch.points)), 0.0
@@ -140,13 +140,13 @@ def in_contact(points: ContactRows, start: PathState, t: float) -> tuple[PathSta
         step = free + response @ placement.tensor(forces)
         decrement = float(step @ step)
         change = basis.combine @ torch.linalg.solve_triangular(factor.T, step[:, None], upper=True)[:, 0]
-        geometric = problem.predicted(deformed, change, t)
+        geometric = problem.predicted_stresses(deformed, change, t)
         weights = weights + change
         deformed = problem.deform(weights, t, deformed.angles)
         first = first or decrement
-        if settled(problem, deformed, decrement, first):
+        if has_converged(problem, deformed, decrement, first):
             largest = float(np.abs(points.displacement(weights, t)).max())
-            smooth = smoothest(compliance, offset, forces, unit, points.line, largest, PASSES)[:, None] * normal
+            smooth = smoothest_forces(compliance, offset, forces, unit, points.line, largest, PASSES)[:, None] * normal
             residual = deformed.residual + (placement.tensor(smooth)[:, None] @ points.values).sum(dim=(0, 1))
             state = PathState(t, weights, replace(deformed, residual=residual), iteration)
             return state, replace(points.touch, forces=smooth)
@@ -166,15 +166,15 @@ def answer(
     # 1. Draw features, and choose the points of contact.
     # 2. Follow load steps with contact from rest.
     # 3. Certify the energy of each kept state on the finer rule.
-    ansatz, features, (rule, fine), focal = drawn(case, spec, settings, resolution, seed)
+    ansatz, features, (rule, fine), focal = draw_field(case, spec, settings, resolution, seed)
     level = PathLevel(features, rule, fine, focal, resolution)
     problem = PathProblem(spec, ansatz, features, rule, focal).independent()
     touch = contact_points(case, spec.creases, finer, ends=True)
-    points = ContactRows(problem, touch, on_creases(case, touch, spec.creases))
+    points = ContactRows(problem, touch, crease_mask(case, touch, spec.creases))
     touches: dict[float, Touch] = {}
 
     def find(_: PathProblem, start: PathState, t: float) -> PathState:
-        state, touches[t] = in_contact(points, start, t)
+        state, touches[t] = contact_state(points, start, t)
         return state
 
     states: list[PathState] = []
@@ -185,7 +185,7 @@ def answer(
     judge, kept, gap = replace(problem, rule_spec=fine), [], 0.0
     for state in (state for state in states if state.t in case.states):
         certified = judge.deform(state.weights, state.t)
-        gap = max(gap, disagreement(state.deformed, certified, problem.unstrained))
+        gap = max(gap, disagreement(state.deformed, certified, problem.rounding_energy))
         solution = state_solution(problem, level, NDF_RITZ, state)
         membrane, bending = certified.membrane, certified.bending
         kept.append(replace(solution, membrane=membrane, bending=bending, touching=touches[state.t]))

@@ -18,7 +18,7 @@ from torch import Tensor
 
 from shellbench.problems.shell.records.path_end import branch_passed
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
-from shellbench.solvers.ndf.path.newton import FIRST_STEP, Constraint, PathState, drift, equilibrium, on_path
+from shellbench.solvers.ndf.path.newton import FIRST_STEP, Constraint, PathState, equilibrium, on_path, path_rate
 from shellbench.solvers.stepping import paths
 from shellbench.solvers.stepping.control import (
     ARC_CUT,
@@ -53,7 +53,7 @@ class ByDisplacement:
 
     def rate(self, state: PathState) -> float:
         """Return the rate of the displacement in the load factor."""
-        return float(self.row @ drift(self.problem, state))
+        return float(self.row @ path_rate(self.problem, state))
 
     def first_rate(self, tangent: Tensor) -> float:
         """Return the rate of the displacement at rest by dw/dt; PathEndsError if the loads don't move it."""
@@ -61,7 +61,7 @@ class ByDisplacement:
 
     def to_displacement(self, state: PathState, value: float, target: float) -> PathState:
         """Return the state at a displacement, predicted along the tangent at another."""
-        tangent = drift(self.problem, state)
+        tangent = path_rate(self.problem, state)
         rate = float(self.row @ tangent)
         if rate == 0.0:
             raise NotConvergedError
@@ -83,7 +83,7 @@ def load_steps(problem: PathProblem, marks: Sequence[float], find: Find = equili
 def displacement_steps(problem: PathProblem, row: Tensor, marks: Sequence[float], end: float) -> Iterator[PathState]:
     """Yield the states at increasing values of the displacement row . w; see `stepping.paths.displacement_steps`."""
     path, rest = ByDisplacement(problem, row), PathState.rest(problem)
-    first = path.first_rate(drift(problem, rest))
+    first = path.first_rate(path_rate(problem, rest))
     yield from paths.displacement_steps(path, rest, first, marks, end, 1 / PATH_STEPS)
 
 
@@ -108,7 +108,7 @@ def arc_length_steps(problem: PathProblem, row: Tensor, marks: Sequence[float], 
     measured = _samples(problem)
     state, value, path = PathState.rest(problem), 0.0, ByDisplacement(problem, row)
     landings = Marks(path, marks, end)
-    tangent = drift(problem, state)
+    tangent = path_rate(problem, state)
     first = path.first_rate(tangent)
     seen = measured @ tangent
     arc = end / PATH_STEPS / abs(first) * float(seen.norm())
@@ -123,7 +123,7 @@ def arc_length_steps(problem: PathProblem, row: Tensor, marks: Sequence[float], 
             moved = measured @ (found.weights - state.weights)
             if arc < STRAIGHT * float(moved.norm()):
                 raise NotConvergedError
-            ahead = drift(problem, found)
+            ahead = path_rate(problem, found)
         except NotConvergedError:
             arc *= CUT
             if arc < SMALLEST_STEP * longest:

@@ -61,8 +61,8 @@ def states_of_edit(
 
     def found_at(t: float, output: Tensor, share: float) -> tuple[PathState, Tensor]:
         part = problem if share == 1.0 else at_share(share)
-        state = equilibrium(part, _placed(part, output, t), t)
-        return state, _as_drawn(part, state.weights)
+        state = equilibrium(part, _state_in_basis(part, output, t), t)
+        return state, _drawn_weights(part, state.weights)
 
     for t in marks:
         output = start.states[number_of_state(start.marks, t)].field.output
@@ -70,7 +70,7 @@ def states_of_edit(
         yield replace(state, iterations=iterations)
 
 
-def _placed(problem: PathProblem, output: Tensor, t: float) -> PathState:
+def _state_in_basis(problem: PathProblem, output: Tensor, t: float) -> PathState:
     """Return the state of output weights (3, M) of the features as drawn, in the combinations of a problem."""
     # Combinations C of features are independent in the stiffness A at rest, C^T A C = 1. Therefore C^T A w are the
     # weights of the part of a field w in their span.
@@ -81,7 +81,8 @@ def _placed(problem: PathProblem, output: Tensor, t: float) -> PathState:
     return PathState(t, weights, problem.deform(weights, t))
 
 
-def _as_drawn(problem: PathProblem, weights: Tensor) -> Tensor:
+def _drawn_weights(problem: PathProblem, weights: Tensor) -> Tensor:
+    """Return the output weights (3, M) of the features as drawn; the inverse of `_state_in_basis`."""
     combined = problem.features
     assert isinstance(combined, Combined)
     return weights.view(3, -1) @ combined.combine.T

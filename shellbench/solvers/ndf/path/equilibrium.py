@@ -20,16 +20,16 @@ from torch import Tensor
 
 from shellbench.problems.shell.posed.rigid import free_motions, rigid_modes
 from shellbench.problems.shell.quantities.quantities import DisplacementQuantity
-from shellbench.solvers.ndf.field.ansatz import Ansatz, Combined, FeatureSet, independent
+from shellbench.solvers.ndf.field.ansatz import Ansatz, Combined, FeatureSet, independent_combinations
 from shellbench.solvers.ndf.field.build import build_ansatz
 from shellbench.solvers.ndf.field.choices import FieldSpec
-from shellbench.solvers.ndf.field.factors import turns
+from shellbench.solvers.ndf.field.factors import turns_clamps
 from shellbench.solvers.ndf.field.jets import VALUE, Array
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule
-from shellbench.solvers.ndf.field.supports import asked_points, concentrated_forces, force_density
+from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density, quantity_points
 from shellbench.solvers.ndf.linear.constraints import SAME_ROW, point_rows, point_targets, slope_constraints
 from shellbench.solvers.ndf.path.newton import Basis, Deformed
-from shellbench.solvers.ndf.strains.energy import mirrored
+from shellbench.solvers.ndf.strains.energy import symmetric
 from shellbench.solvers.ndf.strains.reaction import EdgeMoment, FollowingPressure, edge_moments
 from shellbench.solvers.ndf.strains.sampled import Sampled, elastic_form
 from shellbench.solvers.ndf.strains.strain_measures import UNSTRAINED, stresses
@@ -60,8 +60,8 @@ class PathProblem:
         # The sum over components has the combinations that each of them needs, and stays positive semidefinite.
         rest = self.deform(self.rest_weights, 0.0)
         anchors = self.anchor.view(-1, self.features.count)
-        alike = self.sampled_at(0.0).summed(self._form(rest)) + anchors.T @ anchors
-        return replace(self, features=Combined(self.features, independent(alike), alike))
+        alike = self.sampled_at(0.0).block_sum(self._form(rest)) + anchors.T @ anchors
+        return replace(self, features=Combined(self.features, independent_combinations(alike), alike))
 
     @cached_property
     def _stiffness(self) -> Tensor:
@@ -83,9 +83,9 @@ class PathProblem:
     @cached_property
     def sampled_at(self) -> Callable[[float], Sampled]:
         """The area rule's points with the boundary factors at a load factor."""
-        if not turns(self.ansatz.case):
+        if not turns_clamps(self.ansatz.case):
             return lambda t: self.sampled
-        return lru_cache(maxsize=2)(lambda t: self.sampled.carried(self.ansatz_at(t)))
+        return lru_cache(maxsize=2)(lambda t: self.sampled.with_ansatz(self.ansatz_at(t)))
 
     @cached_property
     def lift_at(self) -> Callable[[float], Tensor | None]:
@@ -106,20 +106,20 @@ class PathProblem:
     @cached_property
     def elasticity(self) -> Tensor:
         """(N, 2, 3, 3) of each point's share of the area."""
-        return self.sampled.undeformed.elasticity(self.ansatz.case.material) * self.share[:, None, None, None]
+        return self.sampled.undeformed.elasticity(self.ansatz.case.material) * self.areas[:, None, None, None]
 
     @cached_property
-    def share(self) -> Tensor:
+    def areas(self) -> Tensor:
         """(N,): area of each point, m^2."""
         return self.weights * self.sampled.undeformed.geometry.jacobian
 
     @property
     def area(self) -> float:
         """Area of the midsurface, m^2."""
-        return float(self.share.sum())
+        return float(self.areas.sum())
 
     @property
-    def unstrained(self) -> float:
+    def rounding_energy(self) -> float:
         """Energy that counts as rounding, J."""
         return UNSTRAINED * self.ansatz.case.material.membrane_stiffness * self.area
 
@@ -144,7 +144,7 @@ class PathProblem:
         ansatz = self.ansatz_at(t)
         # Forces act on u = lift + M F: through M^T on the output weights, and by their work on the lift.
         force = placement.tensor(force_density(case, sampled.points, t))
-        force = force * self.share[:, None]
+        force = force * self.areas[:, None]
         total = sampled.forces(force)
         points, concentrated = concentrated_forces(case, self.rule_spec, self.focal, t)
         extra = placement.tensor(concentrated)
@@ -167,7 +167,7 @@ class PathProblem:
         modes = rigid_modes(case.surface, self.sampled.points)[0, 0] @ free
         # The mean of u . mode over the area, squared. The rows are scaled to be as stiff as the membrane. Loads in
         # balance do no work on the modes, so that at the answer these squares vanish.
-        share = self.share / self.share.sum() * case.material.membrane_stiffness**0.5
+        share = self.areas / self.areas.sum() * case.material.membrane_stiffness**0.5
         placed = self.features.placement.tensor(modes) * share[:, None, None]
         rows = [self.sampled.forces(placed[..., k]) for k in range(free.shape[1])]
         return torch.stack(rows) if rows else share.new_zeros((0, 3 * self.features.count))
@@ -196,14 +196,14 @@ class PathProblem:
 
     def functional(self, quantity: DisplacementQuantity, t: float = 0.0) -> Tensor:
         """Return the row (3 M,) of a displacement quantity; the lift's share is left out."""
-        return self.row(*asked_points(self.ansatz.case, quantity), t)
+        return self.row(*quantity_points(self.ansatz.case, quantity), t)
 
-    def lifted(self, quantity: DisplacementQuantity, t: float) -> float:
+    def lift_share(self, quantity: DisplacementQuantity, t: float) -> float:
         """Return the lift's share of a displacement quantity at a load factor, metres."""
         ansatz = self.ansatz_at(t)
         if not ansatz.lift.moves:
             return 0.0
-        points, directions = asked_points(ansatz.case, quantity)
+        points, directions = quantity_points(ansatz.case, quantity)
         lift = ansatz.lift.jet(points, self.features.placement)[VALUE].cpu().numpy()
         return float(np.mean(np.sum(lift * directions, axis=-1)))
 
@@ -215,14 +215,14 @@ class PathProblem:
         k, rows = self.ansatz.case.material.membrane_stiffness, self.constraints
         return Basis.from_stiffness(self._stiffness + k * rows.T @ rows, rows, (SAME_ROW / k) ** 0.5)
 
-    def likeness(self, first: Tensor, second: Tensor) -> float:
+    def cosine(self, first: Tensor, second: Tensor) -> float:
         """Return the cosine of two changes of weights (3 M,) by the stiffness at rest, 1 if one of them is zero."""
         # Weights have no metric of their own. With that of the stiffness at rest, the cosine is one of displacements.
         stiff = self._stiffness @ first
         product = float(stiff @ first) * float(second @ (self._stiffness @ second))
         return float(stiff @ second) / math.sqrt(product) if product > 0 else 1.0
 
-    def fitted(self, other: PathProblem, weights: Tensor) -> Tensor:
+    def fit_weights(self, other: PathProblem, weights: Tensor) -> Tensor:
         """Return the weights (3 M,) of the field that is closest, in stiffness at rest, to one of another problem.
 
         The other problem has the same supports and quadrature.
@@ -231,7 +231,7 @@ class PathProblem:
         variation = self.deform(self.rest_weights, 0.0).strained.variation
         gradients = other.sampled.gradients(weights.view(3, -1)).reshape(-1, 15, 1)
         conjugate = stresses(self.elasticity, (variation @ gradients)[..., 0])
-        force = self.sampled.pulled_back((conjugate[:, None] @ variation)[:, 0])
+        force = self.sampled.pull_back((conjugate[:, None] @ variation)[:, 0])
         return self.basis.spread(self.basis.gather(force))
 
     def deform(self, weights: Tensor, t: float, near: tuple[Tensor, ...] | None = None) -> Deformed:
@@ -249,7 +249,7 @@ class PathProblem:
         energies = (strains * conjugate).view(-1, 2, 3).sum(dim=(0, 2)) / 2
         forces, work = self.forces(t)
         # r = -dE/dw: the loads less stress . eps' at the points.
-        residual = forces - sampled.pulled_back((conjugate[:, None] @ strained.variation)[:, 0])
+        residual = forces - sampled.pull_back((conjugate[:, None] @ strained.variation)[:, 0])
         residual = residual - self.anchor.T @ (self.anchor @ weights)
         work += float(forces @ weights)
         angles = []
@@ -285,7 +285,7 @@ class PathProblem:
             for moment in self.moments:
                 lift = moment.sampled.lift_gradients(self.ansatz_at(t))
                 moment.add_tangent(total, moment.sampled.gradients(weights.view(3, -1), lift), t)
-        return mirrored(total) + self.anchor.T @ self.anchor
+        return symmetric(total) + self.anchor.T @ self.anchor
 
     def _form(self, deformed: Deformed, geometric: Tensor | None = None) -> Tensor:
         """Return the second variation (N, 15, 15) of the energy in the displacement gradients."""
@@ -301,12 +301,12 @@ class PathProblem:
         gradients = sampled.gradients(weights.view(3, -1), self.lift_at(t))
         return self.pressure.tangent(sampled, gradients, t)
 
-    def predicted(self, deformed: Deformed, change: Tensor, t: float = 0.0) -> Tensor:
+    def predicted_stresses(self, deformed: Deformed, change: Tensor, t: float = 0.0) -> Tensor:
         """Return the stresses (N, 6) that the strains' first variation predicts after a change (3 M,) of weights."""
         # C (eps + eps' dw): linear in the change, while the strains of w + dw are quadratic and more.
         return deformed.stresses + stresses(self.elasticity, self._strain_change(deformed, change, t))
 
-    def foretold_energies(self, deformed: Deformed, change: Tensor, t: float) -> tuple[float, float]:
+    def predicted_energies(self, deformed: Deformed, change: Tensor, t: float) -> tuple[float, float]:
         """Return the membrane and the bending energy, J, of the strains predicted by their first variation.
 
         A thin shell's own strains after a bending step have far more energy, since the membrane has not followed yet.

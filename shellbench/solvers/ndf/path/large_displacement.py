@@ -22,7 +22,7 @@ from shellbench.problems.shell.records.path_end import cut_short
 from shellbench.problems.shell.variants.edit import between
 from shellbench.solvers.ndf.field.build import build_ansatz
 from shellbench.solvers.ndf.field.choices import FieldSpec
-from shellbench.solvers.ndf.field.factors import turns
+from shellbench.solvers.ndf.field.factors import turns_clamps
 from shellbench.solvers.ndf.field.quadrature import area_rule
 from shellbench.solvers.ndf.field.supports import check_balance
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
@@ -32,8 +32,8 @@ from shellbench.solvers.ndf.path.edited import states_of_edit
 from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.path.levels import PathLevel, disagreement, state_solution
 from shellbench.solvers.ndf.path.newton import Deformed, PathState, equilibrium
-from shellbench.solvers.ndf.path.path_challenge import challenged, prescribed
-from shellbench.solvers.ndf.strains.energy import exploits
+from shellbench.solvers.ndf.path.path_challenge import challenge_path, with_quadrature_error
+from shellbench.solvers.ndf.strains.energy import why_exploited
 from shellbench.solvers.stepping.control import NotConvergedError, PathEndsError, equal_marks
 
 Training = Callable[[PathLevel, PathProblem, Sequence[PathState]], PathLevel | None]
@@ -99,7 +99,7 @@ def solve(
             magnitude = sum(solution.energies()) + abs(sum(solution.energies()) - energy)
             change = abs(energy - before) / magnitude if magnitude else 0.0
         before = energy
-        history.append(run.summary(len(history), solution))
+        history.append(run.level_step(len(history), solution))
         if stood and start is not None:
             change = start.diagnostics["energy_change"]
         if run.prescribed or (change is not None and change <= SETTLED_PATH):
@@ -112,7 +112,7 @@ def solve(
         "settled": run.prescribed or (change is not None and change <= SETTLED_PATH),
     }
     whole = replace(solution, history=(*history, *states), diagnostics=diagnostics)
-    return whole if seed is None else run.stated(whole, seed)
+    return whole if seed is None else run.with_uncertainty(whole, seed)
 
 
 class _Run:
@@ -159,22 +159,22 @@ class _Run:
         if not states:
             raise SolveFailure(f"{reason}: no state beyond rest converged")
         self.states = states
-        solution = self._kept(states, seconds, complete=reason is None)
+        solution = self._build_solution(states, seconds, complete=reason is None)
         if reason is not None:
             solution = cut_short(solution, f"{reason}; the last converged load factor is {states[-1].t:.6g}")
-        if (reason := exploits(solution.diagnostics["energy_gap"], self.largest_gap)) is not None:
+        if (reason := why_exploited(solution.diagnostics["energy_gap"], self.largest_gap)) is not None:
             raise SolveFailure(reason, solution)
         return solution
 
-    def stated(self, solution: PathSolution, seed: int) -> PathSolution:
+    def with_uncertainty(self, solution: PathSolution, seed: int) -> PathSolution:
         """Return the path with the uncertainty of its quantities."""
         if self.prescribed:
-            return prescribed(solution, self.problem.unstrained)
+            return with_quadrature_error(solution, self.problem.rounding_energy)
         if self.case.path.after_buckling == "follow":
             return solution  # with neutral modes one linear solve is no estimate
-        return challenged(self.problem, self.states, solution, self.level.resolution, seed, self._field)
+        return challenge_path(self.problem, self.states, solution, self.level.resolution, seed, self._field)
 
-    def summary(self, iteration: int, solution: PathSolution) -> Step:
+    def level_step(self, iteration: int, solution: PathSolution) -> Step:
         """Return one step for the whole level."""
         gap = solution.diagnostics["energy_gap"]
         return replace(solution.history[-1], iteration=iteration, gap=gap, phase="solve", iterations=self.iterations)
@@ -191,11 +191,11 @@ class _Run:
                 yield equilibrium(problem, PathState.rest(problem), t)
             return
         if self.start is not None:
-            yield from states_of_edit(problem, self._at_share, self.start, case.states)
+            yield from states_of_edit(problem, self._edited_problem, self.start, case.states)
             return
         match case.path.control:
             case "load" if case.buckles:
-                yield from follow_steps(problem, case.path_marks, coarse.fitted(problem) if coarse else ())
+                yield from follow_steps(problem, case.path_marks, coarse.fit_states(problem) if coarse else ())
             case "load":
                 yield from load_steps(problem, case.states)
             case "displacement":
@@ -203,14 +203,14 @@ class _Run:
             case "arc_length":
                 yield from arc_length_steps(problem, self._row, case.states, case.path.until)
 
-    def _at_share(self, share: float) -> PathProblem:
+    def _edited_problem(self, share: float) -> PathProblem:
         """Return the problem at a share of the edit that leads from the start to the case."""
         assert self.start is not None
         ansatz = build_ansatz(between(self.start.case, self.case, share), self.spec)
         return PathProblem(self.spec, ansatz, self.level.features, self.level.rule, self.level.focal).independent()
 
     def _rows(self, t: float) -> dict[str, Tensor]:
-        if t and not turns(self.case):
+        if t and not turns_clamps(self.case):
             return self.rows
         return {name: self.problem.functional(q, t) for name, q in self.quantities.items()}
 
@@ -219,7 +219,7 @@ class _Run:
         assert self.controlled is not None
         return self.controlled
 
-    def _kept(self, states: Sequence[PathState], seconds: Sequence[float], complete: bool) -> PathSolution:
+    def _build_solution(self, states: Sequence[PathState], seconds: Sequence[float], complete: bool) -> PathSolution:
         case = self.case
         marks = [s.t if self.controlled is None else float(self.controlled @ s.weights) for s in states]
         kept = []
@@ -230,9 +230,9 @@ class _Run:
         if not complete and len(states) - 1 not in kept:
             kept.append(len(states) - 1)
         fine = replace(self.problem, rule_spec=self.level.fine)
-        certified = [self._certified(fine, states[k]) for k in kept]
+        certified = [self._certified_state(fine, states[k]) for k in kept]
         gaps = {
-            k: disagreement(states[k].deformed, deformed, self.problem.unstrained)
+            k: disagreement(states[k].deformed, deformed, self.problem.rounding_energy)
             for k, deformed in zip(kept, certified, strict=True)
         }
         fields = tuple(self._state(states[k], deformed) for k, deformed in zip(kept, certified, strict=True))
@@ -257,13 +257,13 @@ class _Run:
             },
         )
 
-    def fitted(self, problem: PathProblem) -> list[PathState]:
+    def fit_states(self, problem: PathProblem) -> list[PathState]:
         """Return the states at marks and the critical one, fitted to a finer problem."""
         other = replace(self.problem, rule_spec=problem.rule_spec, focal=problem.focal)
         found = []
         for state in self.states:
             if state.critical or state.t in self.case.states:
-                weights = problem.fitted(other, state.weights)
+                weights = problem.fit_weights(other, state.weights)
                 deformed = problem.deform(weights, state.t, self._angles(problem, state))
                 found.append(replace(state, weights=weights, deformed=deformed))
         return found
@@ -273,14 +273,14 @@ class _Run:
         """Newton iterations of all states."""
         return sum(state.iterations for state in self.states)
 
-    def _certified(self, fine: PathProblem, state: PathState) -> Deformed:
+    def _certified_state(self, fine: PathProblem, state: PathState) -> Deformed:
         """Return the deformation of a state on the finer rule."""
         return fine.deform(state.weights, state.t, self._angles(fine, state))
 
     def _angles(self, problem: PathProblem, state: PathState) -> tuple[Tensor, ...]:
         """Return the rotation angles of a state's normals, on another problem's rule."""
         each = zip(self.problem.moments, problem.moments, state.deformed.angles, strict=True)
-        return tuple(known.spread(angles, other) for known, other, angles in each)
+        return tuple(known.interpolate(angles, other) for known, other, angles in each)
 
     def _step(self, number: int, state: PathState, seconds: float, gap: float | None) -> Step:
         return Step(
@@ -291,7 +291,7 @@ class _Run:
             at=state.t,
             gap=gap,
             quantities={
-                name: float(row @ state.weights) + self.problem.lifted(self.quantities[name], state.t)
+                name: float(row @ state.weights) + self.problem.lift_share(self.quantities[name], state.t)
                 for name, row in self._rows(state.t).items()
             },
             phase="critical" if state.critical else "path",

@@ -43,7 +43,7 @@ from shellbench.solvers.ndf.field.network import deep_random_features
 from shellbench.solvers.ndf.field.quadrature import area_rule
 from shellbench.solvers.ndf.field.supports import check_balance
 from shellbench.solvers.ndf.linear.constraints import SAME_ROW
-from shellbench.solvers.ndf.linear.refinement import SAFETY, SLOWEST, Level, first_level, next_level, unsettled
+from shellbench.solvers.ndf.linear.refinement import SAFETY, SLOWEST, Level, first_level, next_level, why_unsettled
 from shellbench.solvers.ndf.linear.ritz_field import with_settings
 from shellbench.solvers.ndf.linear.ritz_settings import NDF_RITZ, RitzSettings
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
@@ -76,7 +76,7 @@ def why_no_modes(case: Case, spec: FieldSpec | None = None) -> str | None:
 
 
 @dataclass(frozen=True)
-class _Found:
+class _FieldModes:
     """The modes of one field: their values and output weights (3 M, m), and the difference of two rules."""
 
     values: Array
@@ -121,7 +121,7 @@ def solve(
     while level is not None:
         progress(Progress(level.number, None, f"modes with {level.resolution.neurons} neurons and their challengers"))
         one = _OneLevel(case, spec, settings, level, recipe)
-        plain, whole = one.find(challenged=False), one.find(challenged=True)
+        plain, whole = one.find(with_challengers=False), one.find(with_challengers=True)
         kept, gained = whole, np.abs(plain.values - whole.values)
         missed = gained
         if before is not None and told is not None:
@@ -131,11 +131,11 @@ def solve(
             if whole.gap > plain.gap and whole.values.mean() > plain.values.mean():
                 kept, gained = plain, np.abs(before - plain.values)
                 told = np.maximum(told, gained)
-            missed = still_missed(gained, told, np.abs(before - kept.values))
+            missed = remaining_error(gained, told, np.abs(before - kept.values))
         sure = SAFETY * (missed + kept.gap * np.abs(kept.values))
         for found in (plain, whole):
             seconds = time.perf_counter() - began
-            values = dict(zip([q.name for q in case.quantities], _asked(case, found.values), strict=True))
+            values = dict(zip([q.name for q in case.quantities], _quantity_values(case, found.values), strict=True))
             steps.append(Step(len(steps), seconds, float(found.values.mean()), one.unknowns, quantities=values))
         share = float((sure / np.abs(kept.values)).max())
         # The field of lower quotients is nearer to the solution. This need not be the wider one, which is worse
@@ -153,7 +153,7 @@ def solve(
     return answer
 
 
-def still_missed(gained: Array, told: Array, changed: Array) -> Array:
+def remaining_error(gained: Array, told: Array, changed: Array) -> Array:
     """Return the estimated errors of modes (m,).
 
     Challengers changed the modes by `gained` at this level and by `told` at the level before; `changed` is their change
@@ -165,7 +165,7 @@ def still_missed(gained: Array, told: Array, changed: Array) -> Array:
     return np.asarray(gained * np.maximum(changed / np.maximum(told, least), 1.0) / (1 - ratio))
 
 
-def _asked(case: Case, values: Array) -> list[float]:
+def _quantity_values(case: Case, values: Array) -> list[float]:
     """Return the values of the case's quantities from those of modes 1, 2, ..."""
     return [float(values[int(q.mark or 1) - 1]) for q in case.quantities]
 
@@ -196,7 +196,7 @@ class _OneLevel:
         weights = self.problem.rest_weights
         self.rest = self.problem.deform(weights, 0.0)
         self.stiffness = self.problem.tangent(self.rest, 0.0)
-        self.mass = self.problem.sampled.products(case.material.areal_density * self.problem.share)
+        self.mass = self.problem.sampled.products(case.material.areal_density * self.problem.areas)
 
     @property
     def unknowns(self) -> int:
@@ -218,7 +218,7 @@ class _OneLevel:
         combine[kept] = basis
         return combine
 
-    def _loaded(self, part: Integers) -> Tensor | None:
+    def _linear_weights(self, part: Integers) -> Tensor | None:
         """Return the output weights (3 M,) of the linear answer to the case's loads; None without loads."""
         if not self.case.loads:
             return None
@@ -232,22 +232,22 @@ class _OneLevel:
         found: Tensor = combine @ torch.linalg.solve(stiffness, combine.T @ self.problem.forces(1.0)[0])
         return found
 
-    def find(self, challenged: bool) -> _Found:
+    def find(self, with_challengers: bool) -> _FieldModes:
         """Find the modes, with the usual features only or with their challengers."""
         # 1. Compute the stresses of the linear answer to the loads, if any, and their matrix G.
         # 2. Form independent combinations of the features, and A u = mu B u with mu the reciprocal of the asked value.
         # 3. Find the modes of largest mu, and their quotients on the finer rule.
         number, width = max(int(q.mark or 1) for q in self.case.quantities), self.level.resolution.neurons
         hidden, count = self.features.network.width, self.features.count
-        part: Integers = np.arange(count) if challenged else np.r_[:width, hidden:count]
-        loaded, combine = self._loaded(part), self._combinations(part)
+        part: Integers = np.arange(count) if with_challengers else np.r_[:width, hidden:count]
+        loaded, combine = self._linear_weights(part), self._combinations(part)
         elastic, mass = (combine.T @ matrix @ combine for matrix in (self.stiffness, self.mass))
         geometric = None
         if loaded is not None:
-            stresses = self.problem.predicted(self.rest, loaded)
+            stresses = self.problem.predicted_stresses(self.rest, loaded)
             whole = self.problem.tangent(self.rest, 0.0, geometric=stresses) - self.stiffness
             geometric = combine.T @ whole @ combine
-        ahead, elastic = self._pair(elastic, mass, geometric)
+        ahead, elastic = self._eigenproblem(elastic, mass, geometric)
         size = len(ahead)
         if size < number:
             raise SolveFailure(f"the field has {size} independent combinations, too few for mode {number}")
@@ -262,20 +262,20 @@ class _OneLevel:
             if not positive.all():
                 raise SolveFailure(why_too_few(number, int(positive.sum()), 1 / least if least < 0 else None))
         weights = combine @ torch.as_tensor(shares[:, ::-1].copy(), dtype=combine.dtype, device=combine.device)
-        trained, values = 1 / inverse[::-1], self._certified(weights, loaded)
+        trained, values = 1 / inverse[::-1], self._certified_values(weights, loaded)
         gap = float(np.abs(trained / values - 1).max())
         if self.vibrates:
             values, gap = np.sqrt(values) / (2 * math.pi), gap / 2
-        return _Found(values, weights, gap)
+        return _FieldModes(values, weights, gap)
 
-    def _pair(self, elastic: Tensor, mass: Tensor, geometric: Tensor | None) -> tuple[Tensor, Tensor]:
+    def _eigenproblem(self, elastic: Tensor, mass: Tensor, geometric: Tensor | None) -> tuple[Tensor, Tensor]:
         """Return A and B, whose largest eigenvalues are the reciprocals of the asked values."""
         if not self.vibrates:
             assert geometric is not None  # a case that asks for buckling loads has loads
             return -geometric, elastic
         return mass, elastic if geometric is None else elastic + geometric
 
-    def _certified(self, weights: Tensor, loaded: Tensor | None) -> Array:
+    def _certified_values(self, weights: Tensor, loaded: Tensor | None) -> Array:
         """Return the values of the modes (3 M, m) by Rayleigh and Ritz on the finer rule."""
         fine = replace(self.problem, rule_spec=self.level.resolution.fine)
         rest = fine.deform(torch.zeros_like(weights[:, 0]), 0.0)
@@ -283,23 +283,23 @@ class _OneLevel:
         elastic = _form(elastic_form(fine.elasticity, rest.strained.variation), gradients)
         geometric = None
         if loaded is not None:
-            geometric = _form(rest.strained.second_variation(fine.predicted(rest, loaded)), gradients)
-        share = self.case.material.areal_density * fine.share
+            geometric = _form(rest.strained.second_variation(fine.predicted_stresses(rest, loaded)), gradients)
+        share = self.case.material.areal_density * fine.areas
         mass = torch.einsum("nci,n,ncj->ij", moved, share, moved)
-        found = eigh(*(_symmetric(m) for m in self._pair(elastic, mass, geometric)), eigvals_only=True)
+        found = eigh(*(_symmetric(m) for m in self._eigenproblem(elastic, mass, geometric)), eigvals_only=True)
         return np.asarray(1 / found[::-1])
 
-    def solution(self, found: _Found, sure: Array, steps: Sequence[Step]) -> PathSolution:
+    def solution(self, found: _FieldModes, sure: Array, steps: Sequence[Step]) -> PathSolution:
         """Return the modes that the case asks for, as fields."""
         case, marks = self.case, self.case.states
-        uncertainty = dict(zip([q.name for q in case.quantities], _asked(case, sure), strict=True))
-        values = dict(zip([q.name for q in case.quantities], _asked(case, found.values), strict=True))
+        uncertainty = dict(zip([q.name for q in case.quantities], _quantity_values(case, sure), strict=True))
+        values = dict(zip([q.name for q in case.quantities], _quantity_values(case, found.values), strict=True))
         return PathSolution(
             marks=marks,
-            states=tuple(self._shape(found.weights[:, int(mark) - 1]) for mark in marks),
+            states=tuple(self._mode_shape(found.weights[:, int(mark) - 1]) for mark in marks),
             history=tuple(steps),
             uncertainty=uncertainty,
-            unsettled=unsettled(uncertainty, values, SETTLED_MODE),
+            unsettled=why_unsettled(uncertainty, values, SETTLED_MODE),
             mode_values={int(mark): float(found.values[int(mark) - 1]) for mark in marks},
             diagnostics={
                 "energy_gap": found.gap,
@@ -310,7 +310,7 @@ class _OneLevel:
             },
         )
 
-    def _shape(self, weights: Tensor) -> NdfSolution:
+    def _mode_shape(self, weights: Tensor) -> NdfSolution:
         """Return a mode as a field whose largest component is about 1 m."""
         output = weights.view(3, -1)
         field = Field(build_ansatz(self.case, self.spec), self.features, output, output.new_zeros(6))

@@ -15,7 +15,7 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
-from shellbench.solvers.ndf.field.ansatz import independent
+from shellbench.solvers.ndf.field.ansatz import independent_combinations
 from shellbench.solvers.ndf.strains.strain_measures import Strained
 from shellbench.solvers.stepping.control import NotConvergedError
 
@@ -75,7 +75,7 @@ class Basis:
         """
         # Null-space method: with K = 1 in `combine`, a singular value decomposition of the constraints splits it
         # orthogonally. The first columns of V hold the supports' displacements, the others move none of them.
-        combine = independent(stiffness)
+        combine = independent_combinations(stiffness)
         if not len(constraints):
             return cls(combine, combine.new_zeros((len(stiffness), 0)))
         u, moved, v = torch.linalg.svd(constraints @ combine)
@@ -112,7 +112,7 @@ class Equations(Protocol):
         """(3 M,) zeros: the output weights at rest."""
 
     @property
-    def unstrained(self) -> float:
+    def rounding_energy(self) -> float:
         """Energy that counts as rounding, J."""
 
     def targets(self, t: float) -> Tensor:
@@ -129,7 +129,7 @@ class Equations(Protocol):
     def load_stiffness(self, weights: Tensor, t: float) -> Tensor | None:
         """Return the derivative (3 M, 3 M) of loads that follow the shell; None without any."""
 
-    def predicted(self, deformed: Deformed, change: Tensor, t: float = 0.0) -> Tensor:
+    def predicted_stresses(self, deformed: Deformed, change: Tensor, t: float = 0.0) -> Tensor:
         """Return the stresses (N, 6) that the first variation predicts after a change (3 M,) of weights."""
 
     def force_rate(self, weights: Tensor) -> Tensor:
@@ -209,7 +209,7 @@ def on_path(problem: Equations, start: PathState, constraint: Constraint, guess:
     return _newton(problem, start, start.t + guess[1], guess[0], constraint)
 
 
-def settled(problem: Equations, deformed: Deformed, decrement: float, first: float) -> bool:
+def has_converged(problem: Equations, deformed: Deformed, decrement: float, first: float) -> bool:
     """Return True if an iteration has converged, by the work of its last step and of its first one, J.
 
     Raises
@@ -218,14 +218,14 @@ def settled(problem: Equations, deformed: Deformed, decrement: float, first: flo
         If the work has grown beyond return.
     """
     # Below the energy of a strain of 1e-10 all is rounding, as in an unloaded shell.
-    scale = max(deformed.magnitude, problem.unstrained)
+    scale = max(deformed.magnitude, problem.rounding_energy)
     # Written so that NaN fails.
     if not scale < float("inf") or decrement > HOPELESS * first:
         raise NotConvergedError
     return decrement <= CONVERGED * scale
 
 
-def drift(problem: Equations, state: PathState) -> Tensor:
+def path_rate(problem: Equations, state: PathState) -> Tensor:
     """Return dw/dt (3 M,) along the path at a state.
 
     Raises
@@ -327,7 +327,7 @@ def _newton(
     # a bending step. Here the residual may grow at first, and the caller cuts a step that does not converge.
     weights, deformed, geometric = start.weights, start.deformed, start.deformed.stresses
     if bool(step.any()):
-        geometric = problem.predicted(deformed, step)
+        geometric = problem.predicted_stresses(deformed, step)
         weights = weights + step
     if bool(step.any()) or t != start.t:
         deformed = problem.deform(weights, t, start.deformed.angles)
@@ -347,10 +347,10 @@ def _newton(
         # The constraint is linear, so that it holds after each step. The work of r alone measures the distance from
         # equilibrium.
         decrement = abs(float(deformed.residual @ step))
-        geometric = problem.predicted(deformed, step, t)
+        geometric = problem.predicted_stresses(deformed, step, t)
         weights = weights + step
         deformed = problem.deform(weights, t, deformed.angles)
         first = first or decrement
-        if settled(problem, deformed, decrement, first):
+        if has_converged(problem, deformed, decrement, first):
             return PathState(t, weights, deformed, iteration, tangent)
     raise NotConvergedError

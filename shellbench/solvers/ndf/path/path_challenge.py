@@ -36,17 +36,17 @@ from shellbench.solvers.ndf.field.supports import point_supports
 from shellbench.solvers.ndf.linear.constraints import SAME_ROW
 from shellbench.solvers.ndf.linear.refinement import (
     TRAINED_SHARE,
-    Miss,
-    changes,
+    ErrorBounds,
+    challenger_spec,
     finer_rule,
     first_level,
+    graded_rule,
     joined_features,
-    layered,
-    looking_everywhere,
-    probed,
+    probe,
+    quantity_changes,
     scale,
     uncertainties,
-    unsettled,
+    why_unsettled,
 )
 from shellbench.solvers.ndf.linear.regularised import JITTER, RegularisedInverse
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
@@ -60,7 +60,7 @@ PART = 0.25  # of the gain: error of even a small part of the energy; on 48 draw
 PRESCRIBED = 1e-12  # of a quantity's scale, if nothing is solved for and all is rounding
 
 
-def prescribed(solution: PathSolution, rounding: float) -> PathSolution:
+def with_quadrature_error(solution: PathSolution, rounding: float) -> PathSolution:
     """Return a path that its case prescribes, with the uncertainty of its quantities: only its quadrature has an error.
 
     `rounding` is the energy, J, of rounding.
@@ -70,7 +70,7 @@ def prescribed(solution: PathSolution, rounding: float) -> PathSolution:
     for q in case.quantities:
         value = {q.name: measure(solution, q)}
         scales = {q.name: scale(solution.state(q.at), q, value[q.name], rounding)}
-        missed = Miss({q.name: rounding if isinstance(q, EnergyQuantity) else 0.0}, 0.0)
+        missed = ErrorBounds({q.name: rounding if isinstance(q, EnergyQuantity) else 0.0}, 0.0)
         uncertainty |= uncertainties(missed, gap, value, scales, PRESCRIBED)
     return replace(solution, uncertainty=uncertainty)
 
@@ -105,7 +105,7 @@ class Challenge:
         number = max(1, round(TRAINED_SHARE * width / len(level.kinds)))
         # Both fields are integrated with as many points a feature as the path's own: otherwise the rule makes a
         # difference.
-        rule = layered(case, finer_rule(usual.rule, RULE_GROWTH))
+        rule = graded_rule(case, finer_rule(usual.rule, RULE_GROWTH))
         level = replace(level, resolution=replace(level.resolution, neurons=0), challengers=number)
         features = joined_features(solution.field, solution.spec, level, seed)
         assert isinstance(problem.features, Combined)
@@ -114,9 +114,9 @@ class Challenge:
         combine = old.new_zeros((len(old) + new, count + new))
         combine[: len(old), :count] = old
         combine[len(old) :, count:].fill_diagonal_(1.0)
-        allowed = torch.as_tensor(features.allowed()[:, len(old) :])
+        allowed = torch.as_tensor(features.component_mask()[:, len(old) :])
         whole = torch.cat([torch.ones((3, count), dtype=torch.bool), allowed], dim=1)
-        focal = graded_points(case, looking_everywhere(spec))
+        focal = graded_points(case, challenger_spec(spec))
         joined = PathProblem(problem.spec, problem.ansatz, Combined(features, combine), rule, focal)
         quantity = next((q for q in case.quantities if q.name == case.path.quantity), None)
         row = joined.functional(quantity) if isinstance(quantity, DisplacementQuantity) else None
@@ -128,7 +128,7 @@ class Challenge:
         weights = output.new_zeros((3, self.problem.features.count))
         weights[:, : output.shape[1]] = output
         near = [
-            known.spread(angles, other)
+            known.interpolate(angles, other)
             for known, other, angles in zip(problem.moments, self.problem.moments, state.deformed.angles, strict=True)
         ]
         return weights.reshape(-1), self.problem.deform(weights.reshape(-1), state.t, tuple(near))
@@ -186,7 +186,7 @@ class Challenge:
 
 
 @dataclass(frozen=True)
-class Found:
+class ChallengedState:
     """A state of the path before and after the step with challengers: fields, and energies on one rule.
 
     Attributes
@@ -204,13 +204,13 @@ class Found:
     """
 
     solutions: tuple[NdfSolution, NdfSolution]
-    probed: tuple[Array, Array]
+    probes: tuple[Array, Array]
     steps: tuple[Step, Step]
     gained: float
     of_displacements: float
 
 
-def challenged(
+def challenge_path(
     problem: PathProblem,
     states: Sequence[PathState],
     solution: PathSolution,
@@ -238,19 +238,19 @@ def challenged(
     case, offset = solution.case, len(solution.history) - len(states)
     challenge = Challenge.of_path(problem, solution.states[-1], usual, seed)
     gap = solution.diagnostics["energy_gap"]
-    known: dict[tuple[int, bool], Found] = {}
+    known: dict[tuple[int, bool], ChallengedState] = {}
     uncertainty: dict[str, float] = {}
     scales: dict[str, float] = {}
     gains = [0.0]
     for q in case.quantities:
         held = case.path.quantity is not None and not (isinstance(q, LimitPoint) and q.turning == "displacement")
-        numbers = _asked(q, solution, offset)
+        numbers = _quantity_states(q, solution, offset)
         if not numbers:
             continue  # one linear solve is no estimate of it
         for k in numbers:
             if (k, held) not in known:
                 step = solution.history[offset + k]
-                known[k, held] = _found(challenge, problem, states[k], step, solution_of(states[k]), held)
+                known[k, held] = _challenge_state(challenge, problem, states[k], step, solution_of(states[k]), held)
         there = {offset + k: known[k, held] for k in numbers}
         last = there[max(there)]
         histories = [
@@ -261,18 +261,18 @@ def challenged(
             values = [{q.name: measure(replace(state, history=history), q)} for state, history in both]
         except ValueError:
             continue  # the turning point has moved: nothing is stated
-        changed = changes(case, values[0], values[1], last.probed)
-        scales[q.name] = scale(last.solutions[0], q, values[0][q.name], problem.unstrained, last.probed[0])
+        changed = quantity_changes(case, values[0], values[1], last.probes)
+        scales[q.name] = scale(last.solutions[0], q, values[0][q.name], problem.rounding_energy, last.probes[0])
         gains.append(max(found.gained for found in there.values()))
         moved = isinstance(q, DisplacementQuantity | LargestDisplacement)
         share = max(found.of_displacements for found in there.values()) if moved else gains[-1]
         # The gain is that of the whole energy; a small part has a smaller error, and its own change counts too.
         of = max(abs(values[0][q.name]), PART * scales[q.name]) if isinstance(q, EnergyQuantity) else scales[q.name]
-        uncertainty |= uncertainties(Miss(changed, share), gap, values[0], {q.name: of})
+        uncertainty |= uncertainties(ErrorBounds(changed, share), gap, values[0], {q.name: of})
     return replace(
         solution,
         uncertainty=uncertainty,
-        unsettled=solution.unsettled or unsettled(uncertainty, scales, SETTLED_STATE),
+        unsettled=solution.unsettled or why_unsettled(uncertainty, scales, SETTLED_STATE),
         diagnostics={
             **solution.diagnostics,
             "challenge_gain": max(gains),
@@ -281,7 +281,7 @@ def challenged(
     )
 
 
-def _asked(q: QuantityModel, solution: PathSolution, offset: int) -> tuple[int, ...]:
+def _quantity_states(q: QuantityModel, solution: PathSolution, offset: int) -> tuple[int, ...]:
     """Return the numbers of the path's states that determine a quantity; none for a critical state.
 
     There are none either for the position of an extremum along the curve: it depends on the slope of the changes there,
@@ -301,9 +301,10 @@ def _asked(q: QuantityModel, solution: PathSolution, offset: int) -> tuple[int, 
     return tuple(k for k in range(middle - 1, middle + 2) if 0 <= k < len(steps))
 
 
-def _found(
+def _challenge_state(
     challenge: Challenge, problem: PathProblem, state: PathState, step: Step, solution: NdfSolution, held: bool
-) -> Found:
+) -> ChallengedState:
+    """Return a state with the change of its fields and energies by one step with challengers."""
     weights, deformed = challenge.start(problem, state)
     change, more, forces = challenge.step(weights, deformed, state.t, held)
     gained = float(deformed.residual @ change) / 2
@@ -314,14 +315,14 @@ def _found(
         replace(step, energy=deformed.potential),
         replace(step, energy=deformed.potential - gained, at=state.t + more, quantities=quantities),
     )
-    energies = challenge.problem.foretold_energies(deformed, change, state.t)
+    energies = challenge.problem.predicted_energies(deformed, change, state.t)
     solutions = (
         replace(solution, membrane=deformed.membrane, bending=deformed.bending),
         challenge.field(solution, weights + change, energies, forces),
     )
-    share = abs(gained) / (deformed.membrane + deformed.bending + problem.unstrained)
+    share = abs(gained) / (deformed.membrane + deformed.bending + problem.rounding_energy)
     of_work = share if held else _share_of_work(challenge.problem, deformed, change, state.t, abs(gained))
-    return Found(solutions, (probed(solutions[0]), probed(solutions[1])), steps, share, min(share, of_work))
+    return ChallengedState(solutions, (probe(solutions[0]), probe(solutions[1])), steps, share, min(share, of_work))
 
 
 def _share_of_work(problem: PathProblem, deformed: Deformed, change: Tensor, t: float, gained: float) -> float:

@@ -10,7 +10,7 @@ from pathlib import Path
 from torch import Tensor
 
 from shellbench.problem import Step
-from shellbench.solvers.ndf.field.weights import are_finite, read_tensors, telling_damage, texts_of, write_tensors
+from shellbench.solvers.ndf.field.weights import are_finite, input_errors, read_tensors, texts_of, write_tensors
 
 FORMAT = "shellbench-ndf-checkpoint-1"
 GROUPS = ("weight", "first_moment", "second_moment")
@@ -97,7 +97,7 @@ def read_checkpoint(path: Path) -> Checkpoint:
         In one sentence, if it is no complete checkpoint.
     """
     texts, tensors = read_tensors(path)
-    with telling_damage(path):
+    with input_errors(path):
         facts = json.loads(texts["checkpoint"])
         layers = range(sum(name.startswith(f"{GROUPS[0]}.") for name in tensors))
         weights, first, second = ([tensors[f"{group}.{k}"] for k in layers] for group in GROUPS)

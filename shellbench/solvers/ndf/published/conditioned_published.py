@@ -31,12 +31,12 @@ from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.inputs import Inputs
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, constant
 from shellbench.solvers.ndf.field.quadrature import Rule
-from shellbench.solvers.ndf.field.supports import asked_points
-from shellbench.solvers.ndf.field.weights import described, write_described
+from shellbench.solvers.ndf.field.supports import quantity_points
+from shellbench.solvers.ndf.field.weights import read_described, write_described
 from shellbench.solvers.ndf.published.published_network import InputScale, Siren, initial_siren, published_ansatz
 from shellbench.solvers.ndf.published.published_samples import stratified_samples, usual_modulus_factor
 from shellbench.solvers.ndf.published.published_settings import ConditionedPublishedSettings
-from shellbench.solvers.ndf.published.published_training import LossNotFinite, Plan, beginning, train
+from shellbench.solvers.ndf.published.published_training import LossNotFinite, Plan, first_checkpoint, train
 from shellbench.solvers.ndf.strains.energy import concentrated, tabulate
 
 FORMAT = "ndf-material, format 1"
@@ -46,7 +46,7 @@ QUOTIENT_STEP = 1e-3  # of central difference quotients of the network, whose er
 SEPARATE = 1  # stream of random numbers for materials, separate from that of points
 
 
-def shares(case: ConditionedCase, material: Material) -> Array:
+def material_shares(case: ConditionedCase, material: Material) -> Array:
     """Return the position of a material in the ranges, (3,), from 0 to 1, on the linear scale of the draws."""
     ends = np.array([getattr(case.ranges, name) for name in Material._fields])
     return np.asarray((np.array(material) - ends[:, 0]) / (ends[:, 1] - ends[:, 0]))
@@ -60,7 +60,7 @@ def drawn_material(case: ConditionedCase, seed: int, iteration: int) -> Material
 
 
 @dataclass(frozen=True)
-class Question:
+class ConditionedProblem:
     """A case with all data that its network needs."""
 
     case: ConditionedCase
@@ -70,21 +70,21 @@ class Question:
     placement: Placement
 
     @classmethod
-    def from_case(cls, case: ConditionedCase, placement: Placement) -> Question:
+    def from_case(cls, case: ConditionedCase, placement: Placement) -> ConditionedProblem:
         """Build the published boundary functions and inputs, which do not depend on the material."""
         spec = FieldSpec(stretched=False, multipliers=0)
         shell = case.shell_of(case.middle)
         inputs = build_inputs(shell, spec)
         return cls(case, published_ansatz(shell, spec), inputs, InputScale.from_inputs(inputs, placement), placement)
 
-    def seen(self, points: Array, material: Material) -> Tensor:
+    def network_inputs(self, points: Array, material: Material) -> Tensor:
         """Return the jets (6, N, n + 3) of the network's inputs."""
         exact = self.placement._replace(dtype=torch.float64)
         plain = self.scale.apply(self.inputs.jets(points, exact).to(self.placement.dtype))
-        return with_material(plain, shares(self.case, material))
+        return append_material(plain, material_shares(self.case, material))
 
 
-def with_material(jets: Tensor, share: Array) -> Tensor:
+def append_material(jets: Tensor, share: Array) -> Tensor:
     """Return jets (6, N, n + 3) with the material's shares as further inputs."""
     own = torch.as_tensor(share).to(jets).expand(jets.shape[1], INPUTS)
     return torch.cat([jets, constant(own, len(jets))], dim=-1)
@@ -114,7 +114,7 @@ class Sample:
 class Sampler:
     """Source of the samples; see `shellbench.solvers.ndf.published.published_training.Sampling`."""
 
-    question: Question
+    question: ConditionedProblem
     settings: ConditionedPublishedSettings
     modulus_factor: float
     end: float = 1.0
@@ -135,7 +135,7 @@ class Sampler:
                 own = slice(k * count, (k + 1) * count)
                 material = drawn_material(q.case, self.settings.seed, number)
                 yield Sample(
-                    q.seen(np.concatenate([points[own], forces.points]), material),
+                    q.network_inputs(np.concatenate([points[own], forces.points]), material),
                     tuple(rows[own] for rows in parts),
                     self.modulus_factor * stiffnesses(material),
                     torch.cat([force[own], forces.force.to(dtype)]),
@@ -150,8 +150,8 @@ class TrainedField(ConditionedAnswer):
     unit: float
 
     @cached_property
-    def _question(self) -> Question:
-        return Question.from_case(self.case, Placement())
+    def _question(self) -> ConditionedProblem:
+        return ConditionedProblem.from_case(self.case, Placement())
 
     @property
     def parameters(self) -> int:
@@ -168,7 +168,7 @@ class TrainedField(ConditionedAnswer):
         question, chosen = self._question, material or self.case.middle
         exact = self.siren.with_tensors([tensor.cpu().double() for tensor in self.siren.tensors])
         with torch.no_grad():
-            free = self.unit * exact.jets(question.seen(points, chosen))[VALUE]
+            free = self.unit * exact.jets(question.network_inputs(points, chosen))[VALUE]
             matrix = question.ansatz.factors.matrix(points, question.placement)[VALUE]
         return np.asarray((matrix @ free[..., None])[..., 0].numpy())
 
@@ -177,7 +177,7 @@ class TrainedField(ConditionedAnswer):
         shell = self._question.ansatz.case
         quantity = shell.quantity(ASKED)
         assert isinstance(quantity, DisplacementQuantity)
-        points, directions = asked_points(shell, quantity)
+        points, directions = quantity_points(shell, quantity)
         return float(np.mean(np.sum(self.displacement(points, material=material) * directions, axis=-1)))
 
     def value(self, number: int) -> float:
@@ -199,7 +199,7 @@ class TrainedField(ConditionedAnswer):
     @classmethod
     def load(cls, path: Path) -> TrainedField:
         """Read a file of `save`; InputError in one sentence if it is no such file."""
-        with described(path, FORMAT, "trained field for many materials") as (words, tensors):
+        with read_described(path, FORMAT, "trained field for many materials") as (words, tensors):
             ordered = tuple(tensors[name] for name in sorted(tensors))
             half = len(ordered) // 2
             siren = Siren(ordered[:half], ordered[half:], float(words["omega0"]))
@@ -211,14 +211,14 @@ def solve(case: ConditionedCase, settings: ConditionedPublishedSettings, progres
     """Train a network; SolveFailure if its loss becomes non-finite."""
     begin = time.perf_counter()
     placement = Placement.on(settings.device)._replace(dtype=getattr(torch, settings.dtype))
-    question = Question.from_case(case, placement)
+    question = ConditionedProblem.from_case(case, placement)
     count = question.inputs.count + INPUTS
     siren = initial_siren(count, settings.layers, settings.width, settings.omega0, settings.seed, placement)
     unit_of = usual_modulus_factor(question.ansatz)
     sampler = Sampler(question, settings, unit_of)
     plan = Plan(settings.iterations, settings.learning_rate)
     try:
-        now = train(siren, beginning("", siren), sampler, plan, lambda network: {}, progress)
+        now = train(siren, first_checkpoint("", siren), sampler, plan, lambda network: {}, progress)
     except LossNotFinite as failure:
         raise SolveFailure(f"the training diverged: {failure}; try a smaller learning_rate") from None
     built = time.perf_counter() - begin

@@ -41,7 +41,7 @@ EARLY, RENEWAL = 50, 3  # iterations that renew the matrix each; later each thir
 HALVINGS = 8  # of a step, at most; then the weights stay
 
 
-def flattened(weights: Sequence[Tensor], biases: Sequence[Tensor]) -> Tensor:
+def flatten(weights: Sequence[Tensor], biases: Sequence[Tensor]) -> Tensor:
     """Return all weights (P,): layer by layer, each unit's weights and then its bias."""
     pairs = zip(weights, biases, strict=True)
     return flatten_layers([torch.cat([weight, bias[:, None]], dim=1) for weight, bias in pairs])
@@ -61,7 +61,7 @@ def chosen_points(energies: Tensor, count: int) -> tuple[Tensor, Tensor]:
 
 
 def strain_jacobian(siren: Siren, sample: Sample, points: Tensor) -> Tensor:
-    """Return the derivatives (6 n, P) of the strains at n points of a sample by all weights, as in `flattened`."""
+    """Return the derivatives (6 n, P) of the strains at n points of a sample by all weights, as in `flatten`."""
     seen, rows = sample.inputs[:, points], sample.rows[points].view(-1, 6, 3, 6)
     weights, biases = ([siren.omega0 * t for t in layers[:-1]] for layers in (siren.weights, siren.biases))
     network = Network(tuple(weights), tuple(biases), siren.activation)
@@ -120,16 +120,16 @@ class NaturalGradient:
         loss = sample.loss(self.network)
         slopes = torch.autograd.grad(loss, self.network.tensors)
         with torch.no_grad():
-            slope = flattened(slopes[:layers], slopes[layers:])
+            slope = flatten(slopes[:layers], slopes[layers:])
             # A checkpoint has no factor: the first iteration after one renews the matrix.
             if self.iteration < EARLY or self.iteration % RECORD % RENEWAL == 0:
-                self._renew(sample)
+                self._renew_matrix(sample)
             step = -rate * torch.cholesky_solve((slope / self.scale)[:, None], self.factor)[:, 0] / self.scale
-            self._move(step, next(self.trials))
+            self._move_weights(step, next(self.trials))
         self.iteration += 1
         return loss.detach()
 
-    def _renew(self, sample: Sample) -> None:
+    def _renew_matrix(self, sample: Sample) -> None:
         """Add a draw to the matrix, and factorise it."""
         kept = min(MEMORY, self.iteration / (self.iteration + 9))  # less at first, to forget the start
         points, factors = chosen_points(sample.energies(self.network), min(POINTS, len(sample.rows)))
@@ -142,10 +142,10 @@ class NaturalGradient:
         scaled.diagonal().add_(max(DAMPING, FIRST_DAMPING * DECAY**self.iteration))
         self.factor = torch.linalg.cholesky(scaled)
 
-    def _move(self, step: Tensor, trial: Sample) -> None:
+    def _move_weights(self, step: Tensor, trial: Sample) -> None:
         """Move the weights by the step, halved as long as that lowers the energy of another draw."""
         start = [tensor.clone() for tensor in self.network.tensors]
-        moves = self._by_tensor(step)
+        moves = self._split_by_tensor(step)
 
         def energy(share: float) -> float:
             for tensor, old, change in zip(self.network.tensors, start, moves, strict=True):
@@ -160,8 +160,8 @@ class NaturalGradient:
             share, now = share / 2, half
         energy(share if now < least else 0.0)
 
-    def _by_tensor(self, step: Tensor) -> list[Tensor]:
-        """Return a change (P,) as one of each tensor of the network; the inverse of `flattened`."""
+    def _split_by_tensor(self, step: Tensor) -> list[Tensor]:
+        """Return a change (P,) as one of each tensor of the network; the inverse of `flatten`."""
         sizes = [weight.numel() + len(weight) for weight in self.network.weights]
         parts = [part.view(len(w), -1) for part, w in zip(torch.split(step, sizes), self.network.weights, strict=True)]
         return [*(part[:, :-1] for part in parts), *(part[:, -1] for part in parts)]

@@ -52,7 +52,7 @@ from shellbench.solvers.ndf.published.published_network import (
     InputScale,
     PublishedFactors,
     Siren,
-    check_like,
+    check_same_layers,
     initial_siren,
     published_ansatz,
 )
@@ -60,7 +60,7 @@ from shellbench.solvers.ndf.published.published_samples import Sampler, expected
 from shellbench.solvers.ndf.published.published_settings import (
     NDF_PUBLISHED,
     PublishedSettings,
-    own_checkpoint,
+    checkpoint_path,
     training_key,
 )
 from shellbench.solvers.ndf.published.published_training import (
@@ -69,7 +69,7 @@ from shellbench.solvers.ndf.published.published_training import (
     LossNotFinite,
     Optimiser,
     Plan,
-    beginning,
+    first_checkpoint,
     train,
     why_collapsed,
 )
@@ -82,7 +82,7 @@ OF_TRIALS = 2**32  # added to the seed, for draws on which steps are tried
 PINNED_CUTS = 3  # further panels at points that are pinned within a tenth of a unit
 
 
-def why_not(case: Case) -> str | None:
+def why_not_held(case: Case) -> str | None:
     """Return the reason that the published boundary functions can't hold a case, as one clause, or None if they can."""
     if refusal := why_not_plain(case, frozenset({"contact", "local loads"}) if case.dynamics else frozenset()):
         return refusal
@@ -109,7 +109,7 @@ def solve(
         training = _Training.from_case(case, settings)
     else:
         training = MotionTraining.from_case(case, settings, NDF_PUBLISHED)
-    own = own_checkpoint(case, settings)
+    own = checkpoint_path(case, settings)
     if settings.keep == "best" and not settings.certify_every:
         raise InputError('setting keep = "best" needs certified energies, so certify_every must not be 0')
     plan = Plan(
@@ -127,7 +127,7 @@ def solve(
     now = _start(training, settings.iterations, begin)
     resumed = now.iteration
     try:
-        now = train(training.siren, now, training.sampler, plan, training.watch, progress, training.certify)
+        now = train(training.siren, now, training.sampler, plan, training.headline, progress, training.certify)
     except LossNotFinite as failure:
         partial = training.solution(failure.good, resumed) if failure.good.iteration else None
         raise SolveFailure(f"the training diverged: {failure}; try a smaller learning_rate", partial) from None
@@ -150,12 +150,12 @@ def _start(training: _Training | MotionTraining, iterations: int, start: Solutio
     if isinstance(start, Path):
         start = load(start, NDF_PUBLISHED)
     if start is None:
-        return beginning(training.key, training.siren)
-    lent = training.released(start)
+        return first_checkpoint(training.key, training.siren)
+    lent = training.siren_of(start)
     if lent is None:
         raise InputError(f"{NDF_PUBLISHED} starts from a checkpoint or solution of its own only")
-    check_like(lent, training.siren)
-    return beginning(training.key, lent)
+    check_same_layers(lent, training.siren)
+    return first_checkpoint(training.key, lent)
 
 
 @dataclass(frozen=True)
@@ -221,13 +221,13 @@ class _Training:
 
     def field(self, siren: Siren, dtype: torch.dtype) -> Field:
         """Return the displacement field of a network, without its mean rigid motion."""
-        network, output = siren.absorbed(self.scale, self.sampler.modulus_factor)
+        network, output = siren.as_field(self.scale, self.sampler.modulus_factor)
         placement = self.sampler.placement._replace(dtype=dtype)
         features = build_features(self.case, self.spec, network.to(dtype), placement, self.inputs)
         field = Field(self.ansatz, features, output.to(dtype), output.new_zeros(6, dtype=dtype))
         return field.without_rigid_part(area_rule(self.case.surface.domain, focal_points(self.case), RIGID_RULE))
 
-    def watch(self, siren: Siren) -> dict[str, float]:
+    def headline(self, siren: Siren) -> dict[str, float]:
         """Return the headline quantity, if it is a displacement."""
         primary = self.case.primary
         if not isinstance(primary, DisplacementQuantity):
@@ -238,9 +238,10 @@ class _Training:
 
     def certify(self, siren: Siren) -> dict[str, float]:
         """Return energies on the rule of a solved field: finer than the samples, coarser than the final rule."""
-        return self._energies(siren, self._around_pins(usual_resolution(self.case).rule))[0]
+        return self._energies(siren, self._refine_at_pins(usual_resolution(self.case).rule))[0]
 
-    def _around_pins(self, spec: RuleSpec) -> RuleSpec:
+    def _refine_at_pins(self, spec: RuleSpec) -> RuleSpec:
+        """Return a rule with more cuts toward pins, which are narrow, if there are any."""
         narrow = isinstance(self.ansatz.factors, PublishedFactors) and self.ansatz.factors.pins
         return replace(spec, cuts=spec.cuts + PINNED_CUTS) if narrow else spec
 
@@ -254,21 +255,21 @@ class _Training:
         energies = {CERTIFIED: membrane + bending - work, "membrane_energy": membrane, "bending_energy": bending}
         return energies, found.potential(0.0), len(rule.points)
 
-    def released(self, solution: Solution) -> Siren | None:
+    def siren_of(self, solution: Solution) -> Siren | None:
         """Return the network of an earlier solution; None if it is no field of this recipe."""
         if not isinstance(solution, NdfSolution) or solution.solver != NDF_PUBLISHED:
             return None
         place = self.siren.tensors[0]
         moved = solution.field.features.network.to(place)
         output = solution.field.output.to(place)
-        return Siren.released(moved, output, self.settings.omega0, self.scale, self.sampler.modulus_factor)
+        return Siren.from_field(moved, output, self.settings.omega0, self.scale, self.sampler.modulus_factor)
 
     @torch.no_grad()
     def solution(self, now: Checkpoint, resumed: int) -> NdfSolution:
         """Return the trained field with its energy on the fine quadrature."""
         siren = self.siren.with_tensors([weight.to(self.siren.tensors[0]) for weight in now.best or now.answer])
         field = self.field(siren, self.sampler.placement.dtype)
-        fine = self._around_pins(usual_resolution(self.case).fine)
+        fine = self._refine_at_pins(usual_resolution(self.case).fine)
         energies, rest, points = self._energies(siren, fine)
         trained = self.sampler.modulus_factor * float(now.losses[-WINDOW:].mean())
         certified = energies[CERTIFIED]

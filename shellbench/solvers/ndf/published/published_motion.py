@@ -6,7 +6,7 @@ functions, strains by eq. (30), 20 x 20 points by 20 times redrawn at each itera
 Departures from the paper, and choices that it does not state, with their reasons:
 
 - The sign of the first motion in eq. (72) is corrected (see `published_motion_field`).
-- kappa of eq. (30) is symmetrised; elastic supports enter as energy.
+- kappa of eq. (30) is symmetric; elastic supports enter as energy.
 - Obstacles, which the paper has in a preliminary experiment only, are in the loss as there.
 - The velocity is one more derivative that is propagated forward, with the same numbers as nested differentiation.
 
@@ -50,7 +50,7 @@ from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.quadrature import NOWHERE, RuleSpec, area_rule
 from shellbench.solvers.ndf.field.supports import force_density
 from shellbench.solvers.ndf.published.checkpoint import Checkpoint
-from shellbench.solvers.ndf.published.published_motion_field import DT, Ansatz, MotionField, collision, moving
+from shellbench.solvers.ndf.published.published_motion_field import DT, Ansatz, MotionField, collision, motion_planes
 from shellbench.solvers.ndf.published.published_motion_solution import TrainedMotion, read_motion
 from shellbench.solvers.ndf.published.published_network import Siren, initial_siren
 from shellbench.solvers.ndf.published.published_samples import stratified_samples
@@ -128,10 +128,10 @@ class SpaceTime:
         moments = exact.tensor(times)
         reference = surface.reference
         return cls(
-            inputs=ansatz.seen(ansatz.space(points, exact), moments).to(to),
+            inputs=ansatz.network_inputs(ansatz.space_inputs(points, exact), moments).to(to),
             times=moments.to(to),
             factor=ansatz.supports.factor(points, exact).to(to),
-            prescribed=ansatz.prescribed(points, times, exact).to(to),
+            prescribed=ansatz.prescribed_motion(points, times, exact).to(to),
             gradients=gradient_map(surface.geometry).to(to),
             reference=Reference(
                 repeated(reference.base),
@@ -156,7 +156,7 @@ class SpaceTime:
     def planes(self, siren: Siren) -> Tensor:
         """Return the displacement's planes (7, T, N, 3)."""
         jets = siren.jets(self.inputs)
-        return moving(jets.view(len(jets), *self.weights.shape, 3), self.times, self.factor) + self.prescribed
+        return motion_planes(jets.view(len(jets), *self.weights.shape, 3), self.times, self.factor) + self.prescribed
 
     def functional(self, planes: Tensor) -> Tensor:
         """Return the functional of a displacement, J, from its planes (7, T, N, 3)."""
@@ -271,7 +271,7 @@ class MotionTraining:
         sampler = MotionSampler(ansatz, strain, settings.cells, settings.times, settings.seed, placement)
         return cls(solver, training_key(case, settings), siren, sampler)
 
-    def watch(self, siren: Siren) -> dict[str, float]:
+    def headline(self, siren: Siren) -> dict[str, float]:
         """Return the headline quantity, if it is a displacement or position."""
         primary = self.sampler.ansatz.case.primary
         if not isinstance(primary, DisplacementQuantity | PositionQuantity | CentreOfMass):
@@ -282,7 +282,7 @@ class MotionTraining:
         """Return no energies: a functional in space and time is computed at the end only."""
         return {}
 
-    def released(self, solution: Solution) -> Siren | None:
+    def siren_of(self, solution: Solution) -> Siren | None:
         """Return the network of an earlier solution; None if it is no motion of this recipe."""
         if not isinstance(solution, TrainedMotion) or solution.solver != self.solver:
             return None
@@ -302,7 +302,7 @@ class MotionTraining:
                 "energy_gap": gap,
                 "training_functional": trained,
                 "fine_functional": fine,
-                "rest_functional": self._fine_functional(_silent(siren)),
+                "rest_functional": self._fine_functional(_zero_network(siren)),
                 "iterations": now.iteration,
                 "resumed_at": resumed,
                 "seconds_per_iteration": now.seconds / now.iteration,
@@ -329,9 +329,10 @@ class MotionTraining:
         """Return the functional (35) by Gauss's rule in space and time, J."""
         exact = self.sampler.placement._replace(dtype=torch.float64)
         field = MotionField(self.sampler.ansatz, siren).to(exact)
-        return sum(float(part.loss(field.siren)) for part in self._fine(exact))
+        return sum(float(part.loss(field.siren)) for part in self._fine_samples(exact))
 
-    def _fine(self, placement: Placement) -> Iterator[SpaceTime]:
+    def _fine_samples(self, placement: Placement) -> Iterator[SpaceTime]:
+        """Yield the points and times of Gauss's rule, some times at once."""
         ansatz, strain = self.sampler.ansatz, self.sampler.strain
         rule = area_rule(ansatz.case.surface.domain, NOWHERE, CERTIFYING_RULE)
         x, w = np.polynomial.legendre.leggauss(FINE_TIMES)
@@ -342,7 +343,7 @@ class MotionTraining:
             yield SpaceTime.at_points(ansatz, strain, rule.points, times[part], share, placement)
 
 
-def _silent(siren: Siren) -> Siren:
+def _zero_network(siren: Siren) -> Siren:
     """Return a network that is zero everywhere: only the motion of the supports remains."""
     first, *_, last = siren.weights
     return Siren((first[:1] * 0, last[:, :1] * 0), (siren.biases[0][:1] * 0, siren.biases[-1] * 0), siren.omega0)

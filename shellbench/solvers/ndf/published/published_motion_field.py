@@ -109,7 +109,7 @@ class SoftSupports:
             others = [(s, p) for s, p in self.places if s.motion and (s, p) != (support, place)]
             for other, far in others:
                 shared = set(support.held) & set(other.held)
-                reach = self._bump(far, self._along(place), Placement())[0].max()
+                reach = self._bump(far, self._place_points(place), Placement())[0].max()
                 if shared and float(reach) > ROUNDING:
                     return f"the published motion of support '{other.name}' reaches support '{support.name}' too"
         return None
@@ -118,7 +118,7 @@ class SoftSupports:
         """Return the jet (6, N) of exp(-d^2 / sigma)."""
         assert isinstance(place, Edge | Point)
         middle = (
-            self._along(place)[EDGE_POINTS // 2 : EDGE_POINTS // 2 + 1]
+            self._place_points(place)[EDGE_POINTS // 2 : EDGE_POINTS // 2 + 1]
             if isinstance(place, Edge)
             else np.array([place.xi])
         )
@@ -126,7 +126,7 @@ class SoftSupports:
         lengths = tuple(float(np.linalg.norm(x[key])) for key in ((1, 0), (0, 1)))  # metres per unit of xi
         return soft_bump(self.case, place, (lengths[0], lengths[1]), points, placement)
 
-    def _along(self, place: Edge | Point) -> Array:
+    def _place_points(self, place: Edge | Point) -> Array:
         """Return points (n, 2) of a place."""
         if isinstance(place, Point):
             return np.array([place.xi])
@@ -180,12 +180,12 @@ class Ansatz:
         """Number of inputs of the network, time included."""
         return self.inputs.count + 1
 
-    def space(self, points: Array, placement: Placement) -> Tensor:
+    def space_inputs(self, points: Array, placement: Placement) -> Tensor:
         """Return the jets (6, N, n) of the published inputs of space at points (N, 2)."""
         return InputScale.from_inputs(self.inputs, placement).apply(self.inputs.jets(points, placement))
 
-    def seen(self, space: Tensor, times: Tensor) -> Tensor:
-        """Return all inputs (7, T N, n + 1) of T times (T,) at the N points of `space`; times vary slowest."""
+    def network_inputs(self, space: Tensor, times: Tensor) -> Tensor:
+        """Return all inputs (7, T N, n + 1) of T times (T,) at the N points of `space_inputs`; times vary slowest."""
         moments, (_, count, inputs) = len(times), space.shape
         seen = space.new_zeros((len(MOVING_PLANES), moments, count, inputs + 1))
         seen[:DT, ..., :-1] = space[:, None]
@@ -193,12 +193,12 @@ class Ansatz:
         seen[DT, ..., -1] = 1 / self.until
         return seen.flatten(1, 2)
 
-    def prescribed(self, points: Array, times: Array, placement: Placement) -> Tensor:
+    def prescribed_motion(self, points: Array, times: Array, placement: Placement) -> Tensor:
         """Return the prescribed part (7, T, N, 3) of the displacement at points (N, 2) and times (T,)."""
         return torch.stack([self.supports.motion(points, float(t), placement) for t in times], dim=1)
 
 
-def moving(jets: Tensor, times: Tensor, factor: Tensor) -> Tensor:
+def motion_planes(jets: Tensor, times: Tensor, factor: Tensor) -> Tensor:
     """Return the planes (7, T, N, 3) of F t^2 B from those of F at T times (T,) and the jet (6, N, 3) of B."""
     t = times[:, None, None]
     space = product(factor[:, None], jets[:DT]) * t**2
@@ -227,26 +227,26 @@ class MotionField:
     def planes(self, points: Array, t: float) -> Tensor:
         """Return the displacement's planes (7, N, 3): its jet and its velocity at points (N, 2)."""
         times = self.placement.tensor(np.array([t]))
-        space = self.ansatz.space(points, self.placement)
-        jets = self.siren.jets(self.ansatz.seen(space, times))[:, None]
-        free = moving(jets, times, self.ansatz.supports.factor(points, self.placement))
+        space = self.ansatz.space_inputs(points, self.placement)
+        jets = self.siren.jets(self.ansatz.network_inputs(space, times))[:, None]
+        free = motion_planes(jets, times, self.ansatz.supports.factor(points, self.placement))
         return free[:, 0] + self.ansatz.supports.motion(points, t, self.placement)
 
     def displacement(self, points: Array, t: float) -> Tensor:
         """Return the displacement (N, 3), metres, at points (N, 2)."""
         moment = self.placement.tensor(np.array([t]))
-        return self._free(points)(moment) + self.ansatz.supports.motion(points, t, self.placement)[VALUE]
+        return self._free_motion(points)(moment) + self.ansatz.supports.motion(points, t, self.placement)[VALUE]
 
     def velocity(self, points: Array, t: float) -> Tensor:
         """Return the velocity (N, 3), m/s, at points (N, 2)."""
         moment = self.placement.tensor(np.array([t]))
-        free: Tensor = torch.func.jvp(self._free(points), (moment,), (torch.ones_like(moment),))[1]
+        free: Tensor = torch.func.jvp(self._free_motion(points), (moment,), (torch.ones_like(moment),))[1]
         result: Tensor = free + self.ansatz.supports.motion(points, t, self.placement)[DT]
         return result
 
-    def _free(self, points: Array) -> Callable[[Tensor], Tensor]:
+    def _free_motion(self, points: Array) -> Callable[[Tensor], Tensor]:
         """Return F t^2 B (N, 3) at points (N, 2) as a function of the time (1,)."""
-        space = self.ansatz.space(points, self.placement)[VALUE]
+        space = self.ansatz.space_inputs(points, self.placement)[VALUE]
         factor = self.ansatz.supports.factor(points, self.placement)[VALUE]
 
         def at(moment: Tensor) -> Tensor:
@@ -273,7 +273,7 @@ def collision(case: Case, points: Array, times: Array, displacement: Tensor) -> 
     return WEIGHT * torch.relu(MARGIN - gap - along)
 
 
-def pressing(case: Case, points: Array, areas: Array, t: float, displacement: Array) -> Array:
+def contact_forces(case: Case, points: Array, areas: Array, t: float, displacement: Array) -> Array:
     """Return the contact forces (N, 3) of the loss, N, at points (N, 2) of areas (N,), m^2, at a time t, s."""
     gap, normal = gaps(case, points, displacement, t)
     return np.asarray(WEIGHT * (areas * (gap < MARGIN))[:, None] * normal)

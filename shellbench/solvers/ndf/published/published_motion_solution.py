@@ -25,15 +25,15 @@ from shellbench.solvers.ndf.field.supports import force_density
 from shellbench.solvers.ndf.field.weights import (
     CaseHeader,
     check_like_numbers,
+    fits_format,
+    input_errors,
     read_tensors,
     rounded_tensors,
-    short_enough,
-    telling_damage,
     texts_of,
     write_tensors,
 )
-from shellbench.solvers.ndf.linear.solution import FieldSolution, one_of_fields, strained
-from shellbench.solvers.ndf.published.published_motion_field import MotionField, pressing
+from shellbench.solvers.ndf.linear.solution import FieldSolution, field_by_name, strain_data
+from shellbench.solvers.ndf.published.published_motion_field import MotionField, contact_forces
 from shellbench.solvers.ndf.published.published_network import Siren
 
 MOTION_HEADER = "shellbench-motion"
@@ -75,14 +75,14 @@ def read_motion(path: Path, solver: str) -> tuple[MotionHeader, Case, Siren]:
         In one sentence, if the file is not a complete and consistent motion of this solver.
     """
     texts, tensors = read_tensors(path)
-    with telling_damage(path):
+    with input_errors(path):
         header = MotionHeader.model_validate_json(texts.get(MOTION_HEADER, ""))
         case = header.read_case()
         check_like_numbers(tensors)
         layers = range(len(tensors) // 2)
         weights, biases = (tuple(tensors[f"{name}.{k}"] for k in layers) for name in ("weight", "bias"))
         siren = Siren(weights, biases, header.omega0)
-        if not _fits(siren):
+        if not _layers_fit(siren):
             raise ValueError("its weights do not fit each other")
         if case.dynamics is None:
             raise ValueError("nothing moves in its case")
@@ -91,7 +91,7 @@ def read_motion(path: Path, solver: str) -> tuple[MotionHeader, Case, Siren]:
     return header, case, siren
 
 
-def _fits(siren: Siren) -> bool:
+def _layers_fit(siren: Siren) -> bool:
     """Return True if the layers fit each other and end in three outputs."""
     width: int | None = None
     for weight, bias in zip(siren.weights, siren.biases, strict=True):
@@ -154,7 +154,7 @@ class TrainedMotion(FieldSolution):
 
         def asked(xi: Array) -> Tensor:
             jet = self.field.planes(xi, t)[:6]
-            return one_of_fields(name, *strained(self.case, xi, self.field.placement, jet, self.strain))
+            return field_by_name(name, *strain_data(self.case, xi, self.field.placement, jet, self.strain))
 
         return self.in_portions(xi, asked, MOTION_QUERY)
 
@@ -169,7 +169,7 @@ class TrainedMotion(FieldSolution):
     def touch(self, at: float | None = None) -> Touch:
         """Return the contact forces of the loss of collisions, at points that stand for square patches."""
         t, (points, weights) = self._time(at), self._rule()
-        forces = pressing(self.case, points, weights, t, self.displacement(points, t))
+        forces = contact_forces(self.case, points, weights, t, self.displacement(points, t))
         lengths = np.repeat(np.sqrt(weights)[:, None], 2, axis=1)
         return Touch(points, forces, lengths, 2 * lengths.max(axis=0))
 
@@ -195,7 +195,7 @@ class TrainedMotion(FieldSolution):
         force = self.case.material.areal_density * gained - force_density(self.case, points, t)
         force = (force + self.case.spring_stiffness(points) * u) * weights[:, None]
         if self.case.obstacles:
-            force = force - pressing(self.case, points, weights, t, u)
+            force = force - contact_forces(self.case, points, weights, t, u)
         arm = self.case.surface.position(points) + u - centre
         return force.sum(axis=0), np.cross(arm, force).sum(axis=0)
 
@@ -205,7 +205,7 @@ class TrainedMotion(FieldSolution):
         Every tensor is scaled by its largest magnitude before (see `shellbench.problems.shell.solution`).
         """
         siren = self.field.siren
-        if short_enough(siren.tensors, format):
+        if fits_format(siren.tensors, format):
             return self, self.storage_bytes
         tensors, bytes_taken = rounded_tensors(siren.tensors, format)
         return replace(self, field=replace(self.field, siren=siren.with_tensors(tensors))), bytes_taken

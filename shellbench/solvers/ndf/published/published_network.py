@@ -215,7 +215,7 @@ class Siren:
         layers = len(self.weights)
         return replace(self, weights=tuple(tensors[:layers]), biases=tuple(tensors[layers:]))
 
-    def absorbed(self, scale: InputScale, unit: float) -> tuple[Network, Tensor]:
+    def as_field(self, scale: InputScale, unit: float) -> tuple[Network, Tensor]:
         """Return the field unit * F on the package's inputs: hidden layers, and the output layer (3, M + 1 + beside).
 
         The bias comes before the columns of singular features: it multiplies the constant among the fixed features.
@@ -230,8 +230,8 @@ class Siren:
         return Network(tuple(weights), tuple(biases), self.activation), output
 
     @classmethod
-    def released(cls, network: Network, output: Tensor, omega0: float, scale: InputScale, unit: float) -> Siren:
-        """Return the network whose `absorbed` field is this one; the inverse of `absorbed`."""
+    def from_field(cls, network: Network, output: Tensor, omega0: float, scale: InputScale, unit: float) -> Siren:
+        """Return the network of a field on the package's inputs; the inverse of `as_field`."""
         weights = [w / omega0 for w in network.weights]
         biases = [b / omega0 for b in network.biases]
         weights[0] = weights[0] / scale.factor
@@ -271,9 +271,9 @@ def initial_siren(
     return Siren(tuple(weights), tuple(biases), omega0 if sines else 1.0, activation, beside)
 
 
-def check_like(siren: Siren, wanted: Siren) -> None:
+def check_same_layers(siren: Siren, wanted: Siren) -> None:
     """Raise InputError, in one sentence, if two networks do not have layers of the same sizes."""
-    for found, expected in zip(_shapes(siren), _shapes(wanted), strict=False):
+    for found, expected in zip(_layer_shapes(siren), _layer_shapes(wanted), strict=False):
         if found != expected:
             raise InputError(f"the start has a layer of {found}, but the settings ask for one of {expected}")
     if len(siren.weights) != len(wanted.weights):
@@ -282,7 +282,8 @@ def check_like(siren: Siren, wanted: Siren) -> None:
         )
 
 
-def _shapes(siren: Siren) -> Iterator[str]:
+def _layer_shapes(siren: Siren) -> Iterator[str]:
+    """Yield inputs x units of each layer."""
     yield from (f"{w.shape[1]} x {w.shape[0]}" for w in siren.weights)
 
 

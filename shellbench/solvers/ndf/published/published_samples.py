@@ -135,10 +135,10 @@ class Sampler:
         )  # the work on a lift is that of one sample
         for first in range(start - start % step, stop, step):
             points = [stratified_samples(case, self.cells, self.seed, (first + k) // self.every) for k in range(step)]
-            samples = self._tabulated(np.concatenate(points), count, forces, area, exact)
+            samples = self._tabulate(np.concatenate(points), count, forces, area, exact)
             yield from islice(samples, max(start - first, 0), min(stop - first, step))
 
-    def _tabulated(
+    def _tabulate(
         self, points: Array, count: int, forces: Concentrated, area: float, exact: Placement
     ) -> Iterator[Sample]:
         """Yield the samples of `count` points each."""
@@ -148,7 +148,7 @@ class Sampler:
         rows = (root * table.rows).view(-1, count, 6, 18).to(dtype)
         offset = (table.offset / root).view(-1, count, 6).to(dtype)
         force = table.force.view(-1, count, 3).to(dtype)
-        seen, at_loads = (self._seen(places, exact) for places in (points, forces.points))
+        seen, at_loads = (self._network_inputs(places, exact) for places in (points, forces.points))
         concentrated_force = forces.force.to(dtype)
         for k in range(len(rows)):
             yield Sample(
@@ -159,7 +159,7 @@ class Sampler:
                 (table.work + forces.work) / self.modulus_factor,
             )
 
-    def _seen(self, points: Array, exact: Placement) -> Tensor:
+    def _network_inputs(self, points: Array, exact: Placement) -> Tensor:
         """Return the jets (6, N, n) of the published inputs, and of singular features."""
         seen = self.scale.apply(self.inputs.jets(points, exact).to(self.placement.dtype))
         if not self.singular or self.singular.count == 1:

@@ -91,7 +91,7 @@ def training_key(case: Case, settings: PublishedSettings) -> str:
     return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
 
 
-def own_checkpoint(case: Case, settings: PublishedSettings) -> Path | None:
+def checkpoint_path(case: Case, settings: PublishedSettings) -> Path | None:
     """Return the file of a training's checkpoints; None if it keeps none."""
     if settings.checkpoint is None:
         return None

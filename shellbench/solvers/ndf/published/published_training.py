@@ -147,11 +147,11 @@ class Plan:
             0.5 + 0.5 * math.cos(math.pi * (iteration - 1) / self.iterations) if self.cosine else 1.0
         )
 
-    def kept_of_average(self, iteration: int) -> float:
+    def average_share(self, iteration: int) -> float:
         """Return the share of the running average that an iteration keeps; it is less at first, to forget the start."""
         return min(self.averaging, iteration / (iteration + 9))
 
-    def certifies(self, before: int, iteration: int) -> bool:
+    def energy_is_due(self, before: int, iteration: int) -> bool:
         """Return True if an energy is due at a recorded iteration; `before` is the recorded one before it."""
         if not self.certify_every:
             return False
@@ -159,7 +159,7 @@ class Plan:
         return due or (self.keep_best and iteration == self.iterations)
 
 
-def beginning(key: str, siren: Siren) -> Checkpoint:
+def first_checkpoint(key: str, siren: Siren) -> Checkpoint:
     """Return the training of a network before its first iteration."""
     zeros = [torch.zeros_like(t) for t in siren.tensors]
     return Checkpoint(key, 0, 0.0, siren.tensors, zeros, zeros, torch.zeros(0, dtype=torch.float64), ())
@@ -208,7 +208,7 @@ def train(
         loss = optimiser.step(sample, plan.rate(iteration))
         if averaged:
             with torch.no_grad():
-                torch._foreach_lerp_(averaged, tensors, 1 - plan.kept_of_average(iteration))
+                torch._foreach_lerp_(averaged, tensors, 1 - plan.average_share(iteration))
         losses.append(loss)  # stays on the device: reading its value would make it wait
         if iteration % RECORD == 0 or iteration == plan.iterations:
             if not all(bool(torch.isfinite(t).all()) for t in [torch.stack(losses), *tensors]):
@@ -218,7 +218,7 @@ def train(
             answer = network.with_tensors(averaged) if averaged else network
             energy = sampler.modulus_factor * float(recent.mean())
             with torch.no_grad():
-                energies = certify(answer) if plan.certifies(now.iteration, iteration) else {}
+                energies = certify(answer) if plan.energy_is_due(now.iteration, iteration) else {}
                 step = Step(
                     iteration=iteration,
                     seconds=time.perf_counter() - begin,
@@ -228,9 +228,9 @@ def train(
                     gap=abs(energy / energies[CERTIFIED] - 1) if energies.get(CERTIFIED) else None,
                     quantities=watch(answer) | energies,
                 )
-            now = _kept(now, step, recent, tensors, averaged, optimiser)
+            now = _next_checkpoint(now, step, recent, tensors, averaged, optimiser)
             if plan.keep_best and CERTIFIED in energies:
-                now = _better(now, energies[CERTIFIED])
+                now = _keep_best(now, energies[CERTIFIED])
             told = [f"energy {step.energy:.4g} J", *(f"{name} {v:.5g}" for name, v in step.quantities.items())]
             message = ", ".join(told)
             if plan.checkpoint and (iteration - written >= plan.checkpoint_every):
@@ -283,9 +283,10 @@ def _best_gain(course: Sequence[tuple[int, float]], rest: float) -> tuple[float,
     return best
 
 
-def _kept(
+def _next_checkpoint(
     now: Checkpoint, step: Step, recent: Tensor, tensors: list[Tensor], averaged: list[Tensor], optimiser: Optimiser
 ) -> Checkpoint:
+    """Return the training after the iteration of a step, with copies of all tensors."""
     first, second = optimiser.moments()
     return replace(
         now,
@@ -300,7 +301,7 @@ def _kept(
     )
 
 
-def _better(now: Checkpoint, energy: float) -> Checkpoint:
+def _keep_best(now: Checkpoint, energy: float) -> Checkpoint:
     """Return the training with its present answer as the best one, if it is better."""
     if now.best_energy is not None and now.best_energy <= energy:
         return now

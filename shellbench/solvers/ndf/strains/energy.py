@@ -22,7 +22,7 @@ from torch import Tensor
 
 from shellbench.problems.shell.posed.rigid import rigid_modes
 from shellbench.solvers.ndf.field.ansatz import Ansatz, FeatureSet
-from shellbench.solvers.ndf.field.geometry import apply_rows, energy_rows, geometry, rigidities, through_matrix
+from shellbench.solvers.ndf.field.geometry import apply_rows, energy_rows, geometry, pull_back_rows, rigidities
 from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.field.quadrature import Rule, RuleSpec
 from shellbench.solvers.ndf.field.supports import concentrated_forces, force_density
@@ -64,7 +64,7 @@ def tabulate(ansatz: Ansatz, rule: Rule, placement: Placement, area: float = 1.0
     rigidity = rigidities(case.surface, case.material, points, placement)
     rows = energy_rows(reference, case.material.poissons_ratios, rigidity)
     if case.springs:
-        rows = torch.cat([rows, pulling_rows(placement.tensor(case.spring_stiffness(points)))], dim=1)
+        rows = torch.cat([rows, spring_rows(placement.tensor(case.spring_stiffness(points)))], dim=1)
     rows = rows * weights.sqrt()[:, None, None, None]
     force = placement.tensor(force_density(case, points, ansatz.t)) * weights[:, None]
     offset, work = rows.new_zeros(rows.shape[:2]), 0.0
@@ -75,7 +75,7 @@ def tabulate(ansatz: Ansatz, rule: Rule, placement: Placement, area: float = 1.0
     anchors = modes * (weights / area)[:, None] * case.material.membrane_stiffness**0.5
     transposed = matrix[VALUE].mT
     return Table(
-        through_matrix(rows, matrix),
+        pull_back_rows(rows, matrix),
         offset,
         (transposed @ force[..., None])[..., 0],
         work,
@@ -83,7 +83,7 @@ def tabulate(ansatz: Ansatz, rule: Rule, placement: Placement, area: float = 1.0
     )
 
 
-def pulling_rows(stiffness: Tensor) -> Tensor:
+def spring_rows(stiffness: Tensor) -> Tensor:
     """Return rows (N, 3, 3, 6) whose half sum of squares is the energy of springs of a stiffness (N, 3), J/m^2."""
     rows = stiffness.new_zeros((len(stiffness), 3, 3, 6))
     rows[..., VALUE] = torch.diag_embed(stiffness.sqrt())
@@ -175,7 +175,7 @@ def normal_equations(ansatz: Ansatz, features: FeatureSet, rule: Rule, forces: C
         values = features.values(forces.points)
         load += value_vector(forces.force, values)
         uncancelled += value_vector(forces.force.abs(), values.abs())
-    return NormalEquations(mirrored(stiffness), load, anchor, constant, float(uncancelled.max()))
+    return NormalEquations(symmetric(stiffness), load, anchor, constant, float(uncancelled.max()))
 
 
 def add_gram(total: Tensor, rows: Tensor) -> None:
@@ -188,7 +188,7 @@ def add_gram(total: Tensor, rows: Tensor) -> None:
         total.addmm_(rows.T, rows)
 
 
-def mirrored(upper: Tensor) -> Tensor:
+def symmetric(upper: Tensor) -> Tensor:
     """Return the symmetric matrix whose upper half is given."""
     return upper.triu() + upper.triu(1).T
 
@@ -197,7 +197,7 @@ Polynomial = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Certified:
+class Certificate:
     """Energies on one rule of lift + s (u - lift), as polynomials in s with ascending coefficients, J.
 
     Attributes
@@ -252,7 +252,7 @@ class Certified:
 
 def certify(
     ansatz: Ansatz, features: FeatureSet, outputs: list[Tensor], rule: Rule, forces: Concentrated
-) -> list[Certified]:
+) -> list[Certificate]:
     """Return the energies on a rule of the fields with these output layers (3, M), all of the same features."""
     # All energies are polynomials in s for lift + s (u - lift), since strains are linear here:
     # 1. Compute strains of the lift (offset) and of u - lift (row) at the points. The rows contain roots of stiffness
@@ -281,12 +281,12 @@ def certify(
         for k in range(len(outputs)):
             work[k, 1] += float((forces.force * free[:, 3 * k : 3 * k + 3]).sum())
     return [
-        Certified(tuple(m.tolist()), tuple(b.tolist()), tuple(w.tolist()), tuple(s.tolist()))
+        Certificate(tuple(m.tolist()), tuple(b.tolist()), tuple(w.tolist()), tuple(s.tolist()))
         for (m, b, s), w in zip(strain, work, strict=True)
     ]
 
 
-def energy_gap(potential: float, fine: Certified, moved: bool, rounding: float = 0.0) -> float:
+def energy_gap(potential: float, fine: Certificate, moved: bool, rounding: float = 0.0) -> float:
     """Return |C_train / C_fine - 1| from the potential energy on the training rule and the certified energies.
 
     With loads only, the compliance is C = -2 E. With moved supports the gap is the difference of the two potential
@@ -302,7 +302,7 @@ def energy_gap(potential: float, fine: Certified, moved: bool, rounding: float =
     return abs(potential - fine.potential()) / magnitude if magnitude > 0 else 0.0
 
 
-def exploits(gap: float, largest: float, rule: str = "finer") -> str | None:
+def why_exploited(gap: float, largest: float, rule: str = "finer") -> str | None:
     """Return the clause that refuses a field whose energies on two rules disagree too much, or None if they do not."""
     if gap <= largest:  # False if it is NaN
         return None

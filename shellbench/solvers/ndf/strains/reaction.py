@@ -35,7 +35,7 @@ from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, constant,
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule, edge_rule
 from shellbench.solvers.ndf.field.supports import concentrated_forces, edge_supports, force_density, point_supports
 from shellbench.solvers.ndf.strains.sampled import Sampled
-from shellbench.solvers.ndf.strains.strain_measures import GRADIENTS, Turned, Undeformed, stresses
+from shellbench.solvers.ndf.strains.strain_measures import GRADIENTS, DeformedNormal, Undeformed, stresses
 
 TURN = 2 * np.pi
 
@@ -72,7 +72,7 @@ class EdgeMoment:
         value = self.case.formula(self.load.value).derivatives(self.sampled.points, 0, t)[0, 0]
         return self.sampled.jets.new_tensor(np.asarray(value * self.lengths))
 
-    def spread(self, angles: Tensor, other: EdgeMoment) -> Tensor:
+    def interpolate(self, angles: Tensor, other: EdgeMoment) -> Tensor:
         """Return angles (N,) of these points interpolated at those of another rule on the same edge."""
         ours, theirs = (m.sampled.points[:, np.ptp(self.sampled.points, axis=0).argmax()] for m in (self, other))
         return angles.new_tensor(np.interp(theirs, ours, angles.cpu().numpy()))
@@ -82,7 +82,7 @@ class EdgeMoment:
         if not self.finite:
             return (self.rows(gradients) * gradients[:, :2].flatten(1)).sum(-1)
         e, before = self._axis, self.sampled.undeformed.reference.normal
-        after = Turned.by_slopes(self.sampled.undeformed.reference, gradients[:, :2]).normal
+        after = DeformedNormal.from_slopes(self.sampled.undeformed.reference, gradients[:, :2]).normal
         p, q = (v - (v @ e)[:, None] * e for v in (before, after))
         angle = torch.atan2(torch.linalg.cross(p, q, dim=-1) @ e, (p * q).sum(-1))
         return angle + TURN * torch.round((near - angle) / TURN)
@@ -91,7 +91,7 @@ class EdgeMoment:
         """Return the vector (3 M,) on the output weights."""
         conjugate = gradients.new_zeros((len(gradients), GRADIENTS))
         conjugate[:, :6] = self.rows(gradients) * self.moments(t)[:, None]
-        return self.sampled.pulled_back(conjugate)
+        return self.sampled.pull_back(conjugate)
 
     def add_tangent(self, total: Tensor, gradients: Tensor, t: float) -> None:
         """Subtract the forces' derivative from a tangent (3 M, 3 M), see `Sampled.add_form`."""
@@ -105,18 +105,18 @@ class EdgeMoment:
         """Return the first variation (N, 6) of the angles on du,1 and du,2."""
         if not self.finite:
             gradients = torch.zeros_like(gradients)
-        turned, e = Turned.by_slopes(self.sampled.undeformed.reference, gradients[:, :2]), self._axis
+        turned, e = DeformedNormal.from_slopes(self.sampled.undeformed.reference, gradients[:, :2]), self._axis
         n = turned.normal
-        return turned.turning(torch.linalg.cross(e.expand_as(n), n, dim=-1)) / (1 - (n @ e) ** 2)[:, None]
+        return turned.variation(torch.linalg.cross(e.expand_as(n), n, dim=-1)) / (1 - (n @ e) ** 2)[:, None]
 
     def _form(self, gradients: Tensor) -> Tensor:
-        turned, e = Turned.by_slopes(self.sampled.undeformed.reference, gradients[:, :2]), self._axis
+        turned, e = DeformedNormal.from_slopes(self.sampled.undeformed.reference, gradients[:, :2]), self._axis
         n = turned.normal
         along, lean = n @ e, torch.linalg.cross(e.expand_as(n), n, dim=-1)
         across = (1 - along**2)[:, None, None]
-        mixed = turned.turning(lean)[:, :, None] * turned.turning(e.expand_as(n))[:, None]
+        mixed = turned.variation(lean)[:, :, None] * turned.variation(e.expand_as(n))[:, None]
         mixed = along[:, None, None] * (mixed + mixed.mT)
-        return turned.second_turning(lean) / across + mixed / across**2
+        return turned.second_variation(lean) / across + mixed / across**2
 
 
 def edge_moments(
@@ -204,8 +204,8 @@ class Virtual:
                     mirrors.add(s.edge)
                 elif holder is not None or turns:
                     others.add(s.edge)
-            if own and _meet(own | others | mirrors) and (others or mirrors):
-                told[c] = not (others and _meet(own | others))
+            if own and _edges_meet(own | others | mirrors) and (others or mirrors):
+                told[c] = not (others and _edges_meet(own | others))
                 turning = False
             else:
                 others |= mirrors
@@ -226,7 +226,7 @@ class Virtual:
         )
 
 
-def _meet(edges: set[Edge]) -> bool:
+def _edges_meet(edges: set[Edge]) -> bool:
     return len({edge.axis for edge in edges}) > 1
 
 

@@ -69,7 +69,7 @@ class Sampled:
             kept = None if self.kept is None else self.kept[some]
             yield some, self.features.jets(self.points[some]).permute(1, 0, 2).contiguous() if kept is None else kept
 
-    def carried(self, ansatz: Ansatz) -> Sampled:
+    def with_ansatz(self, ansatz: Ansatz) -> Sampled:
         """Return the same points and features with other boundary factors."""
         matrix = ansatz.factors.matrix(self.points, self.features.placement)
         return replace(self, through=gradients_through(self.undeformed.geometry, matrix), matrix=matrix[VALUE])
@@ -94,7 +94,7 @@ class Sampled:
         gradients = self.through @ free.reshape(-1, len(outputs), COLUMNS).mT
         return gradients, self.matrix @ free[..., VALUE].mT
 
-    def pulled_back(self, conjugate: Tensor) -> Tensor:
+    def pull_back(self, conjugate: Tensor) -> Tensor:
         """Return the vector (3 M,) on the output weights from forces (N, 15) conjugate to the gradients."""
         on_jet = (conjugate[:, None] @ self.through).view(-1, COMPONENTS, 6)
         total = conjugate.new_zeros((COMPONENTS, self.features.count))
@@ -146,7 +146,7 @@ class Sampled:
     def add_form(self, total: Tensor, form: Tensor) -> None:
         """Add the symmetric form (N, 15, 15) of the gradients to a matrix (3 M, 3 M) of the output weights.
 
-        It adds only the blocks of components on and above the diagonal; `mirrored` completes them.
+        It adds only the blocks of components on and above the diagonal; `symmetric` completes them.
         """
         on_jets = (self.through.mT @ form @ self.through).view(-1, COMPONENTS, 6, COMPONENTS, 6)
         for some, jets in self._portions(small=True):
@@ -156,7 +156,7 @@ class Sampled:
                     half = (on_jets[some, c, :, d] @ jets).flatten(0, 1)
                     self._block(total, c, d).addmm_(flat.T, half)
 
-    def summed(self, form: Tensor) -> Tensor:
+    def block_sum(self, form: Tensor) -> Tensor:
         """Return the sum (M, M) of the diagonal blocks of a symmetric form's matrix (see `add_form`)."""
         on_jets = (self.through.mT @ form @ self.through).view(-1, COMPONENTS, 6, COMPONENTS, 6)
         alike = on_jets.diagonal(dim1=1, dim2=3).sum(-1)

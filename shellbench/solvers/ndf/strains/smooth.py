@@ -22,7 +22,7 @@ from torch import Tensor
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf.field.ansatz import Ansatz, Combined, FeatureSet, independent
+from shellbench.solvers.ndf.field.ansatz import Ansatz, Combined, FeatureSet, independent_combinations
 from shellbench.solvers.ndf.field.geometry import side_lengths
 from shellbench.solvers.ndf.field.inputs import Inputs
 from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Array, Placement
@@ -50,7 +50,7 @@ def degrees(case: Case, degree: int) -> tuple[float, float]:
     return first, second
 
 
-def widest(case: Case, degree: int) -> int:
+def width_for(case: Case, degree: int) -> int:
     """Return the number of random features that represent the fields up to a degree."""
     first, second = degrees(case, degree)
     return math.ceil(SURPLUS * (first + 1) * (second + 1))
@@ -145,14 +145,14 @@ def orthonormal(jets: Tensor, weights: Tensor) -> Tensor:
     values = jets[VALUE]
     constant = torch.nonzero(jets[[D1, D2]].abs().amax(dim=(0, 1)) == 0)[:, 0]
     if not len(constant):
-        return independent(_gram(values, weights))
+        return independent_combinations(_gram(values, weights))
     one = int(constant[0])
     level = values[:, one]
     squared = (weights * level) @ level
     less = torch.eye(values.shape[1]).to(values)
     less[one] -= (weights * level) @ values / squared
     less = less[:, torch.arange(values.shape[1]) != one]
-    combine = less @ independent(_gram(values @ less, weights))
+    combine = less @ independent_combinations(_gram(values @ less, weights))
     first = torch.zeros_like(combine[:, :1])
     first[one] = squared**-0.5
     return torch.cat([first, combine], dim=1)

@@ -25,7 +25,7 @@ from shellbench.solvers.ndf.field.field import Features, Field
 from shellbench.solvers.ndf.field.jets import VALUE, Array
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule, edge_rule
 from shellbench.solvers.ndf.field.supports import edge_samples, edge_supports, point_supports
-from shellbench.solvers.ndf.strains.energy import Certified, NormalEquations, Polynomial, surface_area
+from shellbench.solvers.ndf.strains.energy import Certificate, NormalEquations, Polynomial, surface_area
 
 
 def why_not_soft(case: Case) -> str | None:
@@ -108,7 +108,7 @@ class Springs:
         held = matrix[index, torch.as_tensor(self.components, device=placement.device)]
         return (held[:, :, None] * features.values(self.points)[:, None, :]).flatten(1)
 
-    def join(self, equations: NormalEquations, ansatz: Ansatz, features: Features) -> NormalEquations:
+    def added_to(self, equations: NormalEquations, ansatz: Ansatz, features: Features) -> NormalEquations:
         """Return the energy of the output weights with that of the springs added."""
         rows, stiffness = self.rows(ansatz, features), features.placement.tensor(self.stiffness)
         drawn = features.placement.tensor(self.stiffness * self.targets)
@@ -119,7 +119,7 @@ class Springs:
             constant=equations.constant + 0.5 * float(self.stiffness @ self.targets**2),
         )
 
-    def certify(self, certified: Certified, ansatz: Ansatz, features: Features, output: Tensor) -> Certified:
+    def certify(self, certified: Certificate, ansatz: Ansatz, features: Features, output: Tensor) -> Certificate:
         """Return certified energies with that of these springs added, for an output layer (3, M)."""
         u = (self.rows(ansatz, features) @ output.reshape(-1)).cpu().numpy()
         k, target = self.stiffness, self.targets

@@ -97,7 +97,7 @@ class Strained(Protocol):
         """(N, 6, 15): first variation of the strains."""
         ...
 
-    def conjugate(self, stresses: Tensor) -> Tensor:
+    def conjugate_forces(self, stresses: Tensor) -> Tensor:
         """Return the forces conjugate to the gradients (N, 15): the sum of stresses (N, 6) times first variations."""
         ...
 
@@ -107,7 +107,7 @@ class Strained(Protocol):
 
 
 @dataclass(frozen=True)
-class Turned:
+class DeformedNormal:
     """The deformed normal of N points.
 
     Attributes
@@ -124,7 +124,7 @@ class Turned:
     lowered: Tensor
 
     @classmethod
-    def by_slopes(cls, reference: Reference, slopes: Tensor) -> Turned:
+    def from_slopes(cls, reference: Reference, slopes: Tensor) -> DeformedNormal:
         """Turn the normal by slopes u,a (N, 2, 3)."""
         a, u = reference.base, slopes
         base = a + u
@@ -138,12 +138,12 @@ class Turned:
         dual = torch.stack([_cross(base[:, 1], normal), _cross(normal, base[:, 0])], dim=1) / size[:, None]
         return cls(normal, base, dual, lowered)
 
-    def turning(self, vectors: Tensor) -> Tensor:
+    def variation(self, vectors: Tensor) -> Tensor:
         """Return vectors . dn (N, ..., 6) on du,1 and du,2, for vectors (N, ..., 3): dn = -a^l (n . du,l)."""
-        weights = -(vectors[..., None, :] @ _like(self.dual.mT, vectors))[..., 0, :]
-        return (weights[..., None] * _like(self.normal[:, None], vectors)).flatten(-2)
+        weights = -(vectors[..., None, :] @ _broadcast(self.dual.mT, vectors))[..., 0, :]
+        return (weights[..., None] * _broadcast(self.normal[:, None], vectors)).flatten(-2)
 
-    def second_turning(self, vectors: Tensor) -> Tensor:
+    def second_variation(self, vectors: Tensor) -> Tensor:
         """Return vectors . d2n (N, 6, 6) for vectors (N, 3).
 
         From da^l = -(a^l . du,m) a^m + a^lm (n . du,m) n, which keeps a^l dual to the base and normal to n.
@@ -189,15 +189,15 @@ class Exact:
     gradients: Tensor
 
     @cached_property
-    def turned(self) -> Turned:
+    def deformed(self) -> DeformedNormal:
         """The deformed normal."""
-        return Turned.by_slopes(self.reference, self.gradients[:, :2])
+        return DeformedNormal.from_slopes(self.reference, self.gradients[:, :2])
 
     @property
     def strains(self) -> Tensor:
         """See `Strained`."""
-        bend = self.reference.curvature * self.turned.lowered[:, None]
-        bend = bend - (self.gradients[:, 2:] @ self.turned.normal[..., None])[..., 0]
+        bend = self.reference.curvature * self.deformed.lowered[:, None]
+        bend = bend - (self.gradients[:, 2:] @ self.deformed.normal[..., None])[..., 0]
         return torch.cat([membrane(self.reference, self.gradients[:, :2]), bend * bend.new_tensor(TWICE)], dim=-1)
 
     @property
@@ -205,22 +205,22 @@ class Exact:
         """See `Strained`."""
         rows = self.gradients.new_zeros((len(self.gradients), 3, 5, 3))
         for row in range(3):
-            rows[:, row, 2 + row] = -TWICE[row] * self.turned.normal
+            rows[:, row, 2 + row] = -TWICE[row] * self.deformed.normal
         rows = rows.flatten(-2)
         twice = rows.new_tensor(TWICE)[:, None]
-        rows[:, :, :6] = -twice * self.turned.turning(self._bent)
-        return torch.cat([membrane_variation(self.turned.base), rows], dim=1)
+        rows[:, :, :6] = -twice * self.deformed.variation(self._curvature_vectors)
+        return torch.cat([membrane_variation(self.deformed.base), rows], dim=1)
 
-    def conjugate(self, stresses: Tensor) -> Tensor:
+    def conjugate_forces(self, stresses: Tensor) -> Tensor:
         """See `Strained`; computed without the rows, which would take longer."""
         moments = stresses[:, 3:] * stresses.new_tensor(TWICE)
         forces = stresses[:, [0, 2, 2, 1]].view(-1, 2, 2)
-        turning = self.turned.turning((moments[:, None] @ self._bent)[:, 0])
-        bending = -moments[..., None] * self.turned.normal[:, None]
-        return torch.cat([(forces @ self.turned.base).flatten(1) - turning, bending.flatten(1)], dim=1)
+        turning = self.deformed.variation((moments[:, None] @ self._curvature_vectors)[:, 0])
+        bending = -moments[..., None] * self.deformed.normal[:, None]
+        return torch.cat([(forces @ self.deformed.base).flatten(1) - turning, bending.flatten(1)], dim=1)
 
     @property
-    def _bent(self) -> Tensor:
+    def _curvature_vectors(self) -> Tensor:
         """(N, 3, 3): bbar_ab a3 + d_ab, the vectors whose product with n is b_ab."""
         return self.gradients[:, 2:] + self.reference.curvature[..., None] * self.reference.normal[:, None]
 
@@ -228,9 +228,9 @@ class Exact:
         """See `Strained`."""
         form = membrane_second(stresses)
         moments = stresses[:, 3:] * stresses.new_tensor(TWICE)
-        form[:, :6, :6] -= self.turned.second_turning((moments[:, None] @ self._bent)[:, 0])
+        form[:, :6, :6] -= self.deformed.second_variation((moments[:, None] @ self._curvature_vectors)[:, 0])
         identity = torch.eye(3, dtype=form.dtype, device=form.device).expand(len(form), 3, 3)
-        turning = self.turned.turning(identity)
+        turning = self.deformed.variation(identity)
         for row in range(3):
             block = slice(3 * (2 + row), 3 * (3 + row))
             coupling = moments[:, row, None, None] * turning
@@ -273,7 +273,7 @@ class Published:
             rows[:, row, :2] = TWICE[row] * weights[:, row, :, None] * reference.normal[:, None]
         return torch.cat([membrane_variation(reference.base + self.gradients[:, :2]), rows.flatten(-2)], dim=1)
 
-    def conjugate(self, stresses: Tensor) -> Tensor:
+    def conjugate_forces(self, stresses: Tensor) -> Tensor:
         """See `Strained`."""
         return (stresses[:, None] @ self.variation)[:, 0]
 
@@ -316,7 +316,7 @@ class Linear:
             rows[:, row, 2 + row] = -TWICE[row] * self.reference.normal
         return torch.cat([membrane_variation(self.reference.base), rows.flatten(-2)], dim=1)
 
-    def conjugate(self, stresses: Tensor) -> Tensor:
+    def conjugate_forces(self, stresses: Tensor) -> Tensor:
         """See `Strained`."""
         return (stresses[:, None] @ self.variation)[:, 0]
 
@@ -342,7 +342,7 @@ def _cross(first: Tensor, second: Tensor) -> Tensor:
     return product
 
 
-def _like(tensor: Tensor, vectors: Tensor) -> Tensor:
+def _broadcast(tensor: Tensor, vectors: Tensor) -> Tensor:
     """Broadcast (N, i, j) over the middle axes of vectors (N, ..., 3)."""
     return tensor.reshape(len(tensor), *([1] * (vectors.ndim - 2)), *tensor.shape[1:])
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Solution, Step
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf.field.build import built_in, focal_points, is_flat
+from shellbench.solvers.ndf.field.build import field_mirrors, focal_points, is_flat
 from shellbench.solvers.ndf.field.choices import MULTIPLIERS, FieldSpec, StrainName
 from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import VALUE, Placement, smooth_activation
@@ -21,11 +21,11 @@ from shellbench.solvers.ndf.field.network import deep_random_features
 from shellbench.solvers.ndf.field.quadrature import area_rule
 from shellbench.solvers.ndf.field.supports import check_balance, point_supports
 from shellbench.solvers.ndf.linear.answer import displacement_values
-from shellbench.solvers.ndf.linear.challenge import stated
+from shellbench.solvers.ndf.linear.challenge import with_uncertainty
 from shellbench.solvers.ndf.linear.refinement import Level, first_level, next_level
-from shellbench.solvers.ndf.linear.ritz_field import for_part, takes_planes
+from shellbench.solvers.ndf.linear.ritz_field import mirrors_by_default, part_resolution
 from shellbench.solvers.ndf.linear.solution import NdfSolution
-from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, exploits
+from shellbench.solvers.ndf.strains.energy import certify, concentrated, energy_gap, why_exploited
 from shellbench.solvers.ndf.training.trainer_settings import NDF, TrainerSettings
 from shellbench.solvers.ndf.training.training import (
     CERTIFICATE,
@@ -33,10 +33,10 @@ from shellbench.solvers.ndf.training.training import (
     MIXED_SCALES,
     SINGULAR_SCALES,
     Plan,
+    close_gap,
     default_plan_widths,
     first_state,
     train,
-    trusted,
 )
 from shellbench.solvers.ndf.training.training_problem import FINAL_ORDER, Quadratures, Trained, TrainingProblem
 
@@ -59,7 +59,7 @@ def field_spec(settings: TrainerSettings, strain: StrainName) -> FieldSpec:
     )
 
 
-def mirrored(case: Case, settings: TrainerSettings, start: Solution | None) -> bool:
+def uses_mirrors(case: Case, settings: TrainerSettings, start: Solution | None) -> bool:
     """Return True if planes of symmetry are built in: as in a start, or by settings, or if it is of advantage."""
     # Given widths serve for comparisons of fields with each other, and with those of other recipes.
     if isinstance(start, NdfSolution):
@@ -95,11 +95,11 @@ class Training:
         self.begin = time.perf_counter()
         self.case, self.settings, self.progress = case, settings, progress
         self.placement = Placement.on(settings.device)
-        self.spec = field_spec(settings, "linear").model_copy(update={"mirrors": mirrored(case, settings, start)})
+        self.spec = field_spec(settings, "linear").model_copy(update={"mirrors": uses_mirrors(case, settings, start)})
         like = None
         if isinstance(start, NdfSolution) and start.spec.detail:  # widened: its inputs and its rules
             self.spec = self.spec.model_copy(update={name: getattr(start.spec, name) for name in WIDENED})
-            like = first_level(case, for_part(case, built_in(case, self.spec))).resolution.rule
+            like = first_level(case, part_resolution(case, field_mirrors(case, self.spec))).resolution.rule
         self.problem = TrainingProblem.from_case(case, self.spec, self.placement, like)
         mirrors = self.problem.ansatz.mirrors
         widths, scales = default_plan_widths(case, self.problem.singular, mirrors.parts if mirrors else 1)
@@ -118,44 +118,45 @@ class Training:
     def solve(self, start: Solution | None) -> NdfSolution:
         """Train networks until one has settled, or no wider one is allowed; with given widths, these only."""
         try:
-            state, points = self._first(start)
-            found = self._trained(state, points, start is not None)
+            state, points = self._first_state(start)
+            found = self._train(state, points, start is not None)
         except SolveFailure as failure:
             raise SolveFailure(f"training broke down: {failure}", failure.partial or self.last) from None
         # Given widths or iterations serve for comparisons: such a field stays as it is.
         given = self.settings.widths or self.settings.iterations is not None
         if found.unsettled is None or given or start is not None:
             return found
-        return self._widened(found)
+        return self._train_wider(found)
 
-    def _trained(self, state: Trained, points: Quadratures, kept: bool = False, train_it: bool = True) -> NdfSolution:
+    def _train(self, state: Trained, points: Quadratures, kept: bool = False, train_it: bool = True) -> NdfSolution:
+        """Return the certified field of a network, trained unless its `kept` hidden layers serve."""
         spec, domain = points.spec, self.case.surface.domain
         check_balance(self.case, area_rule(domain, self.problem.focal, spec), spec, self.problem.focal)
-        state, points = trusted(self.problem, self.plan, state, points)
-        self._report(0, state)
+        state, points = close_gap(self.problem, self.plan, state, points)
+        self._record_state(0, state)
         if kept:
             # One linear solve on the existing hidden layers. Challengers show if these suit the edit.
-            found = self._certified(state, points, "the hidden layers of the start serve here, too")
+            found = self._certified_solution(state, points, "the hidden layers of the start serve here, too")
             served = found.diagnostics["challenge_gain"] <= SERVES * self.settings.tolerance
             if served and found.unsettled is None:
                 return found
         ending = "the network is too wide for training"
         if train_it:
-            state, ending = train(self.problem, self.plan, state, points, self._report)
+            state, ending = train(self.problem, self.plan, state, points, self._record_state)
         self._tell(self.plan.iterations, "certifying the energy on the finest quadrature")
-        return self._certified(state, points, ending)
+        return self._certified_solution(state, points, ending)
 
-    def _widened(self, best: NdfSolution) -> NdfSolution:
+    def _train_wider(self, best: NdfSolution) -> NdfSolution:
         """Return the answer of least certified energy of further networks, each wider than the one before."""
         # 1. Take the resolution of a level of `ndf-ritz`, and the scales of its features and of its challengers.
         # 2. Fit a deep network to such features, train it, and let challengers state its uncertainty.
         # 3. Until it settles, take the next level.
-        planes = takes_planes(self.case) if self.settings.mirrors is None else self.settings.mirrors
-        mirrors = built_in(self.case, self.spec.model_copy(update={"mirrors": planes}))
-        first = first_level(self.case, for_part(self.case, mirrors))
+        planes = mirrors_by_default(self.case) if self.settings.mirrors is None else self.settings.mirrors
+        mirrors = field_mirrors(self.case, self.spec.model_copy(update={"mirrors": planes}))
+        first = first_level(self.case, part_resolution(self.case, mirrors))
         level: Level | None = first
         while level is not None and best.unsettled is not None:
-            found = self._level(level, mirrors is not None)
+            found = self._train_level(level, mirrors is not None)
             # A field of more energy is no better, settled or not; that of two rules differs by rounding.
             least = best.diagnostics["certified_energy"]
             if found is not None and found.diagnostics["certified_energy"] <= least + self.settings.tolerance * abs(
@@ -165,7 +166,8 @@ class Training:
             level = next_level(first, level, "anew", self.settings.most_neurons)
         return replace(best, history=tuple(self.history))
 
-    def _level(self, level: Level, mirrors: bool) -> NdfSolution | None:
+    def _train_level(self, level: Level, mirrors: bool) -> NdfSolution | None:
+        """Return the field of a deep network fitted to the features of a level and trained; None if it is no answer."""
         choices = {
             "stretched": True,
             "edge_stretched": True,
@@ -189,11 +191,12 @@ class Training:
         self.before = self.history[-1].iteration + 1
         self._tell(0, f"training {width} neurons in the last hidden layer")
         try:
-            return self._trained(points.evaluate(problem, network), points, train_it=width <= WIDEST_TRAINED)
+            return self._train(points.evaluate(problem, network), points, train_it=width <= WIDEST_TRAINED)
         except SolveFailure:  # the next level has more points
             return None
 
-    def _first(self, start: Solution | None) -> tuple[Trained, Quadratures]:
+    def _first_state(self, start: Solution | None) -> tuple[Trained, Quadratures]:
+        """Return the state before training, and its points: from the start if there is one."""
         if start is None:
             return first_state(self.problem, self.plan)
         inputs = self.problem.features.inputs.count
@@ -206,7 +209,8 @@ class Training:
     def _tell(self, step: int, message: str) -> None:
         self.progress(Progress(step, self.plan.iterations + 1, message))
 
-    def _report(self, iteration: int, state: Trained) -> None:
+    def _record_state(self, iteration: int, state: Trained) -> None:
+        """Add a certified state of the training to the history."""
         solution = self._solution(state, 1.0)
         solved = self.problem.tally["output layers"]
         step = Step(
@@ -244,7 +248,8 @@ class Training:
             point_forces=tuple((share * state.reactions).tolist()),
         )
 
-    def _certified(self, state: Trained, points: Quadratures, ending: str) -> NdfSolution:
+    def _certified_solution(self, state: Trained, points: Quadratures, ending: str) -> NdfSolution:
+        """Return the field of a state with its energy on the finest rule, and its uncertainty by challengers."""
         problem = self.problem
         spec = problem.rule_spec(CERTIFICATE * len(points.train), FINAL_ORDER)
         rule = problem.ansatz.rule(problem.focal, spec)
@@ -274,7 +279,7 @@ class Training:
                 "fine_quadrature_points": len(rule.points),
             },
         )
-        if (reason := exploits(gap, self.settings.largest_gap, "finest")) is not None:
+        if (reason := why_exploited(gap, self.settings.largest_gap, "finest")) is not None:
             raise SolveFailure(f"{reason}; use smaller widths", solution)
         self._tell(self.plan.iterations, "letting challengers join")
-        return stated(solution, self.plan.seed, self.history)
+        return with_uncertainty(solution, self.plan.seed, self.history)

@@ -35,9 +35,9 @@ from shellbench.solvers.ndf.strains.energy import (
     NormalEquations,
     Table,
     add_gram,
-    mirrored,
     strain_matrix,
     surface_area,
+    symmetric,
     tabulate,
     value_vector,
 )
@@ -146,7 +146,7 @@ def normal_equations_on(
         add_gram(stiffness, rows)
         load += value_vector(part.table.force, jets[VALUE]) - rows.T @ part.table.offset.reshape(-1)
         anchor += (part.table.anchors.mT @ jets[VALUE]).reshape(len(anchor), unknowns)
-    return NormalEquations(mirrored(stiffness), load + tips.load(network), anchor, 0.0)
+    return NormalEquations(symmetric(stiffness), load + tips.load(network), anchor, 0.0)
 
 
 def energy_on(sample: Sample, tips: Tips, network: Network, output: Tensor, kept: list[Tensor] | None = None) -> Energy:
@@ -334,7 +334,7 @@ def quadratic_model(
         moved = (sketch.rows if sketch else jacobian)(network, tape, seed)
         add_gram(joint, torch.cat([strain_matrix(part.table, jets), moved], dim=1))
         anchors += (part.table.anchors.mT @ jets[VALUE]).reshape(len(anchors), unknowns)
-    joint = mirrored(joint)
+    joint = symmetric(joint)
     own, cross, matrix = joint[:unknowns, :unknowns], joint[:unknowns, unknowns:], joint[unknowns:, unknowns:]
     own = own + anchors.T @ anchors
     try:

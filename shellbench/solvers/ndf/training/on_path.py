@@ -91,7 +91,7 @@ class Trial:
 
         def near(state: PathState) -> tuple[Tensor, ...]:
             each = zip(problem.moments, finer.moments, state.deformed.angles, strict=True)
-            return tuple(known.spread(angles, other) for known, other, angles in each)
+            return tuple(known.interpolate(angles, other) for known, other, angles in each)
 
         return cls(problem, tuple(states), tuple(finer.deform(s.weights, s.t, near(s)) for s in states))
 
@@ -137,7 +137,7 @@ def trained_level(
     #    the same amount on both rules.
     # 4. Stop if the gain is small.
     # The model leaves out the geometric stiffness: it is then positive for any state, and only the speed depends on it.
-    marks, least = problem.ansatz.case.states, problem.unstrained
+    marks, least = problem.ansatz.case.states, problem.rounding_energy
     wanted = [s for s in states if s.deformed.magnitude > least and any(equal_marks(s.t, mark) for mark in marks)]
     if not wanted:
         return None
@@ -145,12 +145,12 @@ def trained_level(
     now = Trial.of_states(problem, wanted[::-1][::every][::-1], level.fine)
     damping, total = DAMPING, 0.0
     for iteration in range(1, iterations + 1):
-        local = _model(now, iteration)
+        local = _energy_model(now, iteration)
         theta, network = flatten(now.features.network), now.features.network
         better, gain = None, 0.0
         for attempt in range(ATTEMPTS):
             if (step := local.step(damping)) is not None:
-                better, gain = _attempt(now, unflatten(theta + step, network), level.fine)
+                better, gain = _try_network(now, unflatten(theta + step, network), level.fine)
             if better is not None:
                 damping /= 1.0 if attempt else EASE
                 break
@@ -166,14 +166,14 @@ def trained_level(
     return replace(level, features=now.features, trained=now.features.network.parameters)
 
 
-def _attempt(now: Trial, network: Network, fine: RuleSpec) -> tuple[Trial | None, float]:
+def _try_network(now: Trial, network: Network, fine: RuleSpec) -> tuple[Trial | None, float]:
     """Return the trial of a network and its certified gain; None if the gain is not certified."""
     old = now.problem
     try:
         problem = replace(old, features=replace(now.features, network=network)).independent()
         states = []
         for state in now.states:
-            weights = problem.fitted(old, state.weights)
+            weights = problem.fit_weights(old, state.weights)
             near = PathState(state.t, weights, problem.deform(weights, state.t, state.deformed.angles))
             states.append(equilibrium(problem, near, state.t))
         new = Trial.of_states(problem, states, fine)
@@ -184,7 +184,7 @@ def _attempt(now: Trial, network: Network, fine: RuleSpec) -> tuple[Trial | None
     return (new if agrees and all(state.stable for state in states) else None), sure
 
 
-def _model(now: Trial, iteration: int) -> Quadratic:
+def _energy_model(now: Trial, iteration: int) -> Quadratic:
     """Return the sum of the states' models of the energy in the hidden weights."""
     rule = now.problem.rule_spec
     coarse = finer_rule(replace(rule, order=rule.order - 1 - iteration % 2), COARSE)
@@ -194,7 +194,7 @@ def _model(now: Trial, iteration: int) -> Quadratic:
         sample, ansatz = tangent_sample(now, state, rule), replace(now.problem.ansatz_at(state.t), t=state.t)
         forces = concentrated(ansatz, rule, now.problem.focal, now.features.placement)
         tips = Tips.at_forces(now.features, forces)
-        slope = energy_gradient(sample, tips, network, output) - _moments(now, state)
+        slope = energy_gradient(sample, tips, network, output) - _moment_work(now, state)
         local = quadratic_model(sample, tips, tangent_sample(now, state, coarse), network, output, None, slope)
         share = 1 / state.deformed.magnitude
         models.append(Quadratic(share * local.slope, share * local.matrix, share * local.floor))
@@ -219,12 +219,12 @@ def tangent_sample(now: Trial, state: PathState, spec: RuleSpec) -> Sample:
     inputs, fixed = features.inputs.jets(points, placement), features.fixed.jets(points, placement)
     jet = sampled.jets @ output.T
     offset = strains - torch.einsum("nrcp,npc->nr", rows, jet)
-    force = placement.tensor(force_density(ansatz.case, points, t)) * here.share[:, None]
+    force = placement.tensor(force_density(ansatz.case, points, t)) * here.areas[:, None]
     on_free = (sampled.matrix.mT @ force[..., None])[..., 0]
     return Sample(Table(rows, offset, on_free, 0.0, rows.new_zeros((0, len(rows), COMPONENTS))), inputs, fixed)
 
 
-def _moments(now: Trial, state: PathState) -> Tensor:
+def _moment_work(now: Trial, state: PathState) -> Tensor:
     """Return the work (P,) of edge moments on a unit of the hidden weights, by their forces on the features' jets."""
     network, output = now.features.network, now.output(state)
     total = output.new_zeros(network.parameters)

@@ -37,7 +37,7 @@ class Sketch:
     right: tuple[Tensor, ...]
 
     @classmethod
-    def steepest(cls, network: Network, slope: Tensor, directions: int) -> Sketch:
+    def from_steepest(cls, network: Network, slope: Tensor, directions: int) -> Sketch:
         """Return about `directions` weights of the steepest units of the last hidden layer, and all weights before it.
 
         The steepest units have the largest part of the gradient `slope` (P,).

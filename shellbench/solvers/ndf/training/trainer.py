@@ -3,7 +3,7 @@
 Three hidden layers by default. Every step solves for the output layer exactly (variable projection). The hidden weights
 follow by Gauss-Newton with Marquardt's damping. A step counts only if independent points certify its gain; see
 `training`. First-order training of the same energy takes thousands of iterations, because membrane and bending
-stiffness differ by (L/h)^2; here a few are enough. `challenge` estimates the uncertainty.
+stiffness differ by (L/h)^2; here a few are enough. `compare_with_challengers` estimates the uncertainty.
 
 If challengers still change the answer, wider networks follow (`at_rest`).
 

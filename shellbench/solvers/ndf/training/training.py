@@ -139,16 +139,16 @@ def _best_start(
     return found
 
 
-def refined(problem: TrainingProblem, state: Trained, points: Quadratures) -> tuple[Trained, Quadratures]:
+def refine_points(problem: TrainingProblem, state: Trained, points: Quadratures) -> tuple[Trained, Quadratures]:
     """Take more points, and solve for the output layer again."""
     more = Quadratures.for_width(problem, state.network.width, points.refinement * REFINE)
     return more.evaluate(problem, state.network), more
 
 
-def trusted(problem: TrainingProblem, plan: Plan, state: Trained, points: Quadratures) -> tuple[Trained, Quadratures]:
+def close_gap(problem: TrainingProblem, plan: Plan, state: Trained, points: Quadratures) -> tuple[Trained, Quadratures]:
     """Refine the points until the gap leaves room to grow."""
     while state.gap > plan.gap / 4 and points.refinement * REFINE < MOST_REFINED:
-        state, points = refined(problem, state, points)
+        state, points = refine_points(problem, state, points)
     return state, points
 
 
@@ -174,7 +174,7 @@ def train(
     for iteration in range(1, plan.iterations + 1):
         weights = state.network.parameters
         slope = energy_gradient(points.train, points.tips, state.network, state.output)
-        sketch = Sketch.steepest(state.network, slope, STEEPEST) if weights > MANY_WEIGHTS else None
+        sketch = Sketch.from_steepest(state.network, slope, STEEPEST) if weights > MANY_WEIGHTS else None
         # Six strain rows a point, and twice as many rows as columns: the Gram matrix then has full rank.
         rows = COARSE_ROWS * (state.output.numel() + (sketch.count if sketch else weights))
         coarse = problem.sample(problem.rule_spec(rows / 6, COARSE_ORDER, more=iteration % 3))
@@ -184,7 +184,7 @@ def train(
         if found.state is None:
             if not (found.exploited and points.refinement * REFINE < MOST_REFINED):
                 return replace(state, evaluations=spent), "no further step is certified"
-            state, points = refined(problem, state, points)
+            state, points = refine_points(problem, state, points)
             state = replace(state, evaluations=spent + state.evaluations)
             if found.promised < NEGLIGIBLE * plan.tolerance * abs(state.check.potential):
                 return state, "a further step is bound to gain next to nothing"
@@ -196,7 +196,7 @@ def train(
     return state, "all iterations were made"
 
 
-class Search(NamedTuple):
+class SearchResult(NamedTuple):
     """Result of a search with ever more damped steps.
 
     Attributes
@@ -228,7 +228,7 @@ def _search(
     local: Quadratic,
     damping: float,
     sketch: Sketch | None,
-) -> Search:
+) -> SearchResult:
     theta, exploited, spent, promised = flatten(state.network), False, 0, math.inf
     for attempt in range(ATTEMPTS):
         # A rejected step costs an evaluation, but no new model: the damping of the same matrix increases.
@@ -236,30 +236,31 @@ def _search(
         if step is not None:
             promised = local.decrease(step)
             change = sketch.extend(step) if sketch else step
-            new = _attempt(problem, points, unflatten(theta + change, state.network))
+            new = _try_network(problem, points, unflatten(theta + change, state.network))
             spent += len(points.train)
             if new is not None and new.train.gain > state.train.gain:
-                new = points.checked(new)
+                new = points.check_state(new)
                 spent += len(points.check)
-                if agree(new, state) and new.gap <= max(plan.gap, state.gap):
+                if gains_agree(new, state) and new.gap <= max(plan.gap, state.gap):
                     # Gain over prediction, as in a trust region: the energy falls by half of the rise of `gain`.
                     # Damping decreases only if the first attempt was accepted.
                     ratio = 0.5 * (new.train.gain - state.train.gain) / promised
                     ease = 1.0 if attempt or ratio <= FAIR else EASE_MORE if ratio > GOOD else EASE
-                    return Search(new, False, damping / ease, spent, promised)
+                    return SearchResult(new, False, damping / ease, spent, promised)
                 exploited = True
         damping *= HARDEN
-    return Search(None, exploited, damping / HARDEN, spent, promised)
+    return SearchResult(None, exploited, damping / HARDEN, spent, promised)
 
 
-def _attempt(problem: TrainingProblem, points: Quadratures, network: Network) -> Trained | None:
+def _try_network(problem: TrainingProblem, points: Quadratures, network: Network) -> Trained | None:
+    """Return the state of a network with its output layer solved for; None if there is no solution."""
     try:
-        return points.solved(problem, network)
+        return points.solve_output(problem, network)
     except SolveFailure:  # the step was too long: a shorter one is tried
         return None
 
 
-def agree(new: Trained, old: Trained) -> bool:
+def gains_agree(new: Trained, old: Trained) -> bool:
     """Return True if both point sets show a gain, of about the same size."""
     seen, certified = new.train.gain - old.train.gain, new.check.gain - old.check.gain
     # Each condition alone can be satisfied by chance or exploitation.

@@ -148,9 +148,9 @@ class Quadratures:
 
     def evaluate(self, problem: TrainingProblem, network: Network) -> Trained:
         """Solve for the output layer on the training points and measure both energies."""
-        return self.checked(self.solved(problem, network))
+        return self.check_state(self.solve_output(problem, network))
 
-    def solved(self, problem: TrainingProblem, network: Network) -> Trained:
+    def solve_output(self, problem: TrainingProblem, network: Network) -> Trained:
         """Solve for the output layer on the training points; their energy also stands for that of the check points."""
         problem.tally["output layers"] += 1
         kept: list[Tensor] = []
@@ -161,7 +161,7 @@ class Quadratures:
         energy = energy_on(self.train, self.tips, network, output, kept)
         return Trained(network, output, layer.reactions, energy, energy, len(self.train))
 
-    def checked(self, state: Trained) -> Trained:
+    def check_state(self, state: Trained) -> Trained:
         """Measure the energy on the check points too."""
         check = energy_on(self.check, self.tips, state.network, state.output)
         return replace(state, check=check, evaluations=state.evaluations + len(self.check))
