@@ -1,7 +1,6 @@
 """Second form of `folded_plates`: tensor products of polynomials by `folded_ritz`, no harmonics.
 
-By the plane x = L / 2 the axial displacement is odd and the others are even. The diaphragms hold v and w: their polynomials have
-the factor x (L - x). Forces at a point converge slowest, for they are not smooth at the corners of the strips.
+Half of the length is enough: at the plane x = L / 2, u, v_x and w_x vanish. The diaphragm holds v and w. Forces at a point converge slowest, for they are not smooth at the corners of the strips.
 """
 
 from __future__ import annotations
@@ -13,16 +12,17 @@ from .folded_plates import BOX, ROOF, FoldedPlate, estimates
 from .folded_ritz import Lengthwise, Prism, Section, flat_walls
 from .surface_strains import Array
 
-COARSE, FINE = (14, 28), (20, 48)
+COARSE, FINE = (12, 11), (16, 15)
 """Degrees in s and in x."""
 ROUNDING_OF_POLYNOMIALS = 1e-10
 
 
 def between_diaphragms(plate: FoldedPlate, across: int, along: int) -> Prism:
-    """Trial functions of degrees `across` and `along` that vanish in the plane of both ends."""
-    held = Lengthwise(plate.length, along, 1, closed=True, parity=0)
+    """Trial functions of degrees `across` and `along` on the half between a diaphragm and mid-length."""
+    half = 0.0, 0.07 * plate.length, plate.length / 2
+    held = Lengthwise(half, along, "zero", "even")
     section = Section(tuple(flat_walls(plate.nodes, plate.strips)), across, {})
-    sets = {"u": Lengthwise(plate.length, along, parity=1), "v": held, "w": held}
+    sets = {"u": Lengthwise(half, along, "free", "zero"), "v": held, "w": held}
     return Prism(section, sets, plate.thickness, plate.young, plate.poisson)
 
 
@@ -64,9 +64,9 @@ def _values(plate: FoldedPlate, degrees: tuple[int, int], fold: tuple[int, int])
         "fold_force_after": force("n_s", after, 0.0),
         "edge_axial_force": force("n_x", before, 0.0),
         "crown_moment": force("m_s", after, half),
-        "membrane_energy": stretching,
-        "bending_energy": bending,
-        "strain_energy": stretching + bending,
+        "membrane_energy": 2 * stretching,
+        "bending_energy": 2 * bending,
+        "strain_energy": 2 * (stretching + bending),
     }
 
 

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.polynomial.legendre import leggauss, legvander
+from numpy.polynomial.legendre import leggauss
 from scipy.linalg import cho_factor, cho_solve
 
 from .strip import Strip
@@ -58,47 +58,53 @@ def flat_walls(nodes: Sequence[tuple[float, float]], strips: Sequence[tuple[int,
     return walls
 
 
+ENDS = {"free": (), "zero": (0,), "even": (1,), "clamped": (0, 1)}
+"""What an end of x holds: orders of the derivatives that vanish there."""
+
+
 @dataclass(frozen=True)
 class Lengthwise:
-    """Polynomials of x in [0, length]: Legendre's, integrated as often from x = 0, times (length - x) where `closed`.
+    """Polynomials of x between breaks, joined by value and slope; `start` and `end` are names of `ENDS`."""
 
-    `parity` keeps those that are even (0) or odd (1) about the middle.
-    """
-
-    length: float
+    breaks: tuple[float, ...]
     degree: int
-    integrated: int = 0
-    closed: bool = False
-    parity: int | None = None
+    start: str = "free"
+    end: str = "free"
 
     @cached_property
-    def _coefficients(self) -> Array:
-        """Legendre coefficients (function, degree + 1) over the interval."""
-        count = self.degree + 1 - self.integrated
-        rows = np.eye(count)
-        for _ in range(self.integrated):
-            rows = np.array([np.polynomial.legendre.legint(row, lbnd=-1) for row in rows])
-        rows = np.pad(rows, ((0, 0), (0, self.degree + 1 - rows.shape[1])))
-        if self.closed:
-            rows = rows[1:]  # the integral of P_k over the whole vanishes for k > 0
-        kinds = (np.arange(self.degree + 1) + self.integrated) % 2 if self.parity is not None else None
-        if kinds is not None:
-            orders = np.arange(len(rows)) + self.integrated + (1 if self.closed else 0)
-            rows = rows[orders % 2 == self.parity]
-        return rows * np.sqrt(2 * np.arange(len(rows)) + 1)[:, None]
+    def _numbers(self) -> tuple[Array, int]:
+        """Number of each function of each span (-1: held), and their count: value and slope by break, then bubbles."""
+        spans, free = len(self.breaks) - 1, np.ones((len(self.breaks), 2), dtype=bool)
+        for place, name in ((0, self.start), (-1, self.end)):
+            free[place, list(ENDS[name])] = False
+        at_breaks = np.where(free, np.cumsum(free).reshape(free.shape) - 1, -1)
+        count = int(free.sum())
+        bubbles = count + np.arange(spans * (self.degree - 3)).reshape(spans, -1)
+        numbers = [np.concatenate([at_breaks[i], at_breaks[i + 1], bubbles[i]]) for i in range(spans)]
+        return np.array(numbers), count + bubbles.size
 
     @property
     def count(self) -> int:
         """Number of functions."""
-        return len(self._coefficients)
+        return self._numbers[1]
+
+    @property
+    def rule(self) -> tuple[Array, Array]:
+        """Points and weights that integrate products of two functions exactly."""
+        x, weights = leggauss(self.degree + 1)
+        half = np.diff(self.breaks)[:, None] / 2
+        return (np.array(self.breaks[:-1])[:, None] + half * (1 + x)).ravel(), (half * weights).ravel()
 
     def at(self, x: Array, order: int = 0) -> Array:
-        """Derivatives (points, functions) of an order."""
-        rows = self._coefficients
-        for _ in range(order):
-            rows = np.array([np.polynomial.legendre.legder(row) for row in rows])
-        xi = 2 * np.asarray(x, float) / self.length - 1
-        return legvander(xi, rows.shape[1] - 1) @ rows.T * (2 / self.length) ** order
+        """Derivatives (points, functions) of an order up to 2."""
+        x, size = np.asarray(x, float), self.degree + 1
+        spans = np.clip(np.searchsorted(self.breaks, x, side="right") - 1, 0, len(self.breaks) - 2)
+        found = np.zeros((len(x), self.count + 1))  # the last column takes what is held
+        for span in np.unique(spans):
+            there = np.flatnonzero(spans == span)
+            strip = Strip(self.breaks[span], self.breaks[span + 1], self.degree)
+            found[np.ix_(there, self._numbers[0][span])] = strip.basis(x[there])[order, :, 2, 2 * size :]
+        return found[:, :-1]
 
 
 @dataclass(frozen=True)
@@ -109,6 +115,8 @@ class Section:
     degree: int
     held: dict[int, str]
     """What a node holds, of "u", "y", "z" and "r", the rotation."""
+    hinges: tuple[int, ...] = ()
+    """Nodes at which strips turn apart."""
 
     @cached_property
     def strips(self) -> list[Strip]:
@@ -126,18 +134,21 @@ class Section:
             for number, part in enumerate(parts):
                 part.append(by_wall.get(number, np.zeros(size)))
 
-        # 1. Node by node: u, displacement along y and z, rotation; at a free edge, v and w.
+        # 1. Node by node: u, displacement along y and z (v and w where no strip turns off), rotation.
         ends: dict[int, list[tuple[int, str]]] = {}
         for number, wall in enumerate(self.walls):
             ends.setdefault(wall.start, []).append((number, "left"))
             ends.setdefault(wall.end, []).append((number, "right"))
         for node, there in ends.items():
+            held, smooth = self.held.get(node, ""), self._smooth(there)
             for kind in "uyzr":
-                if kind in self.held.get(node, ""):
+                if kind in held:
                     continue
-                alone = len(there) == 1 and not self.held.get(node)
-                by_wall = {number: self._end(number, side, kind, alone) for number, side in there}
-                add("u" if kind == "u" else "v" if alone and kind == "y" else "w", by_wall)
+                local = smooth and not held and kind in "yz"
+                groups = [[end] for end in there] if kind == "r" and node in self.hinges else [there]
+                for group in groups:
+                    by_wall = {number: self._end(number, side, kind, local) for number, side in group}
+                    add("u" if kind == "u" else "v" if local and kind == "y" else "w", by_wall)
         # 2. Bubbles, which vanish at the nodes.
         tied = {self.strips[0].end_coefficient(f"{name}({side})") for side in ("left", "right") for name in "UVW"}
         tied |= {self.strips[0].end_coefficient(f"W'({side})") for side in ("left", "right")}
@@ -146,8 +157,13 @@ class Section:
                 add("uvw"[i // (self.degree + 1)], {number: np.eye(size)[i]})
         return [np.array(part).T for part in parts], np.array(kinds)
 
-    def _end(self, number: int, side: str, kind: str, alone: bool) -> Array:
-        """Coefficients of a wall for a unit of one node value; at a free edge "y" is v and "z" is w."""
+    def _smooth(self, there: Sequence[tuple[int, str]]) -> bool:
+        """Whether all strips at a node run on in one direction: along it they share v, and w across it."""
+        frames = [self.walls[i].frame(0.0 if side == "left" else self.walls[i].width) for i, side in there]
+        return all(np.allclose(frame, frames[0]) for frame in frames)
+
+    def _end(self, number: int, side: str, kind: str, local: bool) -> Array:
+        """Coefficients of a wall for a unit of one node value; where `local`, "y" is v and "z" is w."""
         wall, strip = self.walls[number], self.strips[number]
         found = np.zeros(3 * (self.degree + 1))
         if kind == "u":
@@ -156,10 +172,10 @@ class Section:
             found[strip.end_coefficient(f"W'({side})")] = 1
         else:
             axis = "yz".index(kind)
-            t, n = np.eye(2) if alone else wall.frame(0.0 if side == "left" else wall.width)
+            t, n = np.eye(2) if local else wall.frame(0.0 if side == "left" else wall.width)
             found[strip.end_coefficient(f"V({side})")] = t[axis]
             found[strip.end_coefficient(f"W({side})")] = n[axis]
-            found[strip.end_coefficient(f"W'({side})")] = 0 if alone else -wall.curvature * t[axis]
+            found[strip.end_coefficient(f"W'({side})")] = -wall.curvature * t[axis]
         return found
 
     def tables(self, wall: int, s: Array) -> Array:
@@ -203,9 +219,7 @@ class Prism:
     @cached_property
     def _whole(self) -> tuple[Array, Array]:
         """Points and weights over x that integrate products of functions exactly."""
-        one = next(iter(self.sets.values()))
-        x, weights = leggauss(max(s.degree for s in self.sets.values()) + 2)
-        return one.length * (1 + x) / 2, one.length * weights / 2
+        return next(iter(self.sets.values())).rule
 
     def stiffness(self, part: str) -> Array:
         """Stiffness (size, size) of "eps", the membrane, or of "kap", bending."""
@@ -280,12 +294,20 @@ class Prism:
         ]
         return np.sum(terms, axis=0)
 
-    def solve(self, load: Array) -> tuple[Array, float, float]:
-        """Coefficients under a load (size,), and the energies of stretching and of bending, J."""
+    def solve(self, load: Array, given: Array | None = None) -> tuple[Array, float, float]:
+        """Coefficients under a load (size,), and the energies of stretching and of bending, J.
+
+        `given` (size,) prescribes the coefficients that are not NaN in it.
+        """
         membrane, bending = self.stiffness("eps"), self.stiffness("kap")
-        scale = 1 / np.sqrt(np.diagonal(membrane) + np.diagonal(bending))
-        matrix = scale[:, None] * (membrane + bending) * scale
+        whole, found = membrane + bending, np.zeros(self.size)
+        free = np.ones(self.size, dtype=bool)
+        if given is not None:
+            free = np.isnan(given)
+            found[~free] = given[~free]
+        scale = 1 / np.sqrt(np.diagonal(whole)[free])
+        matrix, right = scale[:, None] * whole[np.ix_(free, free)] * scale, scale * (load - whole @ found)[free]
         factor = cho_factor(matrix)
-        found = cho_solve(factor, scale * load)
-        found = scale * (found + cho_solve(factor, scale * load - matrix @ found))
+        part = cho_solve(factor, right)
+        found[free] = scale * (part + cho_solve(factor, right - matrix @ part))
         return found, float(found @ membrane @ found) / 2, float(found @ bending @ found) / 2
