@@ -256,11 +256,17 @@ class Prism:
         x, dx = self._whole
         return self.row(cross, lambda one: dx @ one.at(x))
 
-    def edge_load(self, wall: int, component: int, density: float, x: float) -> Array:
-        """Work (size,) of a constant load per length over the end x of a wall."""
+    def edge_load(
+        self, wall: int, component: int, density: float | Callable[[Array], Array], x: float, order: int = 0
+    ) -> Array:
+        """Work (size,) of a load per length, a number or a function of s, over the end x of a wall.
+
+        With `order` 1 it works on the derivative by x: -m for a moment m that stretches the side of n, on w.
+        """
         s, weights, _ = self.section.strips[wall].quadrature
-        cross = density * weights @ self.section.tables(wall, s)[0, :, component]
-        return self.row(cross, lambda one: one.at(np.array([x]))[0])
+        size = density(s) if callable(density) else density
+        cross = (size * weights) @ self.section.tables(wall, s)[0, :, component]
+        return self.row(cross, lambda one: one.at(np.array([x]), order)[0])
 
     def side_load(self, wall: int, component: int, density: float, s: float) -> Array:
         """Work (size,) of a constant load per length along the line s of a wall."""

@@ -4,15 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from .angle_frame import angle_frame, angle_frame_by_ritz, hinged_angle, hinged_angle_by_ritz
+from .box_girder import box_girder, box_girder_by_ritz
+from .corrugated_sheet import (
+    corrugation_across,
+    corrugation_across_by_ritz,
+    corrugation_along,
+    corrugation_along_by_ritz,
+)
 from .estimate import Estimate
 from .folded_plates import folded_box, folded_roof
 from .folded_plates_by_ritz import folded_box_by_ritz, folded_roof_by_ritz
 
 JUDGES: dict[str, Callable[[], dict[str, Estimate]]] = {
-    "folded_roof": folded_roof,
+    "angle_frame": angle_frame,
+    "box_girder": box_girder,
+    "corrugation_across": corrugation_across,
+    "corrugation_along": corrugation_along,
     "folded_box": folded_box,
+    "folded_roof": folded_roof,
+    "hinged_angle": hinged_angle,
 }
 SECOND_FORMS: dict[str, Callable[[], dict[str, Estimate]]] = {
-    "folded_roof": folded_roof_by_ritz,
+    "angle_frame": angle_frame_by_ritz,
+    "box_girder": box_girder_by_ritz,
+    "corrugation_across": corrugation_across_by_ritz,
+    "corrugation_along": corrugation_along_by_ritz,
     "folded_box": folded_box_by_ritz,
+    "folded_roof": folded_roof_by_ritz,
+    "hinged_angle": hinged_angle_by_ritz,
 }
