@@ -1,9 +1,9 @@
-"""Prismatic shells of strips and arcs by `linear_splines`: a patch of splines each, joined by multipliers.
+"""Prismatic shells of strips and arcs by `linear_splines`: a patch of splines each.
 
 Each patch has its own splines along the frame (e_x, t, n), xi1 = s and xi2 = x, and strains by products of vectors. Patches meet
 where one ends and the next begins. There the displacement vector and the rotation w_s + k v about e_x, k the curvature, are
-the same for each spline of x, which all patches share: linear equations of their coefficients, kept by multipliers. Forces
-and moments of the fold are natural.
+the same for each spline of x, which all patches share: linear equations of coefficients, whose null space is kept. Forces and
+moments of the fold are natural.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sparse
-from scipy.linalg import qr
+from scipy.linalg import null_space
 from scipy.sparse.linalg import splu
 
 from .folded_ritz import Wall
@@ -150,12 +150,20 @@ class Chain:
         found = sparse.csr_array(sparse.vstack(rows))
         found.data[np.abs(found.data) < 1e-13] = 0.0
         found.eliminate_zeros()
-        # What the ends of x hold or tie makes some equations empty or alike: pivots tell which are independent.
-        dense = found[:, np.unique(found.indices)].toarray()
-        _, triangle, order = qr(dense.T, mode="economic", pivoting=True)
-        pivots = np.abs(np.diagonal(triangle))
-        kept = np.sort(order[: len(pivots)][pivots > 1e-10 * pivots[0]])
-        return sparse.csr_array(found[kept])
+        return found
+
+    @cached_property
+    def joined(self) -> sparse.csr_array:
+        """Matrix from independent coefficients to the free ones that meet the equations of the joints.
+
+        Coefficients away from joints are kept as they are; the others are an orthonormal basis of the null space.
+        """
+        beside = np.unique(self.joints.indices)
+        apart = np.setdiff1d(np.arange(self.offsets[-1]), beside)
+        basis = null_space(self.joints[:, beside].toarray(), rcond=1e-10)
+        order = sparse.eye_array(self.offsets[-1], format="csr")
+        found = sparse.hstack([order[:, apart], order[:, beside] @ sparse.csr_array(basis)])
+        return sparse.csr_array(found)
 
     @property
     def _width(self) -> int:
@@ -168,15 +176,11 @@ class Chain:
             sparse.csr_array(sparse.block_diag([getattr(system, part) for system in systems]))
             for part in ("membrane", "bending")
         )
-        whole = membrane + bending
+        whole = self.joined.T @ (membrane + bending) @ self.joined
         scale = sparse.diags_array(1 / np.sqrt(whole.diagonal()))
-        joints = self.joints @ scale
-        sizes = sparse.diags_array(1 / np.sqrt(joints.multiply(joints).sum(axis=1)))
-        joints = sizes @ joints
-        matrix = sparse.block_array([[scale @ whole @ scale, joints.T], [joints, None]]).tocsc()
-        right = np.concatenate([scale @ load, np.zeros(joints.shape[0])])
-        factor = splu(matrix)
+        matrix, right = (scale @ whole @ scale).tocsc(), scale @ (self.joined.T @ load)
+        factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
         found = factor.solve(right)
         found += factor.solve(right - matrix @ found)
-        free = scale @ found[: len(load)]
+        free = self.joined @ (scale @ found)
         return free, float(free @ (membrane @ free)) / 2, float(free @ (bending @ free)) / 2
