@@ -15,6 +15,7 @@ from .corrugated_sheet import (
 from .estimate import Estimate
 from .folded_plates import folded_box, folded_roof
 from .folded_plates_by_ritz import folded_box_by_ritz, folded_roof_by_ritz
+from .raasch_hook import raasch_hook, raasch_hook_by_polynomials
 
 JUDGES: dict[str, Callable[[], dict[str, Estimate]]] = {
     "angle_frame": angle_frame,
@@ -24,6 +25,7 @@ JUDGES: dict[str, Callable[[], dict[str, Estimate]]] = {
     "folded_box": folded_box,
     "folded_roof": folded_roof,
     "hinged_angle": hinged_angle,
+    "raasch_hook": raasch_hook,
 }
 SECOND_FORMS: dict[str, Callable[[], dict[str, Estimate]]] = {
     "angle_frame": angle_frame_by_ritz,
@@ -33,4 +35,5 @@ SECOND_FORMS: dict[str, Callable[[], dict[str, Estimate]]] = {
     "folded_box": folded_box_by_ritz,
     "folded_roof": folded_roof_by_ritz,
     "hinged_angle": hinged_angle_by_ritz,
+    "raasch_hook": raasch_hook_by_polynomials,
 }
