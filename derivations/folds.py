@@ -16,6 +16,7 @@ from .estimate import Estimate
 from .folded_plates import folded_box, folded_roof
 from .folded_plates_by_ritz import folded_box_by_ritz, folded_roof_by_ritz
 from .raasch_hook import raasch_hook, raasch_hook_by_polynomials
+from .z_section import z_section, z_section_by_splines
 
 JUDGES: dict[str, Callable[[], dict[str, Estimate]]] = {
     "angle_frame": angle_frame,
@@ -26,6 +27,7 @@ JUDGES: dict[str, Callable[[], dict[str, Estimate]]] = {
     "folded_roof": folded_roof,
     "hinged_angle": hinged_angle,
     "raasch_hook": raasch_hook,
+    "z_section": z_section,
 }
 SECOND_FORMS: dict[str, Callable[[], dict[str, Estimate]]] = {
     "angle_frame": angle_frame_by_ritz,
@@ -36,4 +38,5 @@ SECOND_FORMS: dict[str, Callable[[], dict[str, Estimate]]] = {
     "folded_roof": folded_roof_by_ritz,
     "hinged_angle": hinged_angle_by_ritz,
     "raasch_hook": raasch_hook_by_polynomials,
+    "z_section": z_section_by_splines,
 }
