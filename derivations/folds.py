@@ -40,3 +40,5 @@ SECOND_FORMS: dict[str, Callable[[], dict[str, Estimate]]] = {
     "raasch_hook": raasch_hook_by_polynomials,
     "z_section": z_section_by_splines,
 }
+LONG = {"folded_box", "folded_roof", "raasch_hook", "z_section"}
+"""Shells whose two forms take more than a few seconds together."""
