@@ -158,7 +158,7 @@ class Section:
         return [np.array(part).T for part in parts], np.array(kinds)
 
     def _smooth(self, there: Sequence[tuple[int, str]]) -> bool:
-        """Whether all strips at a node run on in one direction: along it they share v, and w across it."""
+        """Return true if all strips at a node run on in one direction: along it they share v, and w across it."""
         frames = [self.walls[i].frame(0.0 if side == "left" else self.walls[i].width) for i, side in there]
         return all(np.allclose(frame, frames[0]) for frame in frames)
 
