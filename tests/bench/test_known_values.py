@@ -243,18 +243,12 @@ def test_a_tolerance_is_absolute_where_the_error_is():
 
 @cache
 def second_form(name, origin):
-    if name in contact.SECOND_FORMS:
-        return contact.SECOND_FORMS[name]()
     if origin == "inextensible elastica of a heavy strip":
         return heavy_strip.elastica_of_weight()
-    if name in passport.SECOND_FORMS:
-        return passport.SECOND_FORMS[name]()
-    if name in MODES:
-        return MODES[name]()
-    if name in naghdi.SECOND_FORMS:
-        return naghdi.SECOND_FORMS[name]()
-    if name in shapes_by_series.SECOND_FORMS:
-        return shapes_by_series.SECOND_FORMS[name]()
+    listed = contact.SECOND_FORMS, passport.SECOND_FORMS, MODES, naghdi.SECOND_FORMS, shapes_by_series.SECOND_FORMS
+    for forms in listed:
+        if name in forms:
+            return forms[name]()
     return (POLYNOMIALS[name] if origin.endswith("polynomials of the position") else SECOND_FORMS[origin])()
 
 
