@@ -13,9 +13,8 @@ integral of u_s vanishes, q = 2 A G h theta' / (ring integral of ds), A the encl
 
     T = G theta' (4 A^2 / (ring integral of ds / h) + ring integral of h^3 ds / 3).
 
-The second part is twice what 2 M_xs per width carries by couples in the plane of the walls: corner forces at the ends of the folds
-give the other half. The second form minimises the strain energy over polynomials by `folded_ritz` with the ends' displacement
-prescribed.
+Half of the second part is the twisting moment M_xs over the ends of the walls, the other half the couple of the forces 2 M_xs at the
+ends of the folds. The second form minimises the strain energy over polynomials by `folded_ritz`, the ends' displacement prescribed.
 
 `held_girder` is the same box whose end x = 0 is clamped: it holds the axial displacement, and rotations too. Warping is then
 restrained, and there is no closed form. By the planes y = 0 and z = 0, in which torsion is antisymmetric, a quarter is modelled, with
