@@ -245,8 +245,7 @@ def test_a_tolerance_is_absolute_where_the_error_is():
 def second_form(name, origin):
     if origin == "inextensible elastica of a heavy strip":
         return heavy_strip.elastica_of_weight()
-    listed = contact.SECOND_FORMS, passport.SECOND_FORMS, MODES, naghdi.SECOND_FORMS, shapes_by_series.SECOND_FORMS
-    for forms in listed:
+    for forms in (MODES, *(m.SECOND_FORMS for m in (contact, passport, naghdi, shapes_by_series))):
         if name in forms:
             return forms[name]()
     return (POLYNOMIALS[name] if origin.endswith("polynomials of the position") else SECOND_FORMS[origin])()
