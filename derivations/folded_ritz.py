@@ -114,7 +114,7 @@ class Section:
     walls: tuple[Wall, ...]
     degree: int
     held: dict[int, str]
-    """What a node holds, of "u", "y", "z" and "r", the rotation."""
+    """What a node holds, of "u", "y", "z" and "r", the rotation; "v" and "w" where no strip turns off."""
     hinges: tuple[int, ...] = ()
     """Nodes at which strips turn apart."""
 
@@ -144,7 +144,9 @@ class Section:
             for kind in "uyzr":
                 if kind in held:
                     continue
-                local = smooth and not held and kind in "yz"
+                local = smooth and not set(held) & set("yz") and kind in "yz"
+                if local and {"y": "v", "z": "w"}[kind] in held:
+                    continue
                 groups = [[end] for end in there] if kind == "r" and node in self.hinges else [there]
                 for group in groups:
                     by_wall = {number: self._end(number, side, kind, local) for number, side in group}
@@ -158,7 +160,7 @@ class Section:
         return [np.array(part).T for part in parts], np.array(kinds)
 
     def _smooth(self, there: Sequence[tuple[int, str]]) -> bool:
-        """Whether all strips at a node run on in one direction: along it they share v, and w across it."""
+        """Return true if all strips at a node run on in one direction: along it they share v, and w across it."""
         frames = [self.walls[i].frame(0.0 if side == "left" else self.walls[i].width) for i, side in there]
         return all(np.allclose(frame, frames[0]) for frame in frames)
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import scipy.sparse as sparse
@@ -18,7 +18,7 @@ from scipy.linalg import null_space
 from scipy.sparse.linalg import splu
 
 from .folded_ritz import Wall
-from .linear_splines import LinearShell
+from .linear_splines import Field, LinearShell
 from .spline_shell import Ends, Splines
 from .surface_strains import Array
 
@@ -56,6 +56,11 @@ def _along(wall: Wall, s: Array) -> Array:
     )
 
 
+def _carried(moved: Callable[[Array, Array, int], Array], surface: Field, s: Array, x: Array, i: int, j: int) -> Array:
+    """Derivative (points, 3) of a displacement that is linear in the place."""
+    return moved(surface(s, x, i, 0)[:, 1:], x, j)
+
+
 def _frame(wall: Wall) -> Callable[[Array, Array, int, int], Array]:
     def derivative(s: Array, x: Array, i: int, j: int) -> Array:
         found = np.zeros((len(s), 3, 3))
@@ -82,18 +87,24 @@ class Chain:
     along: Sequence[Ends]
     material: tuple[float, float, float]
     """Young's modulus, Poisson's ratio and thickness."""
+    start: tuple[float, float] = (0.0, 0.0)
+    """Where the first wall begins."""
+    moved: Callable[[Array, Array, int], Array] | None = None
+    """Derivative by x of a displacement (points, 3) that splines are added to, linear in the place (points, 2)."""
 
     @cached_property
     def patches(self) -> list[LinearShell]:
         """A patch for each wall."""
-        found, start = [], np.zeros(2)
+        found, start = [], np.array(self.start)
         splines = Splines(self.lengthwise, self.degree)
         for number, (wall, breaks) in enumerate(zip(self.walls, self.breaks, strict=True)):
             first = self.ends[0] if number == 0 else ("free",) * 3
             last = self.ends[1] if number == len(self.walls) - 1 else ("free",) * 3
             ends = [((a, b), c) for a, b, c in zip(first, last, self.along, strict=True)]
             pair = Splines(breaks, self.degree), splines
-            found.append(LinearShell(_surface(wall, start), _frame(wall), pair, ends, *self.material))
+            surface = _surface(wall, start)
+            moved = self.moved and partial(_carried, self.moved, surface)
+            found.append(LinearShell(surface, _frame(wall), pair, ends, *self.material, moved=moved))
             start = start + _along(wall, np.array([wall.width]))[0]
         return found
 
@@ -178,9 +189,13 @@ class Chain:
         )
         whole = self.joined.T @ (membrane + bending) @ self.joined
         scale = sparse.diags_array(1 / np.sqrt(whole.diagonal()))
-        matrix, right = (scale @ whole @ scale).tocsc(), scale @ (self.joined.T @ load)
+        pulled = np.concatenate([system.pulled for system in systems], axis=1)
+        stored = np.sum([system.stored for system in systems], axis=0)
+        matrix, right = (scale @ whole @ scale).tocsc(), scale @ (self.joined.T @ (load - pulled.sum(axis=0)))
         factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
         found = factor.solve(right)
         found += factor.solve(right - matrix @ found)
         free = self.joined @ (scale @ found)
-        return free, float(free @ (membrane @ free)) / 2, float(free @ (bending @ free)) / 2
+        parts = zip((membrane, bending), pulled, stored, strict=True)
+        stretched, bent = (float(free @ (k @ free) / 2 + p @ free + e) for k, p, e in parts)
+        return free, stretched, bent

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from .angle_frame import angle_frame, angle_frame_by_ritz, hinged_angle, hinged_angle_by_ritz
-from .box_girder import box_girder, box_girder_by_ritz
+from .box_girder import box_girder, box_girder_by_ritz, held_girder, held_girder_by_splines
 from .corrugated_sheet import (
     corrugation_across,
     corrugation_across_by_ritz,
@@ -25,6 +25,7 @@ JUDGES: dict[str, Callable[[], dict[str, Estimate]]] = {
     "corrugation_along": corrugation_along,
     "folded_box": folded_box,
     "folded_roof": folded_roof,
+    "held_girder": held_girder,
     "hinged_angle": hinged_angle,
     "raasch_hook": raasch_hook,
     "z_section": z_section,
@@ -36,7 +37,10 @@ SECOND_FORMS: dict[str, Callable[[], dict[str, Estimate]]] = {
     "corrugation_along": corrugation_along_by_ritz,
     "folded_box": folded_box_by_ritz,
     "folded_roof": folded_roof_by_ritz,
+    "held_girder": held_girder_by_splines,
     "hinged_angle": hinged_angle_by_ritz,
     "raasch_hook": raasch_hook_by_polynomials,
     "z_section": z_section_by_splines,
 }
+LONG = {"folded_box", "folded_roof", "held_girder", "raasch_hook", "z_section"}
+"""Shells whose two forms take more than a few seconds together."""

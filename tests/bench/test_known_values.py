@@ -243,18 +243,11 @@ def test_a_tolerance_is_absolute_where_the_error_is():
 
 @cache
 def second_form(name, origin):
-    if name in contact.SECOND_FORMS:
-        return contact.SECOND_FORMS[name]()
     if origin == "inextensible elastica of a heavy strip":
         return heavy_strip.elastica_of_weight()
-    if name in passport.SECOND_FORMS:
-        return passport.SECOND_FORMS[name]()
-    if name in MODES:
-        return MODES[name]()
-    if name in naghdi.SECOND_FORMS:
-        return naghdi.SECOND_FORMS[name]()
-    if name in shapes_by_series.SECOND_FORMS:
-        return shapes_by_series.SECOND_FORMS[name]()
+    for forms in (MODES, *(m.SECOND_FORMS for m in (contact, passport, naghdi, shapes_by_series))):
+        if name in forms:
+            return forms[name]()
     return (POLYNOMIALS[name] if origin.endswith("polynomials of the position") else SECOND_FORMS[origin])()
 
 
