@@ -104,6 +104,7 @@ ORIGINS = {
     **strip_on_edge.JUDGES,
     **naghdi.JUDGES,
     **resultants.JUDGES,
+    **folds.JUDGES,
 }
 MODES = {
     **plate_modes_by_splines.SECOND_FORMS,
@@ -115,6 +116,7 @@ MODES = {
 LONG = {
     "pressed_column",
     "pressed_oval",
+    *folds.LONG,
     *strip_on_edge.JUDGES,
     "field_drape",
     "heavy_cantilever",
@@ -176,6 +178,7 @@ def computed_values(name):
 
 OTHER_NAMES = {"load_deflection": "load_displacement"}
 GATED = sorted({(name, q) for held in catalog.tolerances().values() for name in held for q in held[name]})
+FOLDED = [name for name in folds.JUDGES if name in catalog.case_names()]
 ELSEWHERE = ("conditioned_", "edit_")  # tests/test_conditioned_origins.py, tests/test_editing_origins.py
 JUDGED = [
     pytest.param(name, marks=[pytest.mark.long] if name in LONG else [])
@@ -245,7 +248,7 @@ def test_a_tolerance_is_absolute_where_the_error_is():
 def second_form(name, origin):
     if origin == "inextensible elastica of a heavy strip":
         return heavy_strip.elastica_of_weight()
-    for forms in (MODES, *(m.SECOND_FORMS for m in (contact, passport, naghdi, shapes_by_series))):
+    for forms in (MODES, *(m.SECOND_FORMS for m in (contact, passport, naghdi, shapes_by_series, folds))):
         if name in forms:
             return forms[name]()
     return (POLYNOMIALS[name] if origin.endswith("polynomials of the position") else SECOND_FORMS[origin])()
@@ -276,6 +279,7 @@ def of_quantity(values, quantity):
         *contact.JUDGES,
         *(pytest.param(name, marks=pytest.mark.long if name in LONG else ()) for name in passport.JUDGES),
         *(pytest.param(name, marks=pytest.mark.long if name in LONG else ()) for name in MODES),
+        *(pytest.param(name, marks=pytest.mark.long if name in LONG else ()) for name in FOLDED),
         "sleeve_compression_thin",
         "sleeve_twist_thin",
         "thick_plate_naghdi",
