@@ -210,10 +210,10 @@ def what_fell_short():
     labels = [label for _, label, _ in runs]
     pin = {name: answer("napkin_soft_pin", "ndf", f"{name}_energy_{at}").relative_error
            for name, at in (("bending", "400ms"), ("membrane", "600ms"))}  # fmt: skip
-    yield "All {} gated values hold, and {} more are open findings", gated, open_findings
-    yield "its bending energy is {} off, its membrane energy {})", size(pin["bending"]), size(pin["membrane"])
+    yield "All {} gated values pass, and {} more are open findings", gated, open_findings
+    yield "Its bending energy is then {} off, its membrane energy {}.", size(pin["bending"]), size(pin["membrane"])
     yield (
-        "{} runs failed that no gate judges: ReLU on {} shells, soft supports of weight 1e10 on {}, a cosine alone on {},",
+        "none of the {} runs that failed: ReLU on {} shells, soft supports of weight 1e10 on {}, a cosine alone on {},",
         len(runs), *(str(labels.count(label)) for label in ("ReLU", "soft supports, weight 1e10", "cosine only")),
     )  # fmt: skip
 
@@ -491,14 +491,14 @@ def findings():
 
     steps = [size(share("cst-hinge", f"{column}_largest")) for column in ("step", "yardstick", "alike")]
     yield (
-        "moves by {} from its last mesh but one, and is {} off; other diagonals on the same mesh move it by {}.",
+        "changes by {} from its last mesh but one, and is {} off the finest run of `fem`. Other diagonals on the same mesh change it by {}.",
         *steps,
     )
     fields = [
         max(share(solver, f"{what}_largest") for solver in ("ndf", "ndf-ritz")) for what in ("alike", "yardstick")
     ]
     yield (
-        "`fem` moves by {} between marginally different meshes, the fields by {} and less between seeds, and they agree to {}.",
+        "`fem` changes by {} between slightly different meshes. Fields change by at most {} between seeds, and agree with `fem` to {}.",
         size(share("fem", "alike_largest")), *map(size, fields),
     )  # fmt: skip
     halved = [
@@ -574,7 +574,7 @@ def engines():
         *(figures(1000 * abs(r.absolute_error), 2) for r in flex), *(duration(r.seconds) for r in flex), *sizes,
     )  # fmt: skip
     hinges = answer("napkin_plane", "cst-hinge", "corner_y_500ms", "cells 20×20")
-    yield "`cst-hinge` ({} mm off on 20 x 20)", figures(1000 * abs(hinges.absolute_error), 2)
+    yield "`cst-hinge` is {} mm off on 20 x 20 cells", figures(1000 * abs(hinges.absolute_error), 2)
 
 
 def mutants():
