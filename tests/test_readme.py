@@ -432,7 +432,7 @@ def motions():
     fem, ndf = (answer("sleeve_compression", solver, "critical_force") for solver in ("fem", "ndf"))
     carried = [answer("sleeve_compression", solver, "force_after_buckling").value for solver in ("fem", "ndf")]
     yield (
-        "critical force of {} N, `fem` to {} and `ndf` to {}; just beyond it the one carries {} N, the other {} N",
+        "`fem` finds the critical force of {} N to {}, `ndf` to {}. Just beyond it `fem` carries {} N and `ndf` {} N",
         figures(judge("sleeve_compression", "critical_force"), 4), size(fem.relative_error), size(ndf.relative_error),
         *(figures(force, 3) for force in carried),
     )  # fmt: skip
