@@ -153,9 +153,9 @@ def figures(value, count):
 
 
 COURSE = {  # what the table of the README calls its solvers
-    "fem": "`fem`, C1 elements",
-    "ndf-ritz": "`ndf-ritz`, field, output layer solved",
-    "ndf": "`ndf`, field, trained",
+    "fem": "`fem`, C1 finite elements",
+    "ndf-ritz": "`ndf-ritz`, neural field, output layer solved",
+    "ndf": "`ndf`, neural field, trained",
 }
 SHELLS = (*LINEAR, "sleeve_course", "napkin_course")
 
@@ -193,7 +193,7 @@ def the_course():
     yield f"{line} fail |", "`cst-hinge`, cloth mesh", *(error(hinges[c]["relative_error"]) for c in LINEAR), "-", "-"
     trained = [kept(case)["values"][named[case]]["value"] / judges[case]["value"] - 1 for case in LINEAR[:3]]
     assert kept(LINEAR[3])["status"] == "failed"
-    yield f"{line} fail |", "`ndf-published`, as printed", *map(error, trained), "failed", "-", "-"
+    yield f"{line} fail |", "`ndf-published`, NeuralClothSim as printed", *map(error, trained), "failed", "-", "-"
     for label, title in (("Analytical", "usually quoted"), ("NeuralClothSim", "NeuralClothSim, Table 3")):
         said = [
             one(v["value"] for v in known(c) if (v["quantity"], v.get("label")) == (named[c], label)) for c in LINEAR
