@@ -555,7 +555,11 @@ def engines():
             min(float(r[f"seconds_{k}"]) for r in found if r["name"] == "fem" for k in levels if r[f"seconds_{k}"])
         )
     yield "known values of the four shells at rest to {} or better", figures(max(apart), 1)
-    yield "If it refines to its own estimate of convergence, it takes {} to {} s.", duration(min(own)), duration(max(own))
+    yield (
+        "If it refines to its own estimate of convergence, it takes {} to {} s.",
+        duration(min(own)),
+        duration(max(own)),
+    )
     thin = {case: row("cross_check", "example_engines", case=case, solver="kratos-thin")["error"] for case in LINEAR}
     yield (
         "Its finest mesh, 128 x 128, is {} off on the plate, {} on the roof, {} on the diaphragm cylinder and {} on the free one",
