@@ -177,10 +177,9 @@ def the_course():
         for case, name in named.items()
     }
     units = ["rad" if case == "sleeve_course" else "m" for case in SHELLS]
-    values = [
-        str(v["value"]) if v["uncertainty"] < FINEST * v["value"] else text_of(rounded(v["value"], v["uncertainty"]))
-        for v in judges.values()
-    ]  # all digits that are known: an error may be smaller than the digits of other tables
+    known_better = {v["value"] for v in judges.values() if v["uncertainty"] < FINEST * v["value"]}  # than tables print
+    printed = [(v["value"], text_of(rounded(v["value"], v["uncertainty"]))) for v in judges.values()]
+    values = [str(value) if value in known_better else digits for value, digits in printed]
     yield f"{line} - |", "known value", *(f"{value} {unit}" for value, unit in zip(values, units, strict=True))
     for solver, title in COURSE.items():
         judged = [r for r in objects("course") if r.solver == solver and "obstacle_course" in r.suites]
@@ -555,11 +554,7 @@ def engines():
             min(float(r[f"seconds_{k}"]) for r in found if r["name"] == "fem" for k in levels if r[f"seconds_{k}"])
         )
     yield "known values of the four shells at rest to {} or better", figures(max(apart), 1)
-    yield (
-        "If it refines to its own estimate of convergence, it takes {} to {} s.",
-        duration(min(own)),
-        duration(max(own)),
-    )
+    yield "If it refines to its own estimate of convergence, it takes {} to {} s.", *map(duration, (min(own), max(own)))
     thin = {case: row("cross_check", "example_engines", case=case, solver="kratos-thin")["error"] for case in LINEAR}
     yield (
         "Its finest mesh, 128 x 128, is {} off on the plate, {} on the roof, {} on the diaphragm cylinder and {} on the free one",
