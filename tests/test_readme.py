@@ -504,15 +504,15 @@ def findings():
         row("memory_rounding", case="square_plate", format="float16", solver=solver)["change"]
         for solver in ("fem", "ndf-ritz")
     ]
-    yield "moves the plate of `fem` by {}, that of `ndf-ritz` by {}:", *map(size, halved)
+    yield "the plate's deflection changes by {} with `fem`, and by {} with `ndf-ritz`.", *map(size, halved)
     thin = {
         solver: row("thinness_pinched_cylinder_rigid_diaphragms", case="cylinder_thinness_5e_5", solver=solver)
         for solver in ("fem", "ndf", "ndf-ritz", "cst-hinge")
     }
     assert (thin["ndf"]["good"], thin["ndf-ritz"]["good"]) == ("1", "0")
     yield (
-        "the trained field is {} too stiff and passes its certificate with a gap of {}; `ndf-ritz` ({}) refuses itself"
-        " there, `cst-hinge` locks ({}), `fem` has {} and says {}.",
+        "the trained field is {} too stiff, but these energies differ by {} only. `ndf-ritz` errs by {} and its runs"
+        " fail. `cst-hinge` locks and errs by {}. `fem` errs by {} and states {}.",
         size(thin["ndf"]["mean_error"]), size(thin["ndf"]["gap"]), *(error(thin[solver]["mean_error"])
         for solver in ("ndf-ritz", "cst-hinge", "fem")), size(thin["fem"]["own_estimate"]),
     )  # fmt: skip
@@ -521,7 +521,7 @@ def findings():
     yield "errs by {} to {} on the plate, with 10 x 10 by {} to {}.", *errors
     reasons = {r.reason for r in objects("example") if r.label == "ReLU" and r.status == "failed"}
     folded = sorted(float(re.search(r"([\d.]+) % of its changes", reason)[1]) for reason in reasons)
-    yield "{} to {} % of the turning of its fields are kinks", f"{folded[0]:g}", f"{folded[-1]:g}"
+    yield "Of the rotation of its fields, {} to {} % is in kinks", f"{folded[0]:g}", f"{folded[-1]:g}"
 
 
 def engines():
