@@ -177,9 +177,8 @@ def the_course():
         for case, name in named.items()
     }
     units = ["rad" if case == "sleeve_course" else "m" for case in SHELLS]
-    known_better = {v["value"] for v in judges.values() if v["uncertainty"] < FINEST * v["value"]}  # than tables print
-    printed = [(v["value"], text_of(rounded(v["value"], v["uncertainty"]))) for v in judges.values()]
-    values = [str(value) if value in known_better else digits for value, digits in printed]
+    known_to = [(v["value"], v["uncertainty"]) for v in judges.values()]  # some better than other tables print
+    values = [str(x) if doubt < FINEST * x else text_of(rounded(x, doubt)) for x, doubt in known_to]
     yield f"{line} - |", "known value", *(f"{value} {unit}" for value, unit in zip(values, units, strict=True))
     for solver, title in COURSE.items():
         judged = [r for r in objects("course") if r.solver == solver and "obstacle_course" in r.suites]
