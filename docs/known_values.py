@@ -19,22 +19,25 @@ PREFACE = """# Known values
 
 <!-- Written by docs/known_values.py from references/ and docs/names.toml. Change those, and run it. -->
 
-A known value is a reference value with a stated uncertainty: the half width that should cover the true value. This
-page lists the headline of each case, by group. `references/<case>.toml` has all other quantities and the values usually
-quoted. `references/references.json` has all of it in one table, for programs. Sources are keys of
-`references/bibliography.bib`. `python -m nox -s docs` builds the pages of the cases that the names link to.
+A known value is a reference value with a stated uncertainty: the value plus or minus it should cover the truth. This
+page lists one value of each case, its headline (main quantity). To find a case, search the page for its name, such as
+`scordelis_lo`. The name links to a page with all its values and their sources. `python -m nox -s docs` builds these
+pages; `shellbench list scordelis_lo` prints the same.
 
-- A **judge** decides under the theory of its case. An **origin** is an independent second derivation.
-- If the source is `shellbench`, the locator names the file that computes the value; `python -m derivations CASE` runs it.
-- Tests recompute judges and origins (`tests/bench/test_known_values.py`).
+- The **judge** decides on answers of the case's theory. An **origin** is an independent second derivation.
+- In the tables, brackets after a method have its source: a file of this repository, or a key of
+  `references/bibliography.bib`. The key `shellbench` means: computed here.
+- `python -m derivations scordelis_lo` computes a judge anew. Tests recompute judges and origins
+  (`tests/bench/test_known_values.py`).
 - A case without a judge is not gated (no tolerance applies). Its solvers are compared with each other.
-- Values of Kratos, a finite element program, come from whole shells, or from parts stated by hand
-  (`plugins/kratos/tests/test_known_values.py`). They share no search for symmetry with the judged solvers.
-- Sleeves that buckle, garments, the paper's napkins and the drape on a ball have `fem` as second origin of most values.
-  There `fem` ran on finer meshes, and only the judge is independent of it.
+- Values of Kratos, a finite element program, are of whole shells, or of parts that were stated by hand
+  (`plugins/kratos/tests/test_known_values.py`). No search for symmetry, which the judged solvers have, affects them.
+- Sleeves that buckle, garments, the napkins of NeuralClothSim and the drape on a ball have `fem` as second origin of most
+  values. There `fem` ran on finer meshes, and only the judge is independent of it.
 
-To cite a value, name the version of the exam (cases, known values and tolerances). It is in `references/references.json`
-and in every record.
+`references/<case>.toml` has all quantities of a case, and the values usually quoted. `references/references.json` has
+everything in one table, for programs. To cite a value, name the version of the exam (cases, known values and tolerances).
+It is in `references/references.json` and in every record.
 """
 CLOTH = {"cloth", "cloth_published", "garments", "garments_scatter", "obstacle_course"}  # suites, at finite strain
 SMALL = "Plates and shells, small displacements"
@@ -102,7 +105,7 @@ def row(case: Problem) -> str:
 
 def headlines() -> list[str]:
     """Return the lines of the tables of headlines, a group each."""
-    head = "|case|headline|known value|judge|origins|\n|---|---|---|---|---|"
+    head = "|case|headline|known value|method of the judge (source)|methods of the origins [source]|\n|---|---|---|---|---|"
     cases = [catalog.named_case(path.stem) for path in sorted((ROOT / "cases").glob("*.toml"))]
     lines = []
     for title in GROUPS:

@@ -306,7 +306,7 @@ def equal_width(lines: list[Line]) -> list[str]:
         rows.append(
             (f"`{name}`", f"{width}", middle(same), middle([o["error"] for o in trained]), f"{seconds:.2g} s", equal)
         )
-    heads = ("case", "neurons", "as drawn", "trained", "seconds", "drawn, in these seconds")
+    heads = ("case", "neurons", "drawn", "trained", "seconds", "wider, drawn, in these seconds")
     return table(heads, rows)
 
 

@@ -80,7 +80,7 @@ def test_numbers_of_the_page_are_those_of_the_code() -> None:
     said = {1: "one", 2: "two", 3: "three", 4: "four"}
     assert f"has lost {said[LOSSES]} workers is a failed record" in PAGE
     assert f"the worker was lost {LOSSES} times: out of memory or of walltime, perhaps" in PAGE
-    assert f"`--threads` is {said[THREADS]} unless you say otherwise" in PAGE
+    assert f"`--threads` is {said[THREADS]} by default" in PAGE
 
 
 def test_the_batch_script_of_the_page_is_shell() -> None:
