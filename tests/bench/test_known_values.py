@@ -15,6 +15,7 @@ from derivations import (
     cylinder_modes,
     elastica,
     fields,
+    folds,
     garments,
     heavy_strip,
     naghdi,
