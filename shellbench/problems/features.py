@@ -39,6 +39,7 @@ FIRST = 8  # cells a side, at first
 ORDER = 6  # of the polynomials: cells and panels have as many Gauss points a side
 AT_ONCE = 0.01  # of the largest share: cells that are halved together have no less
 AT_A_TIME = 1024  # cells: their series fit into the cache
+SAME_LINE = 1e-9  # of a side: ends of cells that are nearer to a known line lie on it
 SHORTEST = 1e-12  # of the side: a shorter cell holds a jump, a kink or a pole
 NARROW = 1 / 64  # of the side: samples of all meshes and rules resolve wider features
 STRAIGHT = 1e-4  # curvature, in units of slope over side, of a surface that counts as none
@@ -320,7 +321,7 @@ def place(point: Array) -> Place:
 def grid(box: Box, cells: Sequence[int], lines: Lines = ((), ())) -> tuple[Array, Array]:
     """Return corners (n, 2) of so many equal cells along each coordinate, cut at lines."""
     ends = [
-        np.unique([*np.linspace(*bounds, n + 1), *(at for at in own if bounds[0] < at < bounds[1])])
+        np.unique([*_away(np.linspace(*bounds, n + 1), own), *(at for at in own if bounds[0] < at < bounds[1])])
         if bounds[1] > bounds[0]
         else np.array(bounds)
         for bounds, n, own in zip(box, cells, lines, strict=True)
@@ -330,6 +331,13 @@ def grid(box: Box, cells: Sequence[int], lines: Lines = ((), ())) -> tuple[Array
         for parts in ([e[:-1] for e in ends], [e[1:] for e in ends])
     )
     return low, high
+
+
+def _away(ends: Array, lines: Sequence[float]) -> list[float]:
+    """Return the ends of cells without those, between the first and the last, that only rounding parts from lines."""
+    gap = SAME_LINE * (ends[-1] - ends[0])
+    inside = [end for end in ends[1:-1].tolist() if all(abs(end - at) > gap for at in lines)]
+    return [float(ends[0]), *inside, float(ends[-1])]
 
 
 def boxes_of(low: Array, high: Array, t: float) -> dict[str, Interval]:

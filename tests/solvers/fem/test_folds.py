@@ -1,4 +1,4 @@
-"""Folds: closed forms of frames and tubes, folds that are none, and faults in the conditions at a fold."""
+"""Folds: closed forms of frames and tubes, folds without angle, and faults in the conditions at a fold."""
 
 import numpy as np
 import pytest
