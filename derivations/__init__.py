@@ -31,7 +31,7 @@ from .pinched_free import pinched_cylinder_free
 from .roll_up import cantilever_moment
 from .rolled_plate import rigid_rotation, rolled_plate
 from .sleeve_buckling import sleeve_compression, sleeve_compression_thin, sleeve_twist_thin
-from .sleeve_path import sleeve_twist
+from .sleeve_path import sleeve_twist, sleeve_twist_thin_buckled
 from .spiral import cantilever_pressure
 from .swinging_strip import pendulum_strip
 from .torsion import sleeve_torque
@@ -71,6 +71,7 @@ __all__ = [
     "sleeve_torque",
     "sleeve_twist",
     "sleeve_twist_thin",
+    "sleeve_twist_thin_buckled",
     "slit_annular_plate",
     "square_plate",
     "square_plate_nonlinear",
