@@ -25,7 +25,7 @@ from .levy_roof import scordelis_lo
 from .manufactured import MANUFACTURED
 from .motion import napkin_course, napkin_plane, napkin_soft_pin
 from .navier_plate import square_plate
-from .paper_napkins import napkin_corner, napkin_fixed_edges, napkin_moving_corners
+from .paper_napkins import napkin_corner, napkin_corner_early, napkin_fixed_edges, napkin_moving_corners
 from .pinched_diaphragm import pinched_cylinder_diaphragm
 from .pinched_free import pinched_cylinder_free
 from .roll_up import cantilever_moment
@@ -52,6 +52,7 @@ __all__ = [
     "hinged_roof_thick",
     "hinged_roof_thin",
     "napkin_corner",
+    "napkin_corner_early",
     "napkin_course",
     "napkin_fixed_edges",
     "napkin_moving_corners",
