@@ -277,7 +277,7 @@ def minimum(sector: Sector, c: Array, twist: float) -> Array:
 # --- estimates -----------------------------------------------------------------------------------
 
 MILLIRADIANS = (6, 8, 10)
-FINE, COARSE = (12, 36), (10, 32)
+FINE, COARSE = (10, 40), (8, 28)
 """Spans around and along."""
 
 
