@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
@@ -54,7 +55,7 @@ class Sector:
     def _sides(self) -> tuple[tuple[Array, Array, Array], tuple[Array, Array, Array]]:
         """For each direction, points (spans, points), weights, and derivatives (3 orders, spans, points, functions)."""
         angle = 2 * np.pi / self.waves
-        knots = angle / self.around * np.arange(-self.degree, self.around + self.degree + 1)
+        knots = np.asarray(angle / self.around * np.arange(-self.degree, self.around + self.degree + 1.0))
         return self._side(knots), self._side(self._knots)
 
     @cached_property
@@ -88,7 +89,7 @@ class Sector:
         return 3 * self.around * self.rows
 
     @cached_property
-    def _numbers(self) -> Array:
+    def _numbers(self) -> NDArray[np.intp]:
         """Numbers of the coefficients of each cell, (cells, functions, 3)."""
         own = np.arange(self.degree + 1)
         one = (np.arange(self.around)[:, None] + own) % self.around
@@ -101,7 +102,7 @@ class Sector:
         """Area of all sectors at the points of each cell."""
         (_, one, _), (_, two, _) = self._sides
         area = self.waves * RADIUS * np.einsum("ip,jq->ijpq", one, two)
-        return area.reshape(self.around * self.along, -1)
+        return np.asarray(area.reshape(self.around * self.along, -1))
 
     @cached_property
     def _tables(self) -> Array:
@@ -110,7 +111,7 @@ class Sector:
         cells = self.around * self.along
 
         def products(a: int, b: int) -> Array:
-            return np.einsum("ipm,jqn->ijpqmn", one[a], two[b]).reshape(cells, (self.degree + 1) ** 2, -1)
+            return np.asarray(np.einsum("ipm,jqn->ijpqmn", one[a], two[b]).reshape(cells, (self.degree + 1) ** 2, -1))
 
         # e_r' = e_t and e_t' = -e_r.
         same = np.eye(3)
@@ -163,10 +164,11 @@ class Sector:
             out = np.array([np.cos(half), 0.0, np.sin(half)])
             axes[beside] = np.array([0.0 * out, [0.0, 1.0, 0.0], [-out[2], 0.0, out[0]]]).T
         columns = [np.kron(np.eye(self.rows)[:, [k]], a[:, np.any(a, axis=0)]) for k, a in enumerate(axes)]
-        return np.kron(np.eye(self.around), np.concatenate(columns, axis=1))
+        return np.asarray(np.kron(np.eye(self.around), np.concatenate(columns, axis=1)), dtype=np.float64)
 
     def _vectors(self, c: Array) -> Array:
-        return np.einsum("cpkf,cf->cpk", self._tables, c.ravel()[self._numbers].reshape(len(self._numbers), -1))
+        local = c.ravel()[self._numbers].reshape(len(self._numbers), -1)
+        return np.asarray(np.einsum("cpkf,cf->cpk", self._tables, local))
 
     def energies(self, c: Array) -> tuple[float, float]:
         """Membrane and bending energy, J."""
@@ -279,6 +281,7 @@ def minimum(sector: Sector, c: Array, twist: float) -> Array:
 MILLIRADIANS = (6, 8, 10)
 FINE, COARSE = (10, 40), (8, 28)
 """Spans around and along."""
+ROUNDING = 1e-9
 
 
 def states(sector: Sector, twists: Sequence[float]) -> list[Array]:
@@ -295,11 +298,14 @@ def sleeve_twist_thin_buckled_by_splines() -> dict[str, Estimate]:
     sectors = [Sector(*spans) for spans in (FINE, COARSE)]
     levels = [states(sector, twists) for sector in sectors]
     values = {}
-    for name, (fine, coarse) in zip(MILLIRADIANS, zip(*levels, strict=True), strict=True):
-        pairs = {"torque": [s.torque(c) for s, c in zip(sectors, (fine, coarse), strict=True)]}
-        (m, b), (mm, bb) = (s.energies(c) for s, c in zip(sectors, (fine, coarse), strict=True))
-        pairs |= {"strain_energy": [m + b, mm + bb], "bending_energy": [b, bb]}
-        for quantity, pair in pairs.items():
+    for place, name in enumerate(MILLIRADIANS):
+        fine, coarse = (_values(sector, found[place]) for sector, found in zip(sectors, levels, strict=True))
+        for quantity, value in fine.items():
             unit = "N m" if quantity == "torque" else "J"
-            values[f"{quantity}_{name}mrad"] = Estimate.between(*pair, unit, 1e-9 * abs(pair[0]))
+            values[f"{quantity}_{name}mrad"] = Estimate.between(value, coarse[quantity], unit, ROUNDING * abs(value))
     return values
+
+
+def _values(sector: Sector, c: Array) -> dict[str, float]:
+    membrane, bending = sector.energies(c)
+    return {"torque": sector.torque(c), "strain_energy": membrane + bending, "bending_energy": bending}
