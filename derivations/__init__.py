@@ -25,13 +25,13 @@ from .levy_roof import scordelis_lo
 from .manufactured import MANUFACTURED
 from .motion import napkin_course, napkin_plane, napkin_soft_pin
 from .navier_plate import square_plate
-from .paper_napkins import napkin_corner, napkin_fixed_edges, napkin_moving_corners
+from .paper_napkins import napkin_corner, napkin_corner_early, napkin_fixed_edges, napkin_moving_corners
 from .pinched_diaphragm import pinched_cylinder_diaphragm
 from .pinched_free import pinched_cylinder_free
 from .roll_up import cantilever_moment
 from .rolled_plate import rigid_rotation, rolled_plate
 from .sleeve_buckling import sleeve_compression, sleeve_compression_thin, sleeve_twist_thin
-from .sleeve_path import sleeve_twist
+from .sleeve_path import sleeve_twist, sleeve_twist_thin_buckled
 from .spiral import cantilever_pressure
 from .swinging_strip import pendulum_strip
 from .torsion import sleeve_torque
@@ -52,6 +52,7 @@ __all__ = [
     "hinged_roof_thick",
     "hinged_roof_thin",
     "napkin_corner",
+    "napkin_corner_early",
     "napkin_course",
     "napkin_fixed_edges",
     "napkin_moving_corners",
@@ -71,6 +72,7 @@ __all__ = [
     "sleeve_torque",
     "sleeve_twist",
     "sleeve_twist_thin",
+    "sleeve_twist_thin_buckled",
     "slit_annular_plate",
     "square_plate",
     "square_plate_nonlinear",

@@ -98,6 +98,13 @@ def napkin_corner() -> dict[str, Estimate]:
     return to_a_point(corner_values, [Resolution(spans, 3, UNIFORM) for spans in SPANS])
 
 
+def napkin_corner_early() -> dict[str, Estimate]:
+    """Known values of the napkin held at a corner, at the first of its times."""
+    return to_a_point(
+        lambda mesh: corner_values(mesh, SWING_TIMES[:1]), [Resolution(spans, 3, UNIFORM) for spans in SPANS]
+    )
+
+
 def napkin_moving_corners() -> dict[str, Estimate]:
     """Known values of the napkin whose corners move, until it becomes unstable."""
     return to_a_point(moving_values, [Resolution(spans, 3, UNIFORM) for spans in SPANS])

@@ -30,6 +30,7 @@ from derivations.sleeve_path import (
     thin_states,
     turned_over,
 )
+from derivations.sleeve_sector import Sector
 
 RIMS = Rims(twist=0.3, shortening=0.02)
 
@@ -306,6 +307,19 @@ def test_eight_waves_of_the_thin_sleeve_stay_stable_to_twice_the_critical_twist(
         assert abs(softest.pop(0)) < 1e-9
         assert min(softest.values()) > 5e-4
     assert [s.torque for s in coarse] == pytest.approx([s.torque for s in fine], rel=0.01 / 3)
+
+
+def test_a_sector_of_splines_rests_without_energy_and_its_variations_are_derivatives():
+    sector, rng = Sector(6, 5), np.random.default_rng(7)
+    assert sum(sector.energies(sector.rest())) < 1e-25
+    assert np.abs(sector.gradient(sector.rest())).max() < 1e-13
+    c = sector.held(sector.rest() + 1e-3 * rng.normal(size=sector.rest().shape), 0.02)
+    way = (sector.freedom(0.02) @ rng.normal(size=sector.freedom(0.02).shape[1])).reshape(c.shape)
+    energy = slope(lambda s: sum(sector.energies(c + s * way)), 0.0, 1e-5)
+    assert sector.gradient(c) @ way.ravel() == pytest.approx(energy, rel=1e-7)
+    turning = slope(lambda s: sector.gradient(c + s * way), 0.0, 1e-5)
+    assert sector.stiffness(c) @ way.ravel() == pytest.approx(turning, abs=1e-6 * np.abs(turning).max())
+    assert sector.held(c + way, 0.02) == pytest.approx(c + way, abs=1e-12)  # free numbers leave the rims as they are
 
 
 @pytest.mark.long
