@@ -250,9 +250,10 @@ def part_of(case: Case) -> Part:
     bounds: list[tuple[float, float]] = []
     ends: list[Ends] = []
     for axis in (0, 1):
-        lower, size = domain.lower[axis], domain.size[axis]
-        mirrors = _mirrors_of_a_turn(case, axis, sight) if domain.periodic[axis] else []
-        middle = None if domain.periodic[axis] else mirror_of(case, axis, (lower + domain.upper[axis]) / 2, sight)
+        lower, size, closed = domain.lower[axis], domain.size[axis], domain.periodic[axis]
+        folded = any(fold.axis == axis for fold in case.surface.fold_lines)  # a part would end on a fold, or lack some
+        mirrors = _mirrors_of_a_turn(case, axis, sight) if closed and not folded else []
+        middle = None if closed or folded else mirror_of(case, axis, (lower + domain.upper[axis]) / 2, sight)
         if middle:
             bounds.append((lower, middle.at))
             ends.append((None, middle))
