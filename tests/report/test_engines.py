@@ -1,6 +1,5 @@
 import math
 import re
-from types import SimpleNamespace
 
 import pytest
 
@@ -8,7 +7,6 @@ from shellbench.bench.catalogue.suite import SuiteRun
 from shellbench.bench.store.record import Environment
 from shellbench.report.data.exhibit import inks
 from shellbench.report.data.runs import compared
-from shellbench.report.sections import tables
 from shellbench.report.sections.engines import cross_check_figure, lines_of, section
 from shellbench.report.sections.engines_table import (
     LEVELS,
@@ -319,15 +317,3 @@ def test_the_section_is_made_only_of_a_cross_check(tmp_path):
 def test_its_rows_are_kept_out_of_the_tables_of_displacements(tmp_path):
     held = evidence(tmp_path, both(tmp_path))
     assert compared(held.rows) == []
-
-
-def test_the_terminal_shows_the_cross_check_instead(tmp_path):
-    runs = both(tmp_path)
-    rows = [of for _, of in runs]
-    stored = SimpleNamespace(records=tuple(made for made, _ in runs))
-    store = SimpleNamespace(read=lambda: stored, folder=tmp_path)
-    text = tables.render(rows, "text", synthetic_known, store)
-    assert text.splitlines()[0] == "Solvers and engines, cross-checked"
-    assert text.count("Unknowns") == 1  # no second table
-    assert tables.render(rows, "csv", synthetic_known, store).startswith("block,case,")
-    assert tables.render(rows, "json", synthetic_known, store) == tables.render(rows, "json", synthetic_known)
