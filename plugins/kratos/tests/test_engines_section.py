@@ -3,18 +3,22 @@ import re
 
 import pytest
 
-from shellbench.bench.catalogue.suite import SuiteRun
-from shellbench.bench.store.record import Environment
-from shellbench.report.data.exhibit import inks
-from shellbench.report.data.runs import compared
-from shellbench.report.sections.engines import cross_check_figure, lines_of, section
-from shellbench.report.sections.engines_table import (
+pytest.importorskip("shellbench_kratos", reason="needs the package: python -m pip install ./plugins/kratos")
+
+from shellbench_kratos.engines_section import cross_check_figure, lines_of, section
+from shellbench_kratos.engines_table import (
     LEVELS,
     TOGETHER,
     checked_cases,
     cross_check_table,
     why_incomparable,
 )
+
+from shellbench.bench.catalogue.suite import SuiteRun
+from shellbench.bench.store.record import Environment
+from shellbench.report.data.exhibit import inks
+from shellbench.report.data.runs import compared
+from shellbench.report.page.brought import sections_brought
 from tests.report.conftest import ENVIRONMENT, TRUTH, UNCERTAINTY, synthetic_known
 from tests.report.resolutions import only_suites
 from tests.report.studied import SECONDS_AN_UNKNOWN, UNKNOWNS_A_CELL, Run, evidence, studied
@@ -312,6 +316,10 @@ def test_the_section_is_made_only_of_a_cross_check(tmp_path):
     assert section(evidence(tmp_path, sweep(tmp_path, OURS, FAST))) is None  # one alone checks nothing
     none = [(made, of.model_copy(update={"declared": False})) for made, of in both(tmp_path)]
     assert section(evidence(tmp_path, none)) is None
+
+
+def test_the_report_shows_the_section(tmp_path):
+    assert "engines" in [one.name for one in sections_brought(evidence(tmp_path, both(tmp_path)), (), print)]
 
 
 def test_its_rows_are_kept_out_of_the_tables_of_displacements(tmp_path):
