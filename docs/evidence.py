@@ -1,7 +1,7 @@
 """Copy the figures that README and docs show from built pages, small enough to be committed.
 
 `python docs/evidence.py course` reads the page that `nox -s obstacle_course` has written; `python docs/evidence.py`
-reads the two pages of some 60 MB that `nox -s example` has built under reports/pages. It keeps
+reads the two pages of some 60 MB that `nox -s example` and `nox -s engines` have built under reports/pages. It keeps
 
 - the rows of the gated suites and of the ablations, and the headlines of the engines (table.json);
 - the CSV files whose figures are quoted;
