@@ -304,7 +304,7 @@ def engines(session: nox.Session) -> None:
 
     All runs have one core each and are made one at a time, so that the table can compare seconds. Arguments after `--`
     go to `shellbench run`. Runs are kept in reports/engines. Seconds are compared only if one command measured all of
-    them: `-- --force` repeats all runs.
+    them: `-- --force` repeats all runs. The page is reports/pages/example_engines/index.html.
     """
     plugins(session)
     one_core = ("--jobs", "1", "--threads", "1", "--store", ENGINES_STORE, *session.posargs)
@@ -312,13 +312,13 @@ def engines(session: nox.Session) -> None:
         session.run("shellbench", "run", "--suite", suite, *one_core, success_codes=[0, 1])
     shown = ("--store", ENGINES_STORE, "--suite", "engines", "--suite", "motion_engines")
     session.run("shellbench", "table", *shown)
-    session.run("shellbench", "report", *shown, "--out", REPORT)
+    session.run("shellbench", "report", *shown, "--out", f"{PAGES}/example_engines")
     session.run("shellbench", "gate", "--store", ENGINES_STORE, "--suite", "engines")
 
 
 @nox.session
 def example(session: nox.Session) -> None:
-    """Build the large example pages under reports/pages, and copy the evidence for README and docs from them.
+    """Build the large example page, and copy the evidence for README and docs from it and from that of `engines`.
 
     The published training, which takes long, comes from its kept records.
     """
@@ -339,10 +339,6 @@ def example(session: nox.Session) -> None:
     shown = [option for name in (*suites, "published", "replication") for option in ("--suite", name)]
     kept_trainings(session, "reports/runs")
     session.run("shellbench", "report", *shown, "--out", f"{PAGES}/example")
-    if Path(ENGINES_STORE).is_dir():  # of the session engines
-        cross_checked = ("--suite", "engines", "--suite", "motion_engines")
-        out = ("--out", f"{PAGES}/example_engines")
-        session.run("shellbench", "report", "--store", ENGINES_STORE, *cross_checked, *out)
     session.run("python", "docs/evidence.py")
     session.log("tests/test_readme.py says which figures of README and docs have moved")
 

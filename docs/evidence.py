@@ -1,14 +1,14 @@
 """Copy the figures that README and docs show from built pages, small enough to be committed.
 
 `python docs/evidence.py course` reads the page that `nox -s obstacle_course` has written; `python docs/evidence.py`
-reads the two pages of some 60 MB that `nox -s example` has built under reports/pages. It keeps
+reads the two pages of some 60 MB that `nox -s example` and `nox -s engines` have built under reports/pages. It keeps
 
 - the rows of the gated suites and of the ablations, and the headlines of the engines (table.json);
 - the CSV files whose figures are quoted;
 - the pictures that are shown.
 
 `python docs/evidence.py resolution [STORE [REMARK]]` makes reports/resolution.json from the runs of the suite `resolution` on
-the shells of the obstacle course (see `shellbench.report.sections.kept_resolution`); `nox -s evidence` does both.
+the shells of the obstacle course (see docs/kept_resolution.py); `nox -s evidence` does both.
 
 `python docs/evidence.py hinges` solves the four shells at rest by `cst-hinge`, and keeps the errors in reports/hinges.json.
 
@@ -90,9 +90,10 @@ def keep_few_colours(source: Path) -> None:
 
 def keep_resolution(store: str = "reports/runs", remark: str = "") -> None:
     """Replace the summary of the suite `resolution` by that of a store's runs, with a remark for readers."""
+    from kept_resolution import as_text, of_store
+
     from shellbench.bench.catalogue import catalog
     from shellbench.bench.store.store import Store
-    from shellbench.report.sections.kept_resolution import as_text, of_store
 
     cases = catalog.find_suite("obstacle_course").order
     kept = of_store(Store(ROOT / store), cases)

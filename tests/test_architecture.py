@@ -52,8 +52,8 @@ ROOMS = {  # of a package, from the lowest up; what stands at its root is a room
 }
 MOST_MODULES, MOST_LINES = 20, 400  # of a folder, its `__init__` apart; of a module
 CEILINGS = {  # lines of code: no blanks, comments and docstrings; the aims are 52,000 and 42,000
-    "shellbench": 54_250,
-    "tests": 41_200,
+    "shellbench": 53_620,
+    "tests": 40_950,
     "shellbench/protocol": 1_000,
     "shellbench/bench": 7_055,
     "shellbench/bench/catalogue": 970,
@@ -64,11 +64,11 @@ CEILINGS = {  # lines of code: no blanks, comments and docstrings; the aims are 
     "shellbench/cli": 950,
     "shellbench/problems": 8_750,
     "shellbench/problems/shell": 5_600,
-    "shellbench/report": 9_610,
+    "shellbench/report": 8_960,
     "shellbench/report/data": 2_410,
     "shellbench/report/figures": 850,
     "shellbench/report/page": 950,
-    "shellbench/report/sections": 2_700,
+    "shellbench/report/sections": 2_020,
     "shellbench/report/studies": 2_800,
     "shellbench/solvers/fem": 7_100,
     "shellbench/solvers/ndf": 12_215,

@@ -60,7 +60,7 @@ def table(
 
     if not rows:
         say(f"store {store} has no valid records of the requested cases; `shellbench run` makes them")
-    shown = tables.render(rows, cast(Any, format.value), store=Store(store), whole=bool(suite), width=text_width(wide))
+    shown = tables.render(rows, cast(Any, format.value), whole=bool(suite), width=text_width(wide))
     typer.echo(shown, nl=False)
     if rows and format in {Format.text, Format.markdown} and not suite and (more := compare.missing_runs(rows)):
         typer.echo(f"\n{more}")

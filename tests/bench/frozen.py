@@ -52,7 +52,7 @@ def outputs() -> dict[str, str]:
         return {
             "table.json": as_json(rows) + "\n",
             "gate.txt": judged + "\n",
-            **{f"table.{name}": render(rows, name, store=store) for name in ("text", "markdown", "latex", "csv")},
+            **{f"table.{name}": render(rows, name) for name in ("text", "markdown", "latex", "csv")},
         }
 
 

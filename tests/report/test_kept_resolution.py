@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from docs.kept_resolution import as_text, summary, turned_states
 from shellbench.bench.catalogue import catalog
-from shellbench.report.sections.kept_resolution import as_text, summary, turned_states
 from tests.report.resolutions import LENGTH, PLATE, evidence, only_suites, plate_runs, unknowns
 
 ROOT = Path(__file__).parents[2]

@@ -103,8 +103,8 @@ def chain(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("format", ["text", "markdown", "latex", "csv", "json", "html"])
 def test_its_table_has_its_values_and_units(chain, format):
-    folder, _, rows = chain
-    text = render(rows, format, known, Records(folder))
+    _, _, rows = chain
+    text = render(rows, format, known)
     assert "0.75" in text
     assert "link" in text
 

@@ -13,27 +13,22 @@ from shellbench.bench.catalogue import catalog
 from shellbench.bench.judge.compare import as_json
 from shellbench.bench.judge.row import Row
 from shellbench.bench.plugins.kinds import headline_of
-from shellbench.bench.store.store import Store
 from shellbench.report.data.columns import Column, Line, column, in_its_unit, present, significant, solution, words
 from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.notation import LATEX_NOTATION, TEXT, Notation, allowance, quoted, rounded
 from shellbench.report.data.runs import (
     Known,
     compared,
-    is_study,
     rows_at_home,
     rows_of,
-    rows_of_study,
     seed_words,
     solution_name,
-    studies_of,
     suite_title,
     suites_of,
 )
 from shellbench.report.data.section import AND, Section
 from shellbench.report.data.solutions import BAD, EXPECTED, comparison, theory_words
 from shellbench.report.data.table import Format, Note, Table
-from shellbench.report.sections.engines_table import STUDY, checked_cases, cross_check_table, is_cross_check
 
 DISPLACEMENTS, QUANTITIES = "displacements_", "quantities_"  # how names of tables begin
 HEADLINES = "Headline values"  # where there are none
@@ -43,7 +38,6 @@ def render(
     rows: Sequence[Row],
     format: Format | Literal["json"],
     known: Known = catalog.known_values,
-    store: Store | None = None,
     whole: bool = False,
     width: int | None = None,
 ) -> str:
@@ -54,13 +48,10 @@ def render(
     rows
         From `shellbench.bench.judge.compare`.
     format
-        "json" is the list of the rows themselves; all others are tables, one for each suite, and the cross-check of
-        engines. Those of other studies are left out unless there are no others. In CSV, whose tables have the same
-        columns, the cross-check stands alone or not at all.
+        "json" is the list of the rows themselves; all others are tables, one for each suite. Those of studies are left
+        out unless there are no others.
     known
         Known values by name of case.
-    store
-        Holds the records that the rows refer to; without it there is no cross-check.
     whole
         Whether each suite is shown whole, as it was asked for by name; else each run is shown once.
     width
@@ -68,20 +59,10 @@ def render(
     """
     if format == "json":
         return as_json(rows) + "\n"
-    checked = [] if store is None or not rows_of_study(rows, STUDY) else cross_checks(rows, store, known)
-    rest = [row for row in rows if not checked or STUDY not in studies_of(row)]
-    tables = displacement_tables(compared(rows) or rest, known, whole=whole)
+    tables = displacement_tables(compared(rows) or rows, known, whole=whole)
     if format == "csv":
-        alone = all(row.suites and all(map(is_study, row.suites)) for row in rows)
-        return tables_as_csv(checked if checked and alone else tables)
-    return "\n".join(table.write(format, width) for table in (*tables, *checked))
-
-
-def cross_checks(rows: Sequence[Row], store: Store, known: Known) -> list[Table]:
-    """Return the cross-check of engines, if the runs make one."""
-    records = {record.run_id: record for record in store.read().records}
-    cases = checked_cases(Evidence(records, rows, store.folder, known))
-    return [cross_check_table(cases, known)] if is_cross_check(cases) else []
+        return tables_as_csv(tables)
+    return "\n".join(table.write(format, width) for table in tables)
 
 
 def tables_as_csv(tables: Sequence[Table]) -> str:

@@ -17,7 +17,7 @@ from shellbench.report.data.notation import duration
 from shellbench.report.data.runs import remarks_on
 from shellbench.report.data.section import Section
 from shellbench.report.figures import panel
-from shellbench.report.sections.engines_table import (
+from shellbench_kratos.engines_table import (
     LEVELS,
     STUDY,
     CheckedCase,

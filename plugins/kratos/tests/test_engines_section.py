@@ -1,22 +1,24 @@
 import math
 import re
-from types import SimpleNamespace
 
 import pytest
 
-from shellbench.bench.catalogue.suite import SuiteRun
-from shellbench.bench.store.record import Environment
-from shellbench.report.data.exhibit import inks
-from shellbench.report.data.runs import compared
-from shellbench.report.sections import tables
-from shellbench.report.sections.engines import cross_check_figure, lines_of, section
-from shellbench.report.sections.engines_table import (
+pytest.importorskip("shellbench_kratos", reason="needs the package: python -m pip install ./plugins/kratos")
+
+from shellbench_kratos.engines_section import cross_check_figure, lines_of, section
+from shellbench_kratos.engines_table import (
     LEVELS,
     TOGETHER,
     checked_cases,
     cross_check_table,
     why_incomparable,
 )
+
+from shellbench.bench.catalogue.suite import SuiteRun
+from shellbench.bench.store.record import Environment
+from shellbench.report.data.exhibit import inks
+from shellbench.report.data.runs import compared
+from shellbench.report.page.brought import sections_brought
 from tests.report.conftest import ENVIRONMENT, TRUTH, UNCERTAINTY, synthetic_known
 from tests.report.resolutions import only_suites
 from tests.report.studied import SECONDS_AN_UNKNOWN, UNKNOWNS_A_CELL, Run, evidence, studied
@@ -316,18 +318,10 @@ def test_the_section_is_made_only_of_a_cross_check(tmp_path):
     assert section(evidence(tmp_path, none)) is None
 
 
+def test_the_report_shows_the_section(tmp_path):
+    assert "engines" in [one.name for one in sections_brought(evidence(tmp_path, both(tmp_path)), (), print)]
+
+
 def test_its_rows_are_kept_out_of_the_tables_of_displacements(tmp_path):
     held = evidence(tmp_path, both(tmp_path))
     assert compared(held.rows) == []
-
-
-def test_the_terminal_shows_the_cross_check_instead(tmp_path):
-    runs = both(tmp_path)
-    rows = [of for _, of in runs]
-    stored = SimpleNamespace(records=tuple(made for made, _ in runs))
-    store = SimpleNamespace(read=lambda: stored, folder=tmp_path)
-    text = tables.render(rows, "text", synthetic_known, store)
-    assert text.splitlines()[0] == "Solvers and engines, cross-checked"
-    assert text.count("Unknowns") == 1  # no second table
-    assert tables.render(rows, "csv", synthetic_known, store).startswith("block,case,")
-    assert tables.render(rows, "json", synthetic_known, store) == tables.render(rows, "json", synthetic_known)
