@@ -10,6 +10,7 @@ import pytest
 import derivations as origins
 from derivations import (
     ball_drape,
+    benchmark_shells,
     bent_strip,
     contact,
     cylinder_modes,
@@ -72,6 +73,7 @@ ORIGINS = {
     **strip_on_edge.JUDGES,
     **naghdi.JUDGES,
     **resultants.JUDGES,
+    **benchmark_shells.JUDGES,
 }
 MODES = {
     **plate_modes_by_splines.SECOND_FORMS,
@@ -79,6 +81,7 @@ MODES = {
     **cylinder_modes.SECOND_FORMS,
     **strip_on_edge.SECOND_FORMS,
     **resultants.SECOND_FORMS,
+    **benchmark_shells.SECOND_FORMS,
 }
 LONG = {
     "pressed_column",
@@ -112,6 +115,7 @@ LONG = {
     *garments.JUDGES,
     *ball_drape.JUDGES,
     *resultants.LONG,
+    *benchmark_shells.JUDGES,
     "square_plate_nonlinear",
     "guided_ring",
     "sleeve_compression",
