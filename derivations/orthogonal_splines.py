@@ -1,7 +1,7 @@
 """Linear shells on splines, `linear_splines`, solved by orthogonal factors of their strains.
 
 The roots of the energy of each knot span come from the same operators of strains. `least_squares`
-eliminates them. Conditions of symmetry are not taken.
+eliminates them. Conditions of symmetry and loads on areas are not taken.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from .least_squares import Piece, factors, minimiser, triangle
-from .linear_splines import ORDERS, LinearShell
+from .linear_splines import LinearShell
 from .surface_strains import Array
 
 
@@ -63,19 +63,11 @@ class OrthogonalShell:
 
     @cached_property
     def load(self) -> Array:
-        """Work of the loads on the free functions."""
+        """Work of the forces on the free functions."""
         shell = self.shell
         work = np.zeros(shell.reduction.shape[0])
         for one, two, force in shell.forces:
             work += np.array(force) @ shell._all_rows(one, two)
-        if shell.load is not None:
-            shapes, (one, two, weight) = shell._shapes(slice(None))[:, :, 0], shell._places
-            _, _, _, frame, area = shell._point_matrices(one.ravel(), two.ravel())
-            pushed = (frame @ np.asarray(shell.load)).reshape(*weight.shape, 3) * (area.reshape(weight.shape) * weight)[
-                ..., None
-            ]
-            local = np.einsum("spc,spn->scn", pushed, shapes)
-            np.add.at(work, shell._numbers, local.reshape(len(local), -1))
         return np.asarray(shell.reduction.T @ work)
 
     def displacement(self, one: float, two: float) -> Array:
@@ -86,13 +78,3 @@ class OrthogonalShell:
     def energy(self) -> float:
         """Strain energy, J."""
         return float(self.load @ self.free) / 2
-
-    def strains(self, one: float, two: float) -> tuple[Array, Array]:
-        """Strains (6,) at a point, and the tangents (2, 3)."""
-        place = np.array([one]), np.array([two])
-        coefficients = np.asarray(self.shell.reduction @ self.free).reshape(3, -1)
-        first, second = self.shell.splines
-        parts = [np.kron(first.matrix(place[0], i)[0], second.matrix(place[1], j)[0]) for i, j in ORDERS]
-        operator = self.shell._point_matrices(*place)[0][0]
-        tangents = [self.shell.surface(*place, *order)[0] for order in ((1, 0), (0, 1))]
-        return np.einsum("rkc,ck->r", operator, coefficients @ np.array(parts).T), np.array(tangents)
