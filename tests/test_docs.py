@@ -131,6 +131,9 @@ def test_known_values_are_those_of_the_references():
 def test_benchmarks_by_name_are_those_of_the_cases():
     written = benchmarks_by_name.PAGE.read_text(encoding="utf-8")
     assert written == benchmarks_by_name.page(), "write it anew by `python docs/benchmarks_by_name.py`"
+    finding = benchmarks_by_name.FINDING.read_text(encoding="utf-8")
+    assert finding == benchmarks_by_name.finding(), "write it anew by `python docs/benchmarks_by_name.py`"
+    assert all(f"[{words}]" in finding for of in benchmarks_by_name.QUESTIONS.values() for words, *_ in of)
 
 
 def test_the_table_of_known_values_is_that_of_the_references():
