@@ -138,7 +138,7 @@ def skew_plate() -> Benchmark:
 
 
 def values_of(case: Benchmark, answer: CovariantShell | OrthogonalShell) -> dict[str, float]:
-    """What is asked, m and J, and of the plate on two sides Pa."""
+    """Values of the case: m and J, and of the plate on two sides Pa."""
     found = {
         name: float(answer.displacement(one, two) @ np.array(direction))
         for name, (one, two, direction) in case.asked.items()
