@@ -31,8 +31,8 @@ NO_PART_OF_THE_QUESTION = {
 def about(name: str) -> Data:
     """Return the description of the case, suite or solver of this name as JSON data; its kind is under `what`.
 
-    A case may be a variant, such as ``scordelis_lo@oblique``, or a path to a TOML file. Other words are looked up in the
-    titles of cases and in the names under which others know them.
+    A case may be a variant, such as ``scordelis_lo@oblique``, or a path to a TOML file. Other words are looked up in
+    the titles of cases and in the names under which others know them.
 
     Raises
     ------
