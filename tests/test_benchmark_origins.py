@@ -60,7 +60,7 @@ def test_coarse_levels_of_both_forms_are_near_what_judges(name):
         shell = OrthogonalShell(benchmark_shells.spline_shell(case, ((8, 3), 5, 2)))
         coarse.append(benchmark_shells.values_of(case, shell))
     for found in coarse:
-        assert set(found) == {q.name for q in catalog.named_case(name).quantities}
+        assert set(found) == {q.name for q in catalog.named_case(name).quantities} - {"largest_displacement"}
         for quantity, value in found.items():
             judge = known.judge(quantity, "kirchhoff-love-linear").value
             assert value == pytest.approx(judge, rel=4e-3), quantity
