@@ -140,7 +140,7 @@ def skew_plate(side: float, thickness: float, young: float, pressure: float, tri
     unit, scale = side / 2 / HALF, pressure / (64 * bending)
 
     def down(z: np.ndarray) -> Array:
-        return scale * unit**4 * (np.abs(z) ** 4 + trial.deflection(z) @ q)
+        return np.asarray(scale * unit**4 * (np.abs(z) ** 4 + trial.deflection(z) @ q))
 
     # The lower face is pulled where the plate sags: 6 B / h^2 times the curvature, along principal axes.
     slope, deviator = (part[0] @ q for part in trial.second(np.zeros(1, complex)))

@@ -94,7 +94,7 @@ class Geometry:
         normal = np.cross(x(0), x(1))
         area = np.linalg.norm(normal, axis=-1)
         normal /= area[:, None]
-        inverse = np.linalg.inv(tangents @ np.swapaxes(tangents, 1, 2))
+        inverse = np.asarray(np.linalg.inv(tangents @ np.swapaxes(tangents, 1, 2)), dtype=np.float64)
         second = np.stack([np.stack(row, axis=1) for row in pairs], axis=1)
         onto = np.einsum("plc,pabc->plab", tangents, second)
         gamma = np.einsum("pml,plab->pmab", inverse, onto)
@@ -190,6 +190,7 @@ class CovariantShell:
         return (strip.left + strip.right) / 2 + strip.half_length * t, strip.half_length * weights
 
     def _pulled(self, i: int, j: int, two: Array, weights: Array) -> Array:
+        assert self.pull is not None
         end = self.lines[0].breaks[-1:]
         frame = Geometry.at(self.surface, np.full_like(two, end[0]), two).frame
         pulled = weights[:, None] * (frame @ self.pull)

@@ -39,7 +39,7 @@ def triangle(rows: Array) -> Array:
     Householder's reflections then keep small rows beside large ones (Cox & Higham 1998). Cells near a corner have rows
     that are larger by powers of the ratio of their sizes.
     """
-    return np.linalg.qr(rows[np.argsort(-np.abs(rows).max(axis=1, initial=0.0))], mode="r")
+    return np.asarray(np.linalg.qr(rows[np.argsort(-np.abs(rows).max(axis=1, initial=0.0))], mode="r"))
 
 
 def eliminated(piece: Piece, ends: np.ndarray) -> tuple[Factor, Array]:

@@ -87,7 +87,9 @@ def quoted() -> Iterator[str]:
         known = catalog.known_values(case.name)
         for quantity in case.quantities if case.theory != "kirchhoff-love-nonlinear" else ():
             judge = known.judge(quantity.name, case.theory)
-            for value in known.of(quantity.name, "literature", "published") if judge else ():
+            for value in known.of(quantity.name, "literature", "published"):
+                if judge is None:
+                    continue
                 label = f"{value.label or value.source} (`{value.source}`{', ' * bool(value.locator)}{value.locator})"
                 off = f"{100 * (value.value / judge.value - 1):+.2g} %"
                 figures = f"{value.value:.9g} {quantity.unit}|{judge.value:.9g} {quantity.unit}"

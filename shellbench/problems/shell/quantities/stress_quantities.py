@@ -90,4 +90,4 @@ class Stress(PlacedQuantity):
         if self.component != "von_mises":
             return tensor_component(values, self.component)
         first, second, shear = values.T
-        return np.sqrt(first**2 - first * second + second**2 + 3 * shear**2)
+        return np.asarray(np.sqrt(first**2 - first * second + second**2 + 3 * shear**2))
