@@ -92,6 +92,12 @@ def shapes(session: nox.Session) -> None:
 
 
 @nox.session
+def benchmarks(session: nox.Session) -> None:
+    """Solve beams and plates of other sets of benchmarks, and judge. `-- --quick`."""
+    run_and_judge(session, "benchmarks")
+
+
+@nox.session
 def modes(session: nox.Session) -> None:
     """Ask shells for frequencies of small vibrations, and judge. `-- --quick` for one seed of `ndf-ritz`."""
     run_and_judge(session, "modes")

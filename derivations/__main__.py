@@ -45,6 +45,7 @@ from . import (
     square_plate_nonlinear,
 )
 from .ball_drape import JUDGES as DRAPE
+from .benchmark_shells import JUDGES as BENCHMARKS
 from .bent_strip import JUDGES as BENT_STRIP
 from .contact import JUDGES as CONTACT
 from .cylinder_modes import JUDGES as CYLINDERS
@@ -118,6 +119,7 @@ CASES = {
     **STRIPS,
     **NAGHDI,
     **RESULTANTS,
+    **BENCHMARKS,
 }
 TITLE = "case", "quantity", "value", "uncertainty", "unit"
 ROW = "{:<31} {:<21} {:>19} {:>11} {}"

@@ -36,7 +36,6 @@ def strain_operators(x: Array, y: Array) -> tuple[Array, Array, Array]:
     Components are (u_1, u_2, w), derivatives those of orders 00, 10, 01, 20, 02, 11; strains are eps_11, eps_22,
     2 eps_12, kap_11, kap_22, 2 kap_12. The third is the root of the metric's determinant, (points,).
     """
-    count = len(x)
     slope = np.stack([2 * x, -2 * y], axis=-1)
     hessian = np.diag([2.0, -2.0])
     a = 1 + np.sum(slope**2, axis=-1)
@@ -46,6 +45,19 @@ def strain_operators(x: Array, y: Array) -> tuple[Array, Array, Array]:
     b = hessian / root[:, None, None]
     # b_ab,c = -f_ab (f_d f_dc) / A^(3/2)
     b_slope = -np.einsum("ab,pc->pabc", hessian, slope @ hessian) / (a * root)[:, None, None, None]
+    return covariant_strains(inverse, gamma, b, b_slope), inverse, root
+
+
+def covariant_strains(inverse: Array, gamma: Array, b: Array, b_slope: Array) -> Array:
+    """Matrix of strains (points, 6, 3 components, 6 derivatives), as `strain_operators` has it.
+
+    Parameters
+    ----------
+    inverse : metric g^ab, (points, 2, 2)
+    gamma : Gamma^m_ab, (points, m, a, b)
+    b, b_slope : curvature b_ab, and b_ab,c (points, a, b, c)
+    """
+    count = len(b)
     b_cov = b_slope - np.einsum("pnac,pnb->pabc", gamma, b) - np.einsum("pnbc,pan->pabc", gamma, b)
     mixed = np.einsum("plm,pma->pal", inverse, b)  # b_a^l
     mixed_cov = np.einsum("plm,pmab->palb", inverse, b_cov)  # b_a^l|b
@@ -66,7 +78,7 @@ def strain_operators(x: Array, y: Array) -> tuple[Array, Array, Array]:
         bent[:, 2, 1:3] -= gamma[:, :, i, j]
         bent[:, 2, 0] -= np.einsum("pl,pl->p", mixed[:, i], b[:, :, j])
         strains[:, 3 + row] = -bent * (1.0 if i == j else 2.0)
-    return strains, inverse, root
+    return strains
 
 
 @dataclass(frozen=True)
@@ -119,7 +131,7 @@ class Polynomials:
                 shapes = shapes.reshape(len(ys), 6, -1)
                 b[:, :, part] = strains[:, :, c] @ shapes
                 work[part] += (area * pushed[:, c]) @ shapes[:, 0]
-            upper = np.swapaxes(np.linalg.cholesky(_elasticity(inverse, self.poisson) * area[:, None, None]), 1, 2)
+            upper = np.swapaxes(np.linalg.cholesky(elasticity(inverse, self.poisson) * area[:, None, None]), 1, 2)
             for number in (0, 1):
                 rows = (upper @ b[:, 3 * number : 3 * number + 3]).reshape(-1, total)
                 stiffness[number] += rows.T @ rows
@@ -153,7 +165,7 @@ class Polynomials:
         return np.array([*contravariant, contravariant @ slope]) + covariant[2] * normal
 
 
-def _elasticity(inverse: Array, poisson: float) -> Array:
+def elasticity(inverse: Array, poisson: float) -> Array:
     """H (points, 3, 3) of (eps_11, eps_22, 2 eps_12) from the inverse metric."""
     found = np.empty((len(inverse), 3, 3))
     for i, (a, b) in enumerate(PAIRS):

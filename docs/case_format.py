@@ -122,6 +122,7 @@ EXAMPLES = {  # by section
         '[[quantities]]\nname = "wall_moment"\nkind = "moment"\ncomponent = "principal_1"\non = ["middle"]  # the mean along it',
         "forces",
     ),
+    "Other names": Example('also_known_as = [{ name = "NAFEMS LE1", locator = "Standard NAFEMS Benchmarks, elliptic membrane" }]'),
     "Known values": Example(
         '[[known]]\nquantity = "tip_deflection"\nvalue = 0.0125\nuncertainty = 1e-5\nsource = "Timoshenko & Woinowsky-Krieger, article 45"\n'
         "tolerance = 0.01  # 1 %"
@@ -154,7 +155,9 @@ SECTIONS = (  # heading, words, common base, classes
      " Where supports meet and hold the same direction, they share a concentrated reaction equally.", quantities.ShellQuantity,
      ("DisplacementQuantity", "PositionQuantity", "CentreOfMass", "LargestDisplacement", "FieldError", "EnergyQuantity", "MotionEnergy", "PotentialEnergy",
        "ReactionQuantity", "TorqueQuantity", "ContactForce", "LargestPenetration", "ContactPoint", "LoadQuantity", "LimitPoint", "CriticalPoint",
-       "Frequency", "BucklingLoad", "MembraneForce", "Moment", "ShearForce")),
+       "Frequency", "BucklingLoad", "MembraneForce", "Moment", "ShearForce", "Stress")),
+    ("Other names", "`also_known_as`: any number of names under which others know the case, as inline tables."
+     " They change no answer. `shellbench list WORDS` finds cases by them.", None, ("OtherName",)),
     ("Known values", "`[[known]]`: any number, in your own case only. `shellbench gate FILE` judges by them. A tolerance here is for all "
         "solvers. The `tolerance` of a quantity judges nothing; it only says for one solver when a headline has settled.", None, ("Known",)),
     ("Picture", "`[picture]`: how the report draws the shell.", None, ("Picture",)),
@@ -226,7 +229,7 @@ KINDS_PREFACE = f"""# Case format: other kinds of problem
 
 {GENERATED}
 
-A shell is the default kind; the key `kind` chooses another. Every kind has the keys `title`, `description`, `units`, `suites`, `theory`,
+A shell is the default kind; the key `kind` chooses another. Every kind has the keys `title`, `description`, `also_known_as`, `units`, `suites`, `theory`,
 `known` and `quantities` of [a shell](case_format.md), and the conventions of that page. Their quantities have the
 [common keys](case_format.md#quantities) of a shell's quantities. `t` is the time in formulas.
 """

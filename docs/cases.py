@@ -2,7 +2,7 @@
 
 A page has a sketch, the names under which others know the case, the problem, its quantities, the known values with
 their uncertainty and origins, the tolerances, the results of all solvers, and remarks. Everything comes from the case
-files, references/, docs/names.toml and records: those of the store, or the rows committed in reports/. Pages are built
+files, references/ and records: those of the store, or the rows committed in reports/. Pages are built
 into docs/cases/, and not committed; `python -m nox -s docs` builds them with the site.
 """
 
@@ -31,7 +31,6 @@ from shellbench.problems.moving import moved
 from shellbench.problems.rope.case import RopeCase
 from shellbench.problems.series.conditioned import ConditionedCase
 from shellbench.problems.series.edited import EditingCase
-from shellbench.protocol.schema import read_toml
 from shellbench.report.data.document import Source, read_bibliography
 from shellbench.report.data.exhibit import style
 from shellbench.report.data.notation import escape_markdown
@@ -41,7 +40,6 @@ from shellbench.report.figures.shells import Camera, Shell, colour_bar, draw_def
 ROOT = Path(__file__).parents[1]
 FOLDER = Path(__file__).with_name("cases")
 BIBLIOGRAPHY = ROOT / "references" / "bibliography.bib"
-NAMES = Path(__file__).with_name("names.toml")
 KEPT = "course", "example", "example_engines"  # folders of committed rows below reports/, the newest first
 POINTS = 33  # a side of the grid on which a reference surface is drawn
 CHAINS_DRAWN = 12  # at most, of a crowd of chains
@@ -78,8 +76,8 @@ def page(case: Problem, rows: Sequence[Row], figure: str, sources: dict[str, Sou
     """
     data = about(case.name)
     lines = [f"# {words(case.title)}", ""]
-    if names := names_elsewhere().get(case.name):
-        lines += [f"**Known elsewhere as:** {words('; '.join(names))}.", ""]
+    if case.also_known_as:
+        lines += [f"**Also known as:** {words(names_elsewhere(case))}.", ""]
     lines += [words(case.description), ""]
     if figure:
         caption = ROPE_CAPTION if isinstance(case, RopeCase) else SHELL_CAPTION
@@ -116,6 +114,8 @@ RESULTS_WORDS = (
 UNITS = {
     "scordelis_lo": "feet", "scordelis_lo_naghdi": "feet", "scordelis_lo_nonlinear": "feet",
     "pinched_cylinder_diaphragm": "inches", "pinched_cylinder_free": "inches",
+    "twisted_beam_thick_y": "inches", "twisted_beam_thick_z": "inches", "twisted_beam_thin_y": "inches",
+    "twisted_beam_thin_z": "inches", "curved_beam_in_plane": "inches", "curved_beam_out_of_plane": "inches",
 }  # fmt: skip  # lengths of the cases whose published numbers are kept; their forces are in pounds
 
 
@@ -125,9 +125,9 @@ def units_read(case: Problem) -> list[str]:
     return [f"The original numbers are kept; {found} and pounds are read as metres and newtons."] if found else []
 
 
-def names_elsewhere() -> dict[str, list[str]]:
-    """Return the names under which others know a case, by case."""
-    return {case: list(names) for case, names in read_toml(NAMES).items()}
+def names_elsewhere(case: Problem) -> str:
+    """Return the names under which others know a case, with the places there."""
+    return "; ".join(other.words for other in case.also_known_as)
 
 
 def kept_rows() -> list[Row]:
@@ -320,16 +320,15 @@ def deformed(case: Problem, store: Store | None, records: Sequence[Record]) -> S
 def index(cases: Sequence[Problem]) -> str:
     """Return the page that leads to the others: the cases with names elsewhere first, then all of them."""
     links = {case.name: f"[{words(case.title)}]({case.name}.md)" for case in cases}
-    names = {case: list_ for case, list_ in names_elsewhere().items() if case in links}
-    elsewhere = ((words("; ".join(list_)), links[case]) for case, list_ in names.items())
+    elsewhere = [(words(names_elsewhere(case)), links[case.name]) for case in cases if case.also_known_as]
     rows = ((links[case.name], code(case.name), case.theory, ", ".join(map(code, case.suites))) for case in cases)
     preface = "Each case has a page: sketch, problem, reference values with sources, tolerances and results."
     lines = ["# The cases", "", preface, ""]
-    if names:
+    if elsewhere:
         lines += [
             "## By other names: NAFEMS, MacNeal-Harder, Abaqus",
             "",
-            *table(("known elsewhere as", "case"), elsewhere),
+            *table(("also known as", "case"), elsewhere),
         ]
     return "\n".join([*lines, "## All cases", "", *table(("case", "name", "theory", "suites"), rows)])
 

@@ -14,15 +14,15 @@ from shellbench.protocol.schema import read_toml
 ROOT = Path(__file__).parents[1]
 PAGE = Path(__file__).with_name("known_values.md")
 TABLE = ROOT / "references" / "references.json"
-NAMES = Path(__file__).with_name("names.toml")
 PREFACE = """# Known values
 
-<!-- Written by docs/known_values.py from references/ and docs/names.toml. Change those, and run it. -->
+<!-- Written by docs/known_values.py from references/. Change those, and run it. -->
 
 A known value is a reference value with a stated uncertainty: the value plus or minus it should cover the truth. This
 page lists one value of each case, its headline (main quantity). To find a case, search the page for its name, such as
 `scordelis_lo`. The name links to a page with all its values and their sources. `python -m nox -s docs` builds these
 pages; `shellbench list scordelis_lo` prints the same.
+[Benchmarks by name](benchmarks_by_name.md) has the names and values of other sets: NAFEMS, MacNeal-Harder and others.
 
 - The **judge** decides on answers of the case's theory. An **origin** is an independent second derivation.
 - In the tables, brackets after a method have its source: a file of this repository, or a key of
@@ -46,22 +46,6 @@ GROUPS = (
     "Edits", "Fields", "Ropes", "Skinning",
 )  # fmt: skip
 KINDS = {"conditioned": "Ranges of materials", "editing": "Edits", "rope": "Ropes", "skinning": "Skinning"}
-NAMES_PREFACE = """## Names elsewhere: NAFEMS, MacNeal-Harder, Abaqus
-
-Other benchmark sets know these cases. "With Abaqus S4R" means that the source used this element of Abaqus.
-Krysl & Chen: *Benchmarking Computational Shell Models*, doi 10.1007/s11831-022-09798-5. `references/bibliography.bib` has the others.
-"""
-
-
-def names_elsewhere() -> dict[str, list[str]]:
-    """Return the names under which others know a case, by case."""
-    return {case: list(names) for case, names in read_toml(NAMES).items()}
-
-
-def names_table() -> str:
-    """Return the table of names that others use."""
-    rows = [f"|[`{case}`](cases/{case}.md)|{cell('; '.join(names))}|" for case, names in names_elsewhere().items()]
-    return "\n".join(["|case|known elsewhere as|", "|---|---|", *rows])
 
 
 def cell(text: str) -> str:
@@ -115,7 +99,7 @@ def headlines() -> list[str]:
 
 def page() -> str:
     """Return the whole page."""
-    return "\n".join([PREFACE, NAMES_PREFACE, names_table(), "", "## Headlines", *headlines(), ""])
+    return "\n".join([PREFACE, "## Headlines", *headlines(), ""])
 
 
 def figure(value: KnownValue) -> dict[str, Any]:

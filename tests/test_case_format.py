@@ -63,14 +63,25 @@ def test_each_key_stands_below_its_own_model():
 def test_every_key_of_another_kind_is_there(each):
     case, page = each[3], case_format.other(*each)
     schema = case.model_json_schema()
-    shared = {"name", "kind", "title", "description", "units", "suites", "known", "shell", "quantities"}
+    shared = {
+        "name",
+        "kind",
+        "title",
+        "description",
+        "also_known_as",
+        "units",
+        "suites",
+        "known",
+        "shell",
+        "quantities",
+    }
     assert [key for key in case.model_fields if key not in shared and f"|`{key}`|" not in page] == []
     common = {"kind", *quantities.ShellQuantity.model_fields}
     obstacles = (
         {cls.__name__ for cls in case_format.subclasses(obstacle.Body)} if "obstacles" in case.model_fields else set()
     )
     for name, model in schema["$defs"].items():
-        if name == "Known" or name in obstacles:  # on the page of shells
+        if name in {"Known", "OtherName", *obstacles}:  # on the page of shells
             continue
         of_page = {key for key in model["properties"] if key not in common or name == "Capsule"}
         chosen = {"by"} if name in ("ByClips", "ByFrames") else set()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from docs import evidence, known_values
+from docs import benchmarks_by_name, evidence, known_values
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import build_case
 
@@ -103,9 +103,9 @@ def test_every_page_is_in_the_contents():
         ("docker", "install.md"),
         ("wsl", "install.md"),
         ("csv", "using.md"),
-        ("abaqus", "known_values.md"),
-        ("nafems", "known_values.md"),
-        ("macneal", "known_values.md"),
+        ("abaqus", "benchmarks_by_name.md"),
+        ("nafems", "benchmarks_by_name.md"),
+        ("macneal", "benchmarks_by_name.md"),
     ],
 )
 def test_a_search_finds_the_right_page(word, page):
@@ -126,6 +126,14 @@ def test_the_readme_is_one_page():
 def test_known_values_are_those_of_the_references():
     written = known_values.PAGE.read_text(encoding="utf-8")
     assert written == known_values.page(), "write it anew by `python docs/known_values.py`"
+
+
+def test_benchmarks_by_name_are_those_of_the_cases():
+    written = benchmarks_by_name.PAGE.read_text(encoding="utf-8")
+    assert written == benchmarks_by_name.page(), "write it anew by `python docs/benchmarks_by_name.py`"
+    finding = benchmarks_by_name.FINDING.read_text(encoding="utf-8")
+    assert finding == benchmarks_by_name.finding(), "write it anew by `python docs/benchmarks_by_name.py`"
+    assert all(f"[{words}]" in finding for of in benchmarks_by_name.QUESTIONS.values() for words, *_ in of)
 
 
 def test_the_table_of_known_values_is_that_of_the_references():

@@ -40,7 +40,9 @@ def list_command(
     name: Annotated[
         str | None,
         typer.Argument(
-            metavar="NAME|PATH.toml", help="A case, a variant such as CASE@oblique, a suite or a solver.", **NAMES
+            metavar="NAME|PATH.toml",
+            help="A case, a variant such as CASE@oblique, a suite, a solver, or words.",
+            **NAMES,
         ),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
@@ -50,11 +52,14 @@ def list_command(
     """List suites and solvers by kind of problem; with a name, describe this one.
 
     A case is described by its question, its known values, and the tolerance of each solver; a suite by its cases and
-    runs; a solver by its settings, the cases that it declines, and its tolerances.
+    runs; a solver by its settings, the cases that it declines, and its tolerances. Other words find cases by their
+    titles, and by the names that others use.
 
     Examples
     --------
         shellbench list scordelis_lo
+
+        shellbench list nafems
 
         shellbench list scordelis_lo@oblique --json
     """

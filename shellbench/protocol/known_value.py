@@ -1,4 +1,4 @@
-"""Known values in a case file, from its author."""
+"""Known values in a case file, from its author, and the names under which others know the case."""
 
 from __future__ import annotations
 
@@ -10,6 +10,26 @@ from pydantic import Field, model_validator
 from shellbench.protocol.schema import Finite, Flag, Model, Name, Positive
 
 SHARPER = 3.0  # least tolerance in uncertainties of its known value; with less the value could not judge
+
+
+class OtherName(Model):
+    """A name under which others know a case.
+
+    Attributes
+    ----------
+    name
+        The author or the set of benchmarks, and the name or number there.
+    locator
+        Place of the case in that source, such as a section; how its numbers follow from those of the case.
+    """
+
+    name: Annotated[str, Field(min_length=1, max_length=100)]
+    locator: Annotated[str, Field(max_length=300)] = ""
+
+    @property
+    def words(self) -> str:
+        """The name and the place, for readers."""
+        return f"{self.name}, {self.locator}" if self.locator else self.name
 
 
 class Known(Model):

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 from pydantic import Field, ValidationError, model_validator
 
 from shellbench.errors import InputError
-from shellbench.protocol.known_value import Known, check_known
+from shellbench.protocol.known_value import Known, OtherName, check_known
 from shellbench.protocol.notebook import case_html
 from shellbench.protocol.quantity import FULL, Quantity
 from shellbench.protocol.schema import LONGEST_TITLE, Model, Name, check_sizes, one_sentence, read_toml
@@ -35,6 +35,8 @@ class Problem(Model):
         One line, for tables and figures.
     description
         The question and its source, in prose.
+    also_known_as
+        Names under which others know the case.
     suites
         Suites that the case belongs to; a case of your own needs none.
     units
@@ -45,7 +47,9 @@ class Problem(Model):
         Known values of its quantities, in a user's own case only: those of built-in cases are in references/.
     """
 
-    not_physics: ClassVar[frozenset[str]] = frozenset({"name", "title", "description", "suites", "units", "known"})
+    not_physics: ClassVar[frozenset[str]] = frozenset(
+        {"name", "title", "description", "also_known_as", "suites", "units", "known"}
+    )
     not_physics_of_a_quantity: ClassVar[frozenset[str]] = frozenset(
         {"description", "unit", "primary", "tolerance", "absolute", "open_finding"}
     )
@@ -54,6 +58,7 @@ class Problem(Model):
     kind: str
     title: str = Field(max_length=LONGEST_TITLE)
     description: str = ""
+    also_known_as: tuple[OtherName, ...] = ()
     units: str = "SI"
     suites: tuple[Name, ...] = ()
     theory: str

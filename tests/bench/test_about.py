@@ -123,3 +123,18 @@ def test_no_two_things_share_a_name() -> None:
     """Else `list NAME` would show one of them only."""
     names = [*catalog.case_names(), *catalog.suite_names(), *solver_entries()]
     assert len(names) == len(set(names))
+
+
+def test_cases_are_found_by_the_names_that_others_use() -> None:
+    found = {case["name"]: case["also_known_as"] for case in about("nafems FV12")["cases"]}
+    assert set(found) == {"free_plate_modes"}
+    assert "its frequencies are those of the case times 0.1227476" in found["free_plate_modes"][0]
+    assert {case["name"] for case in about("MACNEAL")["cases"]} >= {"scordelis_lo", "hemisphere_hole"}
+    assert "NAFEMS FV15" in flat(as_text("rhombic"))  # by its title
+    assert "also known as: NAFEMS FV15" in flat(as_text("rhombic_plate_modes"))
+
+
+def test_other_names_are_no_part_of_the_question() -> None:
+    case = catalog.named_case("free_plate_modes")
+    assert case.also_known_as
+    assert case.model_copy(update={"also_known_as": ()}).digest() == case.digest()

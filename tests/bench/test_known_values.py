@@ -10,6 +10,7 @@ import pytest
 import derivations as origins
 from derivations import (
     ball_drape,
+    benchmark_shells,
     bent_strip,
     contact,
     cylinder_modes,
@@ -74,6 +75,7 @@ ORIGINS = {
     **naghdi.JUDGES,
     **resultants.JUDGES,
     **folds.JUDGES,
+    **benchmark_shells.JUDGES,
 }
 MODES = {
     **plate_modes_by_splines.SECOND_FORMS,
@@ -81,6 +83,7 @@ MODES = {
     **cylinder_modes.SECOND_FORMS,
     **strip_on_edge.SECOND_FORMS,
     **resultants.SECOND_FORMS,
+    **benchmark_shells.SECOND_FORMS,
 }
 LONG = {
     "pressed_column",
@@ -115,6 +118,7 @@ LONG = {
     *garments.JUDGES,
     *ball_drape.JUDGES,
     *resultants.LONG,
+    *benchmark_shells.JUDGES,
     "square_plate_nonlinear",
     "guided_ring",
     "sleeve_compression",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
@@ -16,18 +17,22 @@ from shellbench.bench.plugins.outside import declines, describe_solver, resolve_
 from shellbench.bench.plugins.registry import OWN, SolverEntry, solver_entries
 from shellbench.errors import InputError
 from shellbench.problem import VARIANT, Problem, Quantity
+from shellbench.protocol.schema import read_toml
 from shellbench.protocol.spelling import nearest
 
 Data = dict[str, Any]
 WIDTH = 80  # letters of a line
 ROLES = ("judge", "origin", "literature", "published")
-NO_PART_OF_THE_QUESTION = {"name", "kind", "title", "description", "suites", "units", "theory", "quantities", "picture"}
+NO_PART_OF_THE_QUESTION = {
+    *("name", "kind", "title", "description", "also_known_as", "suites", "units", "theory", "quantities", "picture")
+}
 
 
 def about(name: str) -> Data:
     """Return the description of the case, suite or solver of this name as JSON data; its kind is under `what`.
 
-    A case may be a variant, such as ``scordelis_lo@oblique``, or a path to a TOML file.
+    A case may be a variant, such as ``scordelis_lo@oblique``, or a path to a TOML file. Other words are looked up in
+    the titles of cases and in the names under which others know them.
 
     Raises
     ------
@@ -41,10 +46,33 @@ def about(name: str) -> Data:
         return about_suite(name)
     if name in solver_entries():
         return about_solver(solver_entries()[name])
+    if found := look_up(name):
+        return {"what": "cases", "name": name, "cases": found}
     near = nearest(base, [*catalog.case_names(), *catalog.suite_names(), *solver_entries()])
     meant = f"the nearest is {near[0]}" if len(near) == 1 else f"the nearest are {', '.join(near)}"
     hint = f"{meant}; " if near else ""
     raise InputError(f"no case, suite or solver is called '{name}': {hint}`shellbench list` shows all")
+
+
+def look_up(words: str) -> list[Data]:
+    """Return name, title and other names of the cases whose title or other names have all these words, in any case."""
+    found, asked = [], words.casefold().split()
+    for name in catalog.case_names() if asked else ():
+        with contextlib.suppress(InputError):
+            if not _has_all(asked, str(read_toml(catalog.case_file(name)))):
+                continue  # building a case takes long
+            case = catalog.named_case(name)
+            if any(_has_all(asked, text) for text in (case.title, *(other.name for other in case.also_known_as))):
+                found.append({"name": name, "title": case.title, "also_known_as": _other_names(case)})
+    return found
+
+
+def _has_all(words: list[str], text: str) -> bool:
+    return all(word in text.casefold() for word in words)
+
+
+def _other_names(case: Problem) -> list[str]:
+    return [other.words for other in case.also_known_as]
 
 
 def about_case(case: Problem, asked: str = "") -> Data:
@@ -59,6 +87,7 @@ def about_case(case: Problem, asked: str = "") -> Data:
         "name": case.name,
         "title": case.title,
         "description": case.description,
+        "also_known_as": _other_names(case),
         "kind": case.kind,
         "theory": case.theory,
         "units": case.units,
@@ -174,14 +203,15 @@ def as_json(name: str) -> str:
 def as_text(name: str) -> str:
     """Return the description as text."""
     data = about(name)
-    lines = {"case": _case_lines, "suite": _suite_lines, "solver": _solver_lines}[data["what"]](data)
-    return "\n".join(line.rstrip() for line in lines)
+    kinds = {"case": _case_lines, "cases": _found_lines, "suite": _suite_lines, "solver": _solver_lines}
+    return "\n".join(line.rstrip() for line in kinds[data["what"]](data))
 
 
 def _case_lines(case: Data) -> Iterator[str]:
     yield f"{case['name']}: {case['title']}"
     yield from _wrapped(case["description"])
     yield ""
+    yield from _entry("also known as", "; ".join(case["also_known_as"]))
     yield from _entry("theory", f"{case['theory']}; units {case['units']}; kind {case['kind']}")
     yield from _entry("suites", _listed(case["suites"]) or ("none (your own case)" if case["own_case"] else "none"))
     if case["package"] not in (None, OWN):
@@ -195,6 +225,13 @@ def _case_lines(case: Data) -> Iterator[str]:
         yield from _quantity_lines(quantity)
     for curve in case["curves"]:
         yield f"curve of {curve['quantity']}, {curve['points']} points: {curve['origin']} [{curve['source']}]"
+
+
+def _found_lines(found: Data) -> Iterator[str]:
+    yield f"cases with '{found['name']}' in their title, or in a name under which others know them:"
+    yield ""
+    for case in found["cases"]:
+        yield from _entry(case["name"], "; ".join([case["title"], *case["also_known_as"]]))
 
 
 def question(case: Data) -> Iterator[tuple[str, str]]:

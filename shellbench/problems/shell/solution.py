@@ -33,7 +33,7 @@ from shellbench.problem import FIELDS, NumberFormat, ProgressCallback, Solution,
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.declining import Beyond, why_not_plain
 from shellbench.problems.shell.field import RESULTANTS
-from shellbench.problems.shell.quantities.quantities import ResultantQuantity
+from shellbench.problems.shell.quantities.quantities import PlacedQuantity
 from shellbench.problems.shell.question.contact import Touch
 from shellbench.problems.shell.variants.edit import why_no_edit
 from shellbench.problems.solving import CheckedSolver
@@ -361,7 +361,7 @@ class ShellSolver(CheckedSolver):
 
     def declines_quantity(self, case: Case, quantity: Any) -> str | None:
         """Return the reason that it can't give a quantity of a case that it takes, as one clause, or None if it can."""
-        if isinstance(quantity, ResultantQuantity) and "resultants" not in self.takes:
+        if isinstance(quantity, PlacedQuantity) and "resultants" not in self.takes:
             return "this solver states no stress resultants"
         return None
 

@@ -40,7 +40,8 @@ from shellbench.problems.shell.quantities.path_quantities import (
     curve,
 )
 from shellbench.problems.shell.quantities.quantity import ShellQuantity
-from shellbench.problems.shell.quantities.resultant_quantities import ResultantQuantity
+from shellbench.problems.shell.quantities.resultant_quantities import PlacedQuantity, ResultantQuantity
+from shellbench.problems.shell.quantities.stress_quantities import Stress
 
 __all__ = [
     "CentreOfMass",
@@ -57,12 +58,14 @@ __all__ = [
     "ModeQuantity",
     "MotionEnergy",
     "PathQuantity",
+    "PlacedQuantity",
     "PointQuantity",
     "PositionQuantity",
     "PotentialEnergy",
     "QuantityModel",
     "ReactionQuantity",
     "ResultantQuantity",
+    "Stress",
     "SupportQuantity",
     "TorqueQuantity",
     "Unmarked",

@@ -32,8 +32,8 @@ NEAR = 1e-9  # of a side: points that are nearer to each other are the same
 COLUMNS = {"11": 0, "22": 1, "12": 2, "1": 0, "2": 1}
 
 
-class ResultantQuantity(ShellQuantity):
-    """A stress resultant at a point, its mean over points, or its mean along edges.
+class PlacedQuantity(ShellQuantity):
+    """A stress resultant or a stress at a point, its mean over points, or its mean along edges.
 
     Attributes
     ----------
@@ -115,6 +115,10 @@ class ResultantQuantity(ShellQuantity):
         weights = np.concatenate([w for _, w in rules])
         return np.concatenate([points for points, _ in rules]), weights / weights.sum()
 
+
+class ResultantQuantity(PlacedQuantity):
+    """A stress resultant, which solvers give by its kind."""
+
     def component_of(self, values: Array) -> Array:
         """Return the component (n,) that is asked for, of values (n, 3) or (n, 2) in the shell's frame."""
         raise NotImplementedError
@@ -138,11 +142,16 @@ class TensorResultant(ResultantQuantity):
 
     def component_of(self, values: Array) -> Array:
         """Return the component (n,) of values (n, 3): 11, 22, 12."""
-        if self.component in COLUMNS:
-            return np.asarray(values[:, COLUMNS[self.component]])
-        first, second, shear = values.T
-        radius = np.hypot((first - second) / 2, shear)
-        return np.asarray((first + second) / 2 + (radius if self.component == "principal_1" else -radius))
+        return tensor_component(values, self.component)
+
+
+def tensor_component(values: Array, component: str) -> Array:
+    """Return a component or a principal value (n,) of symmetric tensors 11, 22, 12 (n, 3)."""
+    if component in COLUMNS:
+        return np.asarray(values[:, COLUMNS[component]])
+    first, second, shear = values.T
+    radius = np.hypot((first - second) / 2, shear)
+    return np.asarray((first + second) / 2 + (radius if component == "principal_1" else -radius))
 
 
 class MembraneForce(TensorResultant):

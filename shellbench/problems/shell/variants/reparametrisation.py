@@ -25,6 +25,7 @@ DIGITS = 12  # of a point's coordinates; sines of other libraries differ in late
 HALVINGS = 200  # at most, of the interval in which a coordinate is sought
 GRADED = 0.4  # departure of a graded coordinate from an even one; it must be below 1, or the map would fold
 OBLIQUE = 0.3  # the same of oblique ones; below 1/2
+AXES = ("11", "22", "12")  # components of a tensor along the axes of the shell's frame
 ANGLES, RIGHT = 9, 1e-9  # points a side at which coordinate lines are compared, and the cosine of a right angle
 PITCH = 0.8  # radians that a helix turns by along the shell
 STRETCH: tuple[Pair, Pair] = ((4e-4, -1.3), (2500.0, 0.7))  # factor and offset of each coordinate: none is near 1
@@ -297,7 +298,14 @@ class _Reparametrisation:
         """Return the component of a resultant in the frame that belongs to the chart."""
         # e_1 goes along xi1, e_3 along the normal, and e_2 = e_3 x e_1. Moments change their sign with the normal;
         # shear forces change it with the normal and with their direction. Factors of quantities have no sign.
+        # The stress at a side keeps its sign, and the sides are exchanged.
         chart, component = self.chart, quantity["component"]
+        turned = {"top": "bottom", "bottom": "top"} if chart.turned_over else {}
+        side = {"side": turned.get(quantity["side"], quantity["side"])} if "side" in quantity else {}
+        if side and (quantity.get("direction") or component not in AXES):
+            if component == "12" and chart.turned_over:
+                raise InputError("a shear stress changes its sign with the normal of these coordinates")
+            return side | self._fold_side(quantity)
         exchanged = chart.formulas == COORDINATES[::-1]
         if exchanged and not self._orthogonal():
             raise InputError("a resultant's axes would turn, as the coordinate lines are oblique")
@@ -307,16 +315,18 @@ class _Reparametrisation:
         first = -1.0 if chart.formulas[0].startswith("-") else 1.0
         signs = {"1": first, "2": 1.0 if exchanged else normal * first}
         sign = 1.0 if component.startswith("principal") else math.prod(signs[index] for index in component)
-        sign *= 1.0 if quantity["kind"] == "membrane_force" else normal
+        sign *= 1.0 if side or quantity["kind"] == "membrane_force" else normal
         if sign < 0:
             raise InputError("a resultant changes its sign with the normal of these coordinates")
         other = {"11": "22", "22": "11", "1": "2", "2": "1"} if exchanged else {}
-        found = {"component": other.get(component, component)}
-        if quantity.get("fold_side"):
-            sides = ("before", "after")
-            reversed_ = chart.formulas[self.case.surface.fold_lines[0].axis].startswith("-")
-            found["fold_side"] = sides[(quantity["fold_side"] == "after") ^ reversed_]
-        return found
+        return {"component": other.get(component, component)} | side | self._fold_side(quantity)
+
+    def _fold_side(self, quantity: dict[str, Any]) -> dict[str, str]:
+        """Return the side of a fold, if there is one, in the chart."""
+        if not quantity.get("fold_side"):
+            return {}
+        backward = self.chart.formulas[self.case.surface.fold_lines[0].axis].startswith("-")
+        return {"fold_side": ("before", "after")[(quantity["fold_side"] == "after") ^ backward]}
 
     def _orthogonal(self) -> bool:
         """Return True if the coordinate lines of the case meet at right angles everywhere."""
