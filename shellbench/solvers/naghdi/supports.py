@@ -2,7 +2,7 @@
 
 A support of an edge holds components of the displacement. Where these hold the displacement along the normal, the edge
 is kept straight, and the normal can't turn about it sideways: its change along the edge is held too (a hard support,
-as that of a rigid diaphragm). A clamp, or a plane of symmetry, holds its change across the edge.
+as that of a rigid diaphragm), unless it is soft. A clamp, or a plane of symmetry, holds its change across the edge.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def held_fields(case: Case) -> list[set[Edge]]:
     Raises
     ------
     InputError
-        If an edge that holds the normal's change is not at right angles to the other coordinate.
+        If an edge that holds one component of the normal's change is not at right angles to the other coordinate.
     """
     held: list[set[Edge]] = [set() for _ in range(FIELDS)]
     for support, place in case.supported_places():
@@ -38,12 +38,13 @@ def held_fields(case: Case) -> list[set[Edge]]:
         for component in components:
             held[component].add(place)
         free = np.delete(frame.normal, components, axis=1)
-        hard = bool(np.all(np.abs(free) < STRAIGHT))
+        kept_straight = support.symmetry is None and bool(np.all(np.abs(free) < STRAIGHT))
+        hard = kept_straight and support.shear != "soft"
         # t_1 is along edges of xi2, and t_2 along those of xi1 if the coordinates are at right angles there.
         along, across = (4, 3) if place.axis == 0 else (3, 4)
-        if (hard or support.holds_slope) and np.abs(_skew(frame)).max() > STRAIGHT:
+        if hard != support.holds_slope and np.abs(_skew(frame)).max() > STRAIGHT:
             raise InputError(f"{case.name}: support '{support.name}' is on an edge of skew coordinates")
-        if hard and support.symmetry is None:
+        if hard:
             held[along].add(place)
         if support.holds_slope:
             held[across].add(place)
