@@ -1,9 +1,8 @@
 """Equilibrium of Naghdi's shell on a grid: cells without their inner functions, one sparse solve, and its residuals.
 
 Inner functions of a cell meet no other cell. They are eliminated cell by cell (static condensation), and the rest is
-factorised once. Residuals are forces less stress times strain of the last answer, not the matrix times it: stretching
-and bending of a thin shell differ by many orders of magnitude, and so do their sums in a matrix. Corrections by the same
-factors regain those digits.
+factorised once. Residuals are forces less stress times strain of the last answer, not the matrix times it. In a matrix
+of a thin shell stretching and bending are summed, and bending loses digits. Corrections by the same factors regain them.
 """
 
 from __future__ import annotations
@@ -70,9 +69,7 @@ class Equilibrium:
         shape = (*grid.cells, count, count)
         roots, areas, loads = np.empty((*shape, STRAINS, 3 * FIELDS)), np.empty(shape), np.empty((*shape, 3))
         for row in range(grid.cells[0]):
-            xi = np.stack(
-                np.broadcast_arrays(first[row][None, :, None], second[:, None, :]), axis=-1
-            ).reshape(-1, 2)
+            xi = np.stack(np.broadcast_arrays(first[row][None, :, None], second[:, None, :]), axis=-1).reshape(-1, 2)
             frame = Frame.at(case, xi)
             areas[row] = frame.area.reshape(shape[1:]) * w1[row][:, None] * w2[:, None, :]
             loads[row] = load_density(case, frame, xi).reshape(*shape[1:], 3)

@@ -63,7 +63,7 @@ class Grid:
         """Return the numbers (cells, degree + 1) of each cell's functions along a coordinate, those of ends first."""
         cell = np.arange(self.cells[axis])[:, None]
         inner = self.corners(axis) + cell * (self.degree - 1) + np.arange(self.degree - 1)
-        return np.concatenate([(cell + [0, 1]) % self.corners(axis), inner], axis=1)
+        return np.concatenate([(cell + np.arange(2)) % self.corners(axis), inner], axis=1)
 
     def at(self, axis: int, x: Array) -> tuple[Numbers, Array]:
         """Return the cells (N,) of points (N,) and values and slopes (2, N, degree + 1) of their functions there."""
@@ -75,13 +75,17 @@ class Grid:
         return cell, found
 
 
-def graded_ends(part: Part, axis: int, largest: float, smallest: float, ratio: float) -> Array:
+LARGEST = 0.25  # cell, a share of a side
+LAYER = 2.2  # the same, in cube roots of thickness over side: on the hypar of 1e-4, whose layers run across the shell
+
+
+def graded_ends(part: Part, axis: int, smallest: float, ratio: float) -> Array:
     """Return ends of cells along a coordinate of a part: graded toward free and held edges, even between them.
+
+    Layers of shear at edges are as wide as the thickness, and layers inside as the cube root of it (Pitkaranta 1992).
 
     Parameters
     ----------
-    largest
-        Of all cells, a share of the side.
     smallest
         The cell at an edge, in thicknesses.
     ratio
@@ -91,8 +95,9 @@ def graded_ends(part: Part, axis: int, largest: float, smallest: float, ratio: f
     low, high = part.lower[axis], part.upper[axis]
     mirrored = [end is not None for end in part.ends[axis]]
     open_ends = [not (m or case.surface.domain.periodic[axis]) for m in mirrored]
-    length = _length(case, axis)
-    layers, distance = [], smallest * case.material.thickness / length
+    thin = case.material.thickness / _length(case, axis)
+    largest = min(LARGEST, LAYER * thin ** (1 / 3))
+    layers, distance = [], smallest * thin
     while distance < largest:
         layers.append(distance)
         distance *= ratio

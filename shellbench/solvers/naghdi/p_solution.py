@@ -90,9 +90,9 @@ class GridSolution(ShellSolution):
         of, _, what = name.partition("_")
         if what == "strain":
             start = 0 if of == "membrane" else 3
-            twisted = folded.turned.prod(axis=-1)  # a mirror changes the sign of the component 12
-            # and that of the normal, if it reverses one coordinate alone: images have the sign that the case gives
-            return np.asarray(strain[:, start : start + 3] * np.stack([1 + 0 * twisted, 1 + 0 * twisted, twisted / 2], -1))
+            signs = np.ones((len(xi), 3))
+            signs[:, 2] = folded.turned.prod(axis=-1) / 2  # a mirror changes the sign of the component 12
+            return np.asarray(strain[:, start : start + 3] * signs)
         membrane, bending, shear = frame.stiffness(self.case)
         stiffness = membrane if of == "membrane" else bending + shear
         return np.asarray(0.5 * np.einsum("ns,nst,nt->n", strain, stiffness, strain))
@@ -113,6 +113,7 @@ class GridSolution(ShellSolution):
         degree, energies = int(words["degree"]), {name: float(words[name]) for name in ("membrane", "bending")}
         found = cls(case, degree, **data, **energies)
         grid = found.grid
-        if found.coefficients.shape != (grid.count(0), grid.count(1), FIELDS) or found.rigid.shape != (len(RIGID_MOTIONS),):
+        shape = (grid.count(0), grid.count(1), FIELDS)
+        if found.coefficients.shape != shape or found.rigid.shape != (len(RIGID_MOTIONS),):
             raise ValueError("the coefficients do not fit the grid")
         return found

@@ -32,9 +32,8 @@ class GridSettings(Settings):
 
     degree: int = Field(5, ge=2, le=16, description="of the first solve")
     last_degree: int = Field(11, ge=3, le=16, description="at most")
-    largest: float = Field(0.25, gt=0, le=1, description="cell, a share of a side of the part that is solved")
-    smallest: float = Field(0.25, gt=0, description="cell, at edges, in thicknesses")
-    ratio: float = Field(4.0, gt=1, description="of distances from an edge of successive cells")
+    smallest: float = Field(0.05, gt=0, description="cell, at edges, in thicknesses")
+    ratio: float = Field(3.0, gt=1, description="of distances of successive cells from an edge")
     settle: float = Field(1e-9, ge=0, lt=1, description="relative change of all quantities below which degrees suffice")
 
 
@@ -75,11 +74,10 @@ class PNaghdiSolver(ShellSolver):
         from shellbench.solvers.naghdi.grid import Grid, graded_ends
 
         begin, part = time.perf_counter(), part_of(case)
-        grading = settings.largest, settings.smallest, settings.ratio
-        ends = graded_ends(part, 0, *grading), graded_ends(part, 1, *grading)
+        first, second = (graded_ends(part, axis, settings.smallest, settings.ratio) for axis in (0, 1))
         history: list[Step] = []
         for degree in range(settings.degree, max(settings.degree, settings.last_degree) + 1, 2):
-            shell = Equilibrium.of(part.case, Grid(ends, degree, part.case.surface.domain.periodic))
+            shell = Equilibrium.of(part.case, Grid((first, second), degree, part.case.surface.domain.periodic))
             found = _solution(case, part, shell)
             values = measure_all(found)
             spent, energy = time.perf_counter() - begin, sum(found.energies())
@@ -114,7 +112,9 @@ def _solution(case: Case, part: Part, shell: Equilibrium) -> GridSolution:
         modes = rigid_modes(case.surface, xi)[0, 0][..., removed]
         gram = np.einsum("abpq,abpqci,abpqcj->ij", shell.areas, modes, modes, optimize=True)
         moved = shell.jets(coefficients)[..., 0, :3]
-        rigid[removed] = np.linalg.solve(gram, np.einsum("abpq,abpqci,abpqc->i", shell.areas, modes, moved, optimize=True))
+        rigid[removed] = np.linalg.solve(
+            gram, np.einsum("abpq,abpqci,abpqc->i", shell.areas, modes, moved, optimize=True)
+        )
     first, second = shell.grid.ends
     return GridSolution(case, shell.grid.degree, first, second, coefficients, rigid, membrane, bending + shear)
 
