@@ -23,6 +23,7 @@ YOUNG, POISSON, FACTOR = 2e11, 0.3, 5.0 / 6.0
 CASES = {"1e_2": (1e-2, 80.0), "1e_3": (1e-3, 8.0), "1e_4": (1e-4, 0.8)}
 OBLIQUE = np.array([0.3, 0.35]), np.array([1.0, 2.0, -2.0]) / 3
 PAIRS = (0, 0), (1, 1), (0, 1)
+LEVELS = {"1e_2": ((9, 12, 0.02, 1.5), (9, 8, 0.02, 1.7))}
 REFINEMENTS = 4
 Level = tuple[int, int, float, float]
 """Degree, even spans along x (half of them along y), the thinnest span at edges in thicknesses, ratio of spans."""

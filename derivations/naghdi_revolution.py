@@ -25,8 +25,8 @@ from .revolution_splines import turned
 from .spline_shell import Splines
 
 FACTOR = 5.0 / 6.0  # of transverse shear
-LEVELS = (14, 12), (11, 12)  # cells and degree of collocation, fine and coarse
-SPLINES = (24, 9), (18, 9)  # spans and degree
+LEVELS = (16, 14), (12, 14)  # cells and degree of collocation, fine and coarse
+SPLINES = (100, 9), (80, 9)  # spans and degree
 REFINEMENTS = 3
 
 

@@ -26,6 +26,7 @@ from .spline_shell import Splines
 FACTOR = 5.0 / 6.0  # of transverse shear
 U, V, W, PX, PS = range(5)
 NUDGE = 1e-2  # relative change of the membrane stiffness by which its energy is found
+LEVELS = (16, 9, 11, 9), (14, 9, 10, 8)  # spans, degree, degree of slices and their number: fine, and coarser
 POINTS = 4  # Gauss points more than the degree of the slice
 
 

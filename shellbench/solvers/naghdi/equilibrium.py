@@ -2,7 +2,8 @@
 
 Inner functions of a cell meet no other cell. They are eliminated cell by cell (static condensation), and the rest is
 factorised once. Residuals are forces less stress times strain of the last answer, not the matrix times it. In a matrix
-of a thin shell stretching and bending are summed, and bending loses digits. Corrections by the same factors regain them.
+of a thin shell stretching and bending are summed, and bending loses digits. Corrections by the same factors regain
+them.
 """
 
 from __future__ import annotations
