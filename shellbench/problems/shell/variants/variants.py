@@ -51,7 +51,7 @@ def _in_units(case: Shell, units: Units) -> dict[str, Any]:
 
 def _with_shear(case: Shell, soft: bool) -> dict[str, Any]:
     """Return the data of a case whose normals shear; soft supports leave them free to turn along an edge."""
-    if case.theory == "naghdi-linear":
+    if case.theory == "naghdi-linear" and not soft:
         raise InputError("its normals shear already")
     if not case.linear:
         raise InputError("Naghdi's theory is linear here, and this case is not")
@@ -69,9 +69,10 @@ def _with_shear(case: Shell, soft: bool) -> dict[str, Any]:
             raise InputError(why)
     data = case.model_dump(mode="json", exclude_unset=True) | {"theory": "naghdi-linear"}
     if soft:
-        holding = [s for s in data.get("supports", []) if not (s.get("clamped") or s.get("symmetry"))]
+        held = data.get("supports", [])
+        holding = [s for s in held if not (s.get("clamped") or s.get("symmetry") or s.get("shear") == "soft")]
         if not holding:
-            raise InputError("it has no support that could be soft: clamps and planes of symmetry are hard")
+            raise InputError("it has no support that could be made soft: clamps and planes of symmetry are hard")
         for support in holding:
             support["shear"] = "soft"
     return data
