@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
+from shellbench.errors import InputError
 from shellbench.problem import Capabilities, Progress, ProgressCallback, Quantity, Settings, Solution, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.declining import Beyond
@@ -20,6 +21,7 @@ from shellbench.problems.shell.question.conditions import RIGID_MOTIONS
 from shellbench.problems.shell.question.loads import MomentLoad, PointLoad
 from shellbench.problems.shell.question.places import Edge
 from shellbench.problems.shell.solution import ShellSolver
+from shellbench.solvers.naghdi.supports import held_fields
 
 if TYPE_CHECKING:
     from shellbench.problems.shell.symmetry.symmetry import Part
@@ -66,8 +68,6 @@ class PNaghdiSolver(ShellSolver):
         ------
         SolveFailure
             If a linear solve fails.
-        InputError
-            If a support is on an edge of skew coordinates.
         """
         from shellbench.problems.shell.symmetry.symmetry import part_of
         from shellbench.solvers.naghdi.equilibrium import Equilibrium
@@ -135,4 +135,8 @@ def _beyond(case: Case) -> str | None:
         return "it holds points or the whole surface, and this solver holds edges"
     if any(support.motion is not None for support in case.supports):
         return "its supports move, and this solver holds them at rest"
+    try:
+        held_fields(case)
+    except InputError:
+        return "a support is on an edge of skew coordinates, and this solver holds normals along coordinate lines"
     return None

@@ -53,10 +53,9 @@ def _with_shear(case: Shell, soft: bool) -> dict[str, Any]:
     """Return the data of a case whose normals shear; soft supports leave them free to turn along an edge."""
     if case.theory == "naghdi-linear" and not soft:
         raise InputError("its normals shear already")
-    if not case.linear:
-        raise InputError("Naghdi's theory is linear here, and this case is not")
     reasons = (
         (case.dynamics is not None, "it moves, and Naghdi's theory is one of shells at rest here"),
+        (not case.linear, "Naghdi's theory is linear here, and this case is not"),
         (case.modal, "it asks for modes or buckling loads, which Naghdi's theory does not give here"),
         (bool(case.obstacles), "it touches obstacles, which Naghdi's theory does not know here"),
         (
