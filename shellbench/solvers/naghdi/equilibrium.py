@@ -238,7 +238,7 @@ def _cell_matrix(shell: Equilibrium, first: int, second: int) -> Array:
 
 
 def _held(case: Case, grid: Grid) -> NDArray[np.bool_]:
-    """Return whether supports hold functions (functions, functions, 5) at zero."""
+    """Return a mask (functions, functions, 5) of the functions that supports hold at zero."""
     held = np.zeros((grid.count(0), grid.count(1), FIELDS), dtype=bool)
     for field, edges in enumerate(held_fields(case)):
         for edge in edges:
