@@ -319,13 +319,18 @@ def exam_version() -> int | None:
     return found if isinstance(found, int) else None
 
 
+def _judged_as(case_name: str) -> str:
+    """Return the name under which a case is judged: a variant's case, but a twin itself."""
+    return case_name if case_name in own_twins() else case_name.partition(VARIANT)[0]
+
+
 @cache
 def known_values(case_name: str) -> KnownValues:
     """Return the known values of a case, for a variant those of its case, for a twin its own if it has any.
 
     A user's own case has none. Those of its case never judge a twin, as they are of another theory.
     """
-    name = case_name if case_name in own_twins() else case_name.partition(VARIANT)[0]
+    name = _judged_as(case_name)
     found = (one.references(name) for one in brought() if name in one.cases)
     path = next(found, data_folder("references") / f"{name}.toml")
     return read_known_values(path) if path.is_file() else KnownValues()
@@ -346,10 +351,9 @@ def tolerances() -> Mapping[str, Tolerances]:
 
 def tolerance(case_name: str, quantity: str, solver: str) -> Tolerance | None:
     """Return the frozen tolerance of a quantity for a solver; None if there is none. The case may be a variant."""
-    base, _, variant = case_name.partition(VARIANT)
-    of_solver = tolerances_of(solver)
-    found = of_solver.get(case_name, of_solver.get(base, {})).get(quantity)
-    return found.of_variant(variant) if found else None
+    name = _judged_as(case_name)
+    found = tolerances_of(solver).get(name, {}).get(quantity)
+    return found.of_variant(case_name[len(name) + 1 :]) if found else None
 
 
 def tolerances_of(solver: str) -> Tolerances:

@@ -66,6 +66,8 @@ def test_a_twin_has_known_values_and_tolerances_of_its_own():
     assert catalog.known_values("annular_plate@naghdi").judge("rim_deflection", NAGHDI) is None
     assert catalog.tolerance("scordelis_lo@naghdi", "edge_deflection", "p-naghdi").relative == 1e-6
     assert catalog.tolerance("scordelis_lo", "edge_deflection", "p-naghdi") is None
+    assert catalog.tolerance("scordelis_lo@naghdi", "edge_deflection", "fem") is None
+    assert catalog.tolerance("scordelis_lo@oblique", "edge_deflection", "fem") is not None
 
 
 def test_twins_are_never_drawn_as_variants():
