@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from shellbench.solvers.naghdi.p_solution import GridSolution
 
 
+ROUNDING = 1e-10  # of a value: by the free hyperboloid of 1e-4, with room
+
+
 class GridSettings(Settings):
     """Settings of `p-naghdi`."""
 
@@ -120,11 +123,11 @@ def _solution(case: Case, part: Part, shell: Equilibrium) -> GridSolution:
 
 
 def _changes(history: list[Step]) -> Mapping[str, float]:
-    """Return twice the last change of each quantity; empty before there is one."""
+    """Return twice the last change of each quantity, at least its rounding; empty before there is one."""
     if len(history) < 2:
         return {}
     before, after = (step.quantities for step in history[-2:])
-    return {name: 2 * abs(value - before[name]) for name, value in after.items()}
+    return {name: max(2 * abs(value - before[name]), ROUNDING * abs(value)) for name, value in after.items()}
 
 
 def _beyond(case: Case) -> str | None:
