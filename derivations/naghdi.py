@@ -133,7 +133,7 @@ def _rounding(thickness: float, clamped: bool) -> float:
 
 
 def hypar(name: str) -> dict[str, Estimate]:
-    """Values of the hypar by splines; the uncertainty is twice the change from a coarser level."""
+    """Values of the hypar by Bernstein polynomials; the uncertainty is twice the change from a coarser level."""
     levels = (naghdi_hypar.solved(*naghdi_hypar.CASES[name], level) for level in naghdi_hypar.LEVELS[name])
     return {
         quantity: Estimate(one.value, 2 * one.uncertainty, one.unit)

@@ -37,7 +37,7 @@ class GridSettings(Settings):
 
     degree: int = Field(5, ge=2, le=16, description="of the first solve")
     last_degree: int = Field(11, ge=3, le=16, description="at most")
-    smallest: float = Field(0.05, gt=0, description="cell, at edges, in thicknesses")
+    smallest: float = Field(0.003, gt=0, description="cell, at edges, in thicknesses")
     ratio: float = Field(3.0, gt=1, description="of distances of successive cells from an edge")
     settle: float = Field(1e-9, ge=0, lt=1, description="relative change of all quantities below which degrees suffice")
 
