@@ -143,7 +143,7 @@ def softened(patch):
 
 def plate_of_elements(name):
     """Quantities of a plate outside the tolerance of `p-naghdi`."""
-    return exceeded(name, PNaghdiSolver(), GridSettings(last_degree=9))
+    return exceeded(name, PNaghdiSolver(), GridSettings(last_degree=9, smallest=0.25))
 
 
 @pytest.mark.parametrize("fault", [without_shear_factor, shear_of_the_wrong_sign, softened])
