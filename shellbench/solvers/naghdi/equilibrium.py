@@ -109,7 +109,7 @@ class Equilibrium:
     def strained(self, coefficients: Array) -> Array:
         """Return roots times jets (cells, cells, points, points, 8)."""
         jets = self.jets(coefficients)
-        return np.einsum("...sz,...z->...s", self.roots, jets.reshape(*jets.shape[:-2], -1), optimize=True)
+        return np.asarray(np.einsum("...sz,...z->...s", self.roots, jets.reshape(*jets.shape[:-2], -1), optimize=True))
 
     def residual(self, coefficients: Array) -> Array:
         """Return forces less those of the stresses (functions, functions, 5); zero where functions are held."""
@@ -250,8 +250,8 @@ def _held(case: Case, grid: Grid) -> NDArray[np.bool_]:
 def _edge_forces(case: Case, grid: Grid) -> Array:
     """Return the work (functions, functions, 3) of loads on edges on each function."""
     total = np.zeros((grid.count(0), grid.count(1), 3))
-    for load in case.loads:
-        for name in load.on if isinstance(load, EdgeLoad) else ():
+    for load in (load for load in case.loads if isinstance(load, EdgeLoad)):
+        for name in load.on:
             edge = case.places[name]
             assert isinstance(edge, Edge)
             along = 1 - edge.axis

@@ -109,9 +109,9 @@ class GridSolution(ShellSolution):
     @classmethod
     def restored(cls, case: Case, words: Words, arrays: Arrays) -> GridSolution:
         """Make a solution from the data of a file; ValueError or KeyError if they are inconsistent."""
-        data = {name: arrays[name] for name in ("first", "second", "coefficients", "rigid")}
-        degree, energies = int(words["degree"]), {name: float(words[name]) for name in ("membrane", "bending")}
-        found = cls(case, degree, **data, **energies)
+        first, second, coefficients, rigid = (arrays[n] for n in ("first", "second", "coefficients", "rigid"))
+        membrane, bending = (float(words[name]) for name in ("membrane", "bending"))
+        found = cls(case, int(words["degree"]), first, second, coefficients, rigid, membrane, bending)
         grid = found.grid
         shape = (grid.count(0), grid.count(1), FIELDS)
         if found.coefficients.shape != shape or found.rigid.shape != (len(RIGID_MOTIONS),):
