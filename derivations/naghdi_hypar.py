@@ -22,7 +22,10 @@ CASES = {"1e_2": (1e-2, 80.0), "1e_3": (1e-3, 8.0), "1e_4": (1e-4, 0.8)}
 OBLIQUE = np.array([0.3, 0.35]), np.array([1.0, 2.0, -2.0]) / 3
 PAIRS = (0, 0), (1, 1), (0, 1)
 REFINEMENTS = 2
-LEVELS = {"1e_2": ((8, 4, 0.002, 4.0), (7, 4, 0.005, 3.0))}
+LEVELS = {
+    "1e_2": ((8, 4, 0.002, 4.0), (7, 4, 0.005, 3.0)),
+    "1e_3": ((7, 8, 0.02, 3.0), (6, 6, 0.02, 3.0)),
+}
 Level = tuple[int, int, float, float]
 """Degree, even cells along half of a side, the thinnest cell at edges in thicknesses, ratio of their distances."""
 
