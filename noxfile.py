@@ -207,6 +207,12 @@ def naghdi(session: nox.Session) -> None:
 
 
 @nox.session
+def naghdi_limits(session: nox.Session) -> None:
+    """Solve shells whose normals shear, on hard and soft supports, and judge."""
+    run_and_judge(session, "naghdi_limits", quick=("thick_plate_naghdi", "scordelis_lo@naghdi_soft"))
+
+
+@nox.session
 def skinning(session: nox.Session) -> None:
     """Skin a simulated cape from bones by lines and by networks; nothing is judged. `-- --solver NAME` asks fewer.
 

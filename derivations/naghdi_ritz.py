@@ -192,19 +192,22 @@ class Polynomials:
 FREE, BEGIN, END = (False, False), (True, False), (False, True)
 
 
-def roof(thickness: float) -> Quarter:
-    """The roof of `levy_roof`: the first coordinate along the axis from a diaphragm, the second from the crown."""
+def roof(thickness: float, soft: bool = False) -> Quarter:
+    """The roof of `levy_roof`: the first coordinate along the axis from a diaphragm, the second from the crown.
+
+    A soft diaphragm leaves the normal free to turn in its plane.
+    """
     radius = 25.0
     return Quarter(
         radius, (25.0, radius * np.deg2rad(40.0)), 4.32e8, 0.0, thickness,
-        ((END, FREE), (BEGIN, BEGIN), (BEGIN, FREE), (END, FREE), (BEGIN, BEGIN)),
+        ((END, FREE), (BEGIN, BEGIN), (BEGIN, FREE), (END, FREE), (FREE if soft else BEGIN, BEGIN)),
         lambda s: 90.0 * np.stack([0 * s, np.sin(s / radius), -np.cos(s / radius), 0 * s, 0 * s], axis=-1),
     )  # fmt: skip
 
 
-def roof_values(thickness: float, degrees: tuple[int, int]) -> dict[str, float]:
+def roof_values(thickness: float, degrees: tuple[int, int], soft: bool = False) -> dict[str, float]:
     """Values of the case of the roof."""
-    found, t = roof(thickness).solve(degrees), np.deg2rad(40.0)
+    found, t = roof(thickness, soft).solve(degrees), np.deg2rad(40.0)
     _, v, w = found.displacement(np.array([25.0]), np.array([25.0 * t]))[0, 0]
     return {
         "edge_deflection": float(v * np.sin(t) - w * np.cos(t)),
@@ -214,11 +217,14 @@ def roof_values(thickness: float, degrees: tuple[int, int]) -> dict[str, float]:
     }
 
 
-def plate(side: float, thickness: float, young: float, poisson: float, pressure: float) -> Quarter:
-    """A square plate whose rim holds the displacement and the normal's change along it: (u, v, w, psi_1, psi_2)."""
-    half = side / 2
+def plate(side: float, thickness: float, young: float, poisson: float, pressure: float, soft: bool = False) -> Quarter:
+    """A square plate whose rim holds the displacement, and the normal's change along it unless it is soft.
+
+    Fields are (u, v, w, psi_1, psi_2).
+    """
+    half, along = side / 2, FREE if soft else BEGIN
     return Quarter(
         np.inf, (half, half), young, poisson, thickness,
-        (((True, True), BEGIN), (BEGIN, (True, True)), (BEGIN, BEGIN), (END, BEGIN), (BEGIN, END)),
+        (((True, True), BEGIN), (BEGIN, (True, True)), (BEGIN, BEGIN), (END, along), (along, END)),
         lambda s: pressure * np.stack([0 * s, 0 * s, -1 + 0 * s, 0 * s, 0 * s], axis=-1),
     )  # fmt: skip

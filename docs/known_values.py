@@ -78,19 +78,21 @@ def row(case: Problem) -> str:
     quantity = case.primary
     file = ROOT / "references" / f"{case.name}.toml"
     values = read_toml(file)["values"] if file.is_file() else []
+    link = f"[`{case.name}`](cases/{case.name}.md)" if case.name == case.base else f"`{case.name}`"
     found = [v for v in values if v["quantity"] == quantity.name and v["theory"] == case.theory]
     judges = [v for v in found if v["role"] == "judge"]
     value = " ".join(f"{v['value']:.13g} ± {v['uncertainty']:.2g} {quantity.unit}" for v in judges) or "no known value"
     how = "; ".join(f"{v['origin']} ({where(v)})" for v in judges)
     others = "; ".join(f"{v['origin']} [{v['source']}]" for v in found if v["role"] == "origin")
     headline = quantity.description or quantity.kind.replace("_", " ")
-    return f"|[`{case.name}`](cases/{case.name}.md)|{cell(headline)}|{value}|{cell(how)}|{cell(others)}|"
+    return f"|{link}|{cell(headline)}|{value}|{cell(how)}|{cell(others)}|"
 
 
 def headlines() -> list[str]:
     """Return the lines of the tables of headlines, a group each."""
     head = "|case|headline|known value|method of the judge (source)|methods of the origins [source]|\n|---|---|---|---|---|"
-    cases = [catalog.named_case(path.stem) for path in sorted((ROOT / "cases").glob("*.toml"))]
+    names = sorted([*catalog.own_case_names(), *catalog.own_twins()])
+    cases = [catalog.named_case(name) for name in names]
     lines = []
     for title in GROUPS:
         lines += ["", f"### {title}", "", head, *(row(case) for case in cases if group(case) == title)]
@@ -132,7 +134,7 @@ def entry(case: Problem, quantity: Quantity) -> dict[str, Any] | None:
 
 def table() -> str:
     """Return all known values that judge, for programs."""
-    cases = [catalog.named_case(name) for name in catalog.case_names()]
+    cases = [catalog.named_case(name) for name in [*catalog.case_names(), *catalog.own_twins()]]
     entries = [found for case in cases for q in case.quantities if (found := entry(case, q)) is not None]
     head = {"exam": catalog.exam_version(), "source": "shellbench; see CITATION.cff", "values": len(entries)}
     lines = ",\n".join(f"  {json.dumps(one, ensure_ascii=False)}" for one in entries)

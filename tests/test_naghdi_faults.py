@@ -1,4 +1,4 @@
-"""Mistakes in the theory of `pinn-naghdi`, each made on purpose: the known values find every one.
+"""Mistakes in the theory of `pinn-naghdi` and `p-naghdi`, each made on purpose: the known values find every one.
 
 Training is left out: the solver's own strains, stiffness, loads and supports are minimised over polynomials, which
 takes milliseconds and leaves the error of the theory alone.
@@ -10,11 +10,12 @@ import torch
 from numpy.polynomial.legendre import legval
 
 from shellbench.bench.catalogue import catalog
-from shellbench.solvers.naghdi import network, solution, strains
+from shellbench.solvers.naghdi import equilibrium, network, solution, strains
 from shellbench.solvers.naghdi.network import Fields
+from shellbench.solvers.naghdi.p_solver import GridSettings, PNaghdiSolver
 from shellbench.solvers.naghdi.solution import NaghdiSolution, Rule, gauss_points
 from shellbench.solvers.naghdi.strains import Frame
-from tests.injecting import shares_of_tolerances
+from tests.injecting import exceeded, shares_of_tolerances
 
 PLATE, ROOF = "thick_plate_naghdi", "scordelis_lo_naghdi"
 DEGREES = {PLATE: (8, 8), ROOF: (12, 8)}
@@ -132,6 +133,28 @@ def shear_by_youngs_modulus(patch):
         "stiffness",
         lambda self, case: (*usual(self, case)[:2], usual(self, case)[2] * 2 * (1 + case.material.poissons_ratio)),
     )
+
+
+def softened(patch):
+    """Supports that the case calls hard leave normals free."""
+    usual = equilibrium.held_fields
+    patch.setattr(equilibrium, "held_fields", lambda case: [*usual(case)[:3], set(), set()])
+
+
+def plate_of_elements(name):
+    """Quantities of a plate outside the tolerance of `p-naghdi`."""
+    return exceeded(name, PNaghdiSolver(), GridSettings(last_degree=9, smallest=0.25))
+
+
+@pytest.mark.parametrize("fault", [without_shear_factor, shear_of_the_wrong_sign, softened])
+def test_each_fault_of_elements_is_found(monkeypatch, fault):
+    fault(monkeypatch)
+    assert plate_of_elements(PLATE) == {"centre_deflection", "largest_displacement", "strain_energy"}
+
+
+@pytest.mark.parametrize("name", [PLATE, f"{PLATE}@naghdi_soft"])
+def test_elements_without_a_fault_pass(name):
+    assert not plate_of_elements(name)
 
 
 LONG = pytest.mark.long

@@ -54,6 +54,8 @@ class Kind:
         Takes a problem; returns its description for reports.
     variants
         Equivalent statements of the same question, by name, with the same known values.
+    twins
+        The same shell in another theory, by name: other questions, with known values and tolerances of their own.
     sample
         Takes a solution, points a side, a mark (None: the last state) and a title; returns the sample for export. None
         if solutions of this kind are no surfaces.
@@ -72,12 +74,18 @@ class Kind:
     studies: Mapping[str, Account] = field(default_factory=dict)
     portrait: Callable[[Any], Portrait] = Portrait
     variants: Mapping[str, Variant] = field(default_factory=dict)
+    twins: Mapping[str, Variant] = field(default_factory=dict)
     sample: Callable[[Any, int, float | None, str], Sample] | None = None
     from_file: Callable[[Path, Path], str] | None = None
     headline: str = "Headline figures"
     headlines: Mapping[str, str] = field(default_factory=dict)
     exam: tuple[str, ...] = ()
     quick: tuple[str, ...] = ()
+
+    @property
+    def statements(self) -> Mapping[str, Variant]:
+        """Variants and twins by name."""
+        return {**self.variants, **self.twins}
 
     @property
     def theories(self) -> tuple[str, ...]:

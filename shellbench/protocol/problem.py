@@ -17,7 +17,7 @@ from shellbench.protocol.quantity import FULL, Quantity
 from shellbench.protocol.schema import LONGEST_TITLE, Model, Name, check_sizes, one_sentence, read_toml
 
 VARIANT = "@"  # between a case's name and its variant's
-CaseName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*(@[a-z]+)?$", max_length=80)]
+CaseName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*(@[a-z_]+)?$", max_length=80)]
 
 
 class Problem(Model):

@@ -119,12 +119,14 @@ LONG = {
     *ball_drape.JUDGES,
     *resultants.LONG,
     *benchmark_shells.JUDGES,
+    *(name for name in naghdi.JUDGES if name.startswith("hypar") or name.endswith("_soft")),
     "square_plate_nonlinear",
     "guided_ring",
     "sleeve_compression",
     "manufactured_finite_strain",
 }
 LONG_SECOND = {"pressed_motion", "guided_plate", "guided_ring", "swung_cantilever", "bedded_plate", "hooked_cantilever"}
+LONG_SECOND |= {name for name in naghdi.SECOND_FORMS if "scordelis_lo" in name or name.endswith("_soft")}
 SECOND_FORMS = {
     "Levy's single series": square_plate_by_levy,
     "Fourier series along the axis, exact exponentials along the arc": roof_by_exponentials,
@@ -158,7 +160,7 @@ FOLDED = [name for name in folds.JUDGES if name in catalog.case_names()]
 ELSEWHERE = ("conditioned_", "edit_")  # tests/test_conditioned_origins.py, tests/test_editing_origins.py
 JUDGED = [
     pytest.param(name, marks=[pytest.mark.long] if name in LONG else [])
-    for name in catalog.case_names()
+    for name in [*catalog.case_names(), *catalog.own_twins()]
     if any(value.role == "judge" for value in catalog.known_values(name).values)
     and not name.startswith(ELSEWHERE)
     and "thinness" not in name  # tests/test_thinness_cases.py
@@ -259,8 +261,7 @@ def of_quantity(values, quantity):
         "sleeve_compression_thin",
         "sleeve_twist_thin",
         pytest.param("sleeve_twist_thin_buckled", marks=pytest.mark.long),
-        "thick_plate_naghdi",
-        pytest.param("scordelis_lo_naghdi", marks=pytest.mark.long),
+        *(pytest.param(name, marks=pytest.mark.long if name in LONG_SECOND else ()) for name in naghdi.SECOND_FORMS),
     ],
 )
 def test_second_forms_are_what_they_compute(name):

@@ -110,7 +110,7 @@ def about_case(case: Problem, asked: str = "") -> Data:
 def _variants(case: Problem, asked: str) -> list[Data]:
     """Return the variants of a case."""
     found = []
-    for name, variant in find_kind(case.kind).variants.items():
+    for name, variant in find_kind(case.kind).statements.items():
         try:
             variant.make(case)
         except InputError:  # it can't be asked so

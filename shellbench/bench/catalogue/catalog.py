@@ -83,6 +83,11 @@ def suite_names() -> list[str]:
     return names
 
 
+def own_twins() -> list[str]:
+    """Names of the twins that have known values, such as ``scordelis_lo@naghdi``."""
+    return [name for name in _names_in(data_folder("references")) if VARIANT in name]
+
+
 def own_suite_names() -> list[str]:
     """Names of the suites that come with shellbench."""
     return _names_in(data_folder("cases") / "suites")
@@ -111,7 +116,9 @@ def kind_named_by(name: str) -> str:
 
 @cache
 def suites_named_by(name: str) -> tuple[str, ...]:
-    """Return the suites to which a case says that it belongs, and those that ask it."""
+    """Return the suites to which a case says that it belongs, and those that ask it; of a twin those that ask it."""
+    if VARIANT in name:
+        return _suites_that_ask(name)
     return (*_named_by(name)[1], *_asked_by(name))
 
 
@@ -123,7 +130,7 @@ def _asked_by(case: str) -> tuple[str, ...]:
 def has_case(name: str) -> bool:
     """Return True if a name is one of the suite's own cases or a variant of one."""
     base, _, variant = name.partition(VARIANT)
-    return base in case_names() and (not variant or variant in find_kind(named_case(base).kind).variants)
+    return base in case_names() and (not variant or variant in find_kind(named_case(base).kind).statements)
 
 
 @cache
@@ -152,7 +159,7 @@ def named_case(name: str) -> Problem:
 
 
 def variant_of(case: Problem, name: str) -> Problem:
-    """Return a variant of a case: an equivalent statement of the same question.
+    """Return a variant of a case, an equivalent statement of the same question, or its twin in another theory.
 
     Raises
     ------
@@ -160,12 +167,11 @@ def variant_of(case: Problem, name: str) -> Problem:
         If its kind of problem has no such variant, or the case can't be asked so.
     """
     kind = find_kind(case.kind)
-    if name not in kind.variants:
-        known = (
-            f"variants are {', '.join(kind.variants)}" if kind.variants else f"problems of kind '{case.kind}' have none"
-        )
+    if name not in kind.statements:
+        names = ", ".join(kind.statements)
+        known = f"variants are {names}" if names else f"problems of kind '{case.kind}' have none"
         raise InputError(f"unknown variant '{name}' of case '{case.name}': {known}")
-    variant, full = kind.variants[name], f"{case.name}{VARIANT}{name}"
+    variant, full = kind.statements[name], f"{case.name}{VARIANT}{name}"
     try:
         data = variant.make(case)
         title = f"{case.title[: LONGEST_TITLE - len(variant.words) - 2]}, {variant.words}"
@@ -313,10 +319,18 @@ def exam_version() -> int | None:
     return found if isinstance(found, int) else None
 
 
+def _judged_as(case_name: str) -> str:
+    """Return the name under which a case is judged: a variant's case, but a twin itself."""
+    return case_name if case_name in own_twins() else case_name.partition(VARIANT)[0]
+
+
 @cache
 def known_values(case_name: str) -> KnownValues:
-    """Return the known values of a case, for a variant those of its case; none for a user's own case."""
-    name = case_name.partition(VARIANT)[0]
+    """Return the known values of a case, for a variant those of its case, for a twin its own if it has any.
+
+    A user's own case has none. Those of its case never judge a twin, as they are of another theory.
+    """
+    name = _judged_as(case_name)
     found = (one.references(name) for one in brought() if name in one.cases)
     path = next(found, data_folder("references") / f"{name}.toml")
     return read_known_values(path) if path.is_file() else KnownValues()
@@ -337,9 +351,9 @@ def tolerances() -> Mapping[str, Tolerances]:
 
 def tolerance(case_name: str, quantity: str, solver: str) -> Tolerance | None:
     """Return the frozen tolerance of a quantity for a solver; None if there is none. The case may be a variant."""
-    base, _, variant = case_name.partition(VARIANT)
-    found = tolerances_of(solver).get(base, {}).get(quantity)
-    return found.of_variant(variant) if found else None
+    name = _judged_as(case_name)
+    found = tolerances_of(solver).get(name, {}).get(quantity)
+    return found.of_variant(case_name[len(name) + 1 :]) if found else None
 
 
 def tolerances_of(solver: str) -> Tolerances:

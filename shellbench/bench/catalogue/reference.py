@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal, Self, TypeVar
 from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
 from shellbench.errors import InputError
-from shellbench.problem import Problem, Quantity
+from shellbench.problem import CaseName, Problem, Quantity
 from shellbench.protocol.schema import Finite, Model, Name, Positive, one_sentence, read_toml
 
 KnownTheory = Annotated[str, Field(pattern=r"^[a-z]+(-[a-z]+)*$")]
@@ -185,7 +185,7 @@ class Tolerance(Model):
         return f"{self.largest:g} {'absolute' if self.is_absolute else 'relative'}"
 
 
-Tolerances = dict[Name, dict[Name, Tolerance]]
+Tolerances = dict[CaseName, dict[Name, Tolerance]]
 """By case and quantity."""
 
 _READER = TypeAdapter(Tolerances)

@@ -140,7 +140,7 @@ def todays_lock(cases: Collection[str] | None = None, suites: Collection[str] | 
         Names of the only cases that count, and of the only suites whose variants do.
     """
     gated = {name for held in catalog.tolerances().values() for name in held}
-    own = set(catalog.own_case_names())  # other packages lock their own data
+    own = _own()  # other packages lock their own data
     counted = own if cases is None else own & {*cases}
     judged = {name for name in counted if any(v.role == "judge" for v in catalog.known_values(name).values)}
     asked = {
@@ -161,6 +161,11 @@ def todays_lock(cases: Collection[str] | None = None, suites: Collection[str] | 
             if names
         },
     )
+
+
+def _own() -> set[str]:
+    """Return the names of all own cases and twins."""
+    return {*catalog.own_case_names(), *catalog.own_twins()}
 
 
 def _locked(case: Problem) -> LockedCase:
@@ -246,8 +251,8 @@ def check_lock(suites: Collection[str] | None = None, cases: Iterable[str] = ())
     names = None
     if suites is not None:
         of_lock = {name: case for name, case in locked.cases.items() if not case.suites.keys().isdisjoint(suites)}
-        names = {name for name in catalog.own_case_names() if not {*suites}.isdisjoint(catalog.suites_named_by(name))}
-        names |= of_lock.keys() | {*cases}.intersection(catalog.own_case_names(), locked.cases)
+        names = {name for name in _own() if not {*suites}.isdisjoint(catalog.suites_named_by(name))}
+        names |= of_lock.keys() | {*cases}.intersection(_own(), locked.cases)
         variants = {suite: asked for suite, asked in locked.variants.items() if suite in suites}
         of_lock |= {name: case for name, case in locked.cases.items() if name in names}
         locked = locked.model_copy(update={"cases": of_lock, "variants": variants})
@@ -261,7 +266,7 @@ def check_lock(suites: Collection[str] | None = None, cases: Iterable[str] = ())
 
 def _dangling(cases: Collection[str] | None) -> Iterator[Found]:
     """Yield tolerances of missing quantities, which have no effect; only of these cases, if some are given."""
-    names = set(catalog.own_case_names())
+    names = _own()
     for solver, held in catalog.tolerances().items():
         file = f"references/{FOLDER}/{solver}.toml"
         for name, quantities in held.items():

@@ -77,6 +77,11 @@ class Case(Shell):
         for support, place in self.supported_places():
             if support.holds_slope and not isinstance(place, Edge):
                 raise ValueError(f"support '{support.name}' is clamped on '{place.name}', but only edges can be")
+            if support.shear is not None and self.theory != "naghdi-linear":
+                raise ValueError(
+                    f"support '{support.name}' says that its shear is {support.shear}, but normals shear in the theory"
+                    " naghdi-linear only"
+                )
             if (
                 support.local
                 and not isinstance(place, Edge)

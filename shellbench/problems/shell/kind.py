@@ -21,7 +21,7 @@ from shellbench.problems.shell.records.sampling import (
 )
 from shellbench.problems.shell.records.self_intersection import self_intersection_study
 from shellbench.problems.shell.records.series import series_of
-from shellbench.problems.shell.variants.variants import VARIANTS
+from shellbench.problems.shell.variants.variants import TWINS, VARIANTS
 from shellbench.protocol.history import (
     FrameRateStep,
     PrecisionStep,
@@ -125,6 +125,7 @@ SHELL = Kind(
     headline="Displacements",
     headlines=HEADLINES,
     variants=VARIANTS,
+    twins=TWINS,
     sample=sample,
     from_file=case_of_mesh,
     exam=("obstacle_course", "verification", "variants", "shapes", "nonlinear"),

@@ -18,8 +18,9 @@ DOME = {
 POINTS = np.array([[0.3, 0.4], [0.7, 0.2], [0.9, 0.8]])
 
 
-def dome() -> Case:
-    return build_case(DOME, "dome", "test")
+def dome(clamped: bool = True) -> Case:
+    rim = {"name": "rim", "on": ["xi1_min"], "clamped": clamped}
+    return build_case({**DOME, "supports": [rim]}, "dome", "test")
 
 
 def normal(case, xi):

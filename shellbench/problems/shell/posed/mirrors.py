@@ -323,7 +323,10 @@ def mirrored_supports(case: Shell, mirror: Mirror) -> tuple[int, ...] | None:
     """Return the number of each support's mirror image; None if a support has none."""
 
     def carried(support: Support, other: Support) -> bool:
-        alike = set(support.held) == set(other.held) and support.clamped == other.clamped
+        alike = set(support.held) == set(other.held) and (support.clamped, support.shear) == (
+            other.clamped,
+            other.shear,
+        )
         if not alike or support.symmetry != other.symmetry or len(support.on) != len(other.on):
             return False
         candidates = [case.places[name] for name in other.on]

@@ -145,6 +145,9 @@ class Shell(Problem):
                 del load["follows"]
             if load.get("frame") == "global":  # the default, left out for the same reason
                 del load["frame"]
+        for support in data["supports"]:
+            if support["shear"] != "soft":
+                del support["shear"]
         if not data["edge_parts"]:  # left out for the same reason
             del data["edge_parts"]
         if not data["obstacles"]:

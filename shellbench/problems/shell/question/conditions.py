@@ -136,6 +136,9 @@ class Support(Model):
         Normal of the plane of symmetry in which the edge lies. It implies components and clamp, and takes neither.
     motion
         Motion of the held components; at rest without it.
+    shear
+        Whether it keeps normals from turning along the edge where it holds the displacement along the normal ("hard",
+        the default) or leaves them free ("soft"); in the theory naghdi-linear only.
     """
 
     name: Name
@@ -144,6 +147,7 @@ class Support(Model):
     clamped: Flag = False
     symmetry: Component | None = None
     motion: Motion | None = None
+    shear: Literal["hard", "soft"] | None = None
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
@@ -153,8 +157,8 @@ class Support(Model):
             raise ValueError("a support holds at least one component or is clamped")
         if len({name in LOCAL for name in self.components}) > 1:
             raise ValueError(f"components {list(self.components)} are in part Cartesian, in part local to the shell")
-        if self.symmetry and {"components", "clamped", "motion"} & self.model_fields_set:
-            raise ValueError("a plane of symmetry takes no components, clamp or motion: it implies them")
+        if self.symmetry and {"components", "clamped", "motion", "shear"} & self.model_fields_set:
+            raise ValueError("a plane of symmetry takes no components, clamp, motion or shear: it implies them")
         return self
 
     @property

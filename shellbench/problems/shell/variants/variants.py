@@ -1,6 +1,9 @@
-"""Variants of a case with the same answer. Known values carry over, and a correct solver gives equal answers.
+"""Variants of a case with the same answer, and its twins in Naghdi's theory, which have answers of their own.
 
-A solver that is right only for the usual axes, metres, or coordinates along lines of curvature fails on them.
+Known values of variants carry over, and a correct solver gives equal answers. A solver that is right only for the usual
+axes, metres, or coordinates along lines of curvature fails on them.
+
+A twin is the same shell with normals that shear. Both limits of a thin shell can then be compared.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ from shellbench.errors import InputError
 from shellbench.problem import Variant
 from shellbench.problems.shell.posed.shell import Shell
 from shellbench.problems.shell.quantities.quantities import CentreOfMass, PositionQuantity
+from shellbench.problems.shell.question.loads import PointLoad
 from shellbench.problems.shell.variants import reparametrisation
 from shellbench.problems.shell.variants.placing import CYCLE, placed_data, turning
 from shellbench.problems.shell.variants.units import KILOMETRES_GRAMS, MILLIMETRES_TONNES, Units, converted_data
@@ -45,6 +49,34 @@ def _in_units(case: Shell, units: Units) -> dict[str, Any]:
     return converted_data(case, units)
 
 
+def _with_shear(case: Shell, soft: bool) -> dict[str, Any]:
+    """Return the data of a case whose normals shear; soft supports leave them free to turn along an edge."""
+    if case.theory == "naghdi-linear" and not soft:
+        raise InputError("its normals shear already")
+    reasons = (
+        (case.dynamics is not None, "it moves, and Naghdi's theory is one of shells at rest here"),
+        (not case.linear, "Naghdi's theory is linear here, and this case is not"),
+        (case.modal, "it asks for modes or buckling loads, which Naghdi's theory does not give here"),
+        (bool(case.obstacles), "it touches obstacles, which Naghdi's theory does not know here"),
+        (
+            any(isinstance(load, PointLoad) for load in case.loads),
+            "a force at a point moves it without bound if normals shear, so that there is no limit",
+        ),
+    )
+    for refused, why in reasons:
+        if refused:
+            raise InputError(why)
+    data = case.model_dump(mode="json", exclude_unset=True) | {"theory": "naghdi-linear"}
+    if soft:
+        held = data.get("supports", [])
+        holding = [s for s in held if not (s.get("clamped") or s.get("symmetry") or s.get("shear") == "soft")]
+        if not holding:
+            raise InputError("it has no support that could be made soft: clamps and planes of symmetry are hard")
+        for support in holding:
+            support["shear"] = "soft"
+    return data
+
+
 def _in_chart(make: reparametrisation.MakeChart) -> Callable[[Shell], dict[str, Any]]:
     return partial(reparametrisation.in_chart, make=make)
 
@@ -60,4 +92,8 @@ VARIANTS: Mapping[str, Variant] = {
     "warped": Variant("coordinates graded", _in_chart(reparametrisation.warped)),
     "oblique": Variant("coordinates oblique", _in_chart(reparametrisation.oblique)),
     "helical": Variant("coordinate lines wound as helices", _in_chart(reparametrisation.helical)),
+}
+TWINS: Mapping[str, Variant] = {
+    "naghdi": Variant("normals that shear", partial(_with_shear, soft=False)),
+    "naghdi_soft": Variant("normals that shear, soft supports", partial(_with_shear, soft=True)),
 }
