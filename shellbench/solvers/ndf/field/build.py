@@ -35,6 +35,7 @@ from shellbench.solvers.ndf.field.lines import TOGETHER, Creases, Hinges, hinges
 from shellbench.solvers.ndf.field.mirrors import Mirrors, mirrors_of, samples
 from shellbench.solvers.ndf.field.network import Network
 from shellbench.solvers.ndf.field.quadrature import ROUNDING, RuleSpec
+from shellbench.solvers.ndf.field.strips import strips_along
 
 
 def field_mirrors(case: Case, spec: FieldSpec) -> Mirrors | None:
@@ -151,7 +152,13 @@ def is_flat(case: Case) -> bool:
 
 
 def usual_resolution(case: Case) -> Resolution:
-    """Return the default resolution of a case."""
+    """Return the default resolution of a case; with folds, each strip takes its share of features."""
+    usual = _without_folds(case)
+    strips = max(len(strips_along(case.surface, axis)) for axis in (0, 1))
+    return replace(usual, neurons=usual.neurons * max(1, strips))
+
+
+def _without_folds(case: Case) -> Resolution:
     flat = is_flat(case)
     if foci(case):
         neurons = 700 if any(case.surface.domain.periodic) else 300 if flat else 400
@@ -226,7 +233,8 @@ def _lengthened(spec: RuleSpec, axis: int, factor: float) -> RuleSpec:
 
 def _rule(case: Case, panels: int, order: int, grading: float = 1.0, cuts: int = 0) -> RuleSpec:
     """Return a rule with twice the panels along a periodic coordinate, whose inputs run through a whole turn."""
-    first, second = (2 * panels if periodic else panels for periodic in case.surface.domain.periodic)
+    domain, strips = case.surface.domain, [len(strips_along(case.surface, axis)) for axis in (0, 1)]
+    first, second = (max(1 + turn, n) * panels for turn, n in zip(domain.periodic, strips, strict=True))
     return RuleSpec((first, second), order, grading, cuts, joints=joints_of(case))
 
 

@@ -66,6 +66,7 @@ from shellbench.solvers.ndf.field.jets import (
 )
 from shellbench.solvers.ndf.field.mirrors import Mirrors
 from shellbench.solvers.ndf.field.quadrature import ROUNDING
+from shellbench.solvers.ndf.field.strips import edge_strip
 from shellbench.solvers.ndf.field.supports import EdgeSupport, Sides, edge_supports, even_sides
 
 NORMAL_SAMPLES = 17  # points a side of the grid on which a3 is sampled
@@ -184,13 +185,12 @@ def edge_weight(case: Case, edge: Edge, alone: bool, points: Array, placement: P
     """Return the jet (6, N) of an edge's weight: the cubic smoothstep across the shell, or one if it is `alone`."""
     if alone:
         return constant(placement.tensor(np.ones(len(points))))
-    domain = case.surface.domain
-    t = coordinates(points, placement)[edge.axis] / domain.size[edge.axis]
-    t[VALUE] = placement.tensor((points[:, edge.axis] - domain.lower[edge.axis]) / domain.size[edge.axis])
-    if edge.side == "min":
-        t = -t
-        t[VALUE] = placement.tensor((domain.upper[edge.axis] - points[:, edge.axis]) / domain.size[edge.axis])
-    v = t[VALUE]
+    # Beyond a fold the weight is zero, so that the fold's condition does not see it.
+    (start, stop), x = edge_strip(case.surface, edge.axis, edge.side), points[:, edge.axis]
+    share = (x - start if edge.side == "max" else stop - x) / (stop - start)
+    t = coordinates(points, placement)[edge.axis] / (stop - start) * placement.tensor(share > 0)
+    t = t if edge.side == "max" else -t
+    t[VALUE] = v = placement.tensor(np.maximum(share, 0.0))
     return compose((v * v * (3 - 2 * v), 6 * v * (1 - v), 6 - 12 * v), t)
 
 
