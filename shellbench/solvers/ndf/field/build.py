@@ -120,6 +120,7 @@ def graded_points(case: Case, spec: FieldSpec) -> Array:
 # on the shells of the top. At a scale of 2 the certified energy of the Scordelis-Lo roof is higher by 4e-8, that of a
 # pinched cylinder by 3e-5.
 SCALE, FLAT_SCALE, STRETCHED_SCALE = 3.0, 3.5, 2.0
+FLAT_NEURONS, CURVED_NEURONS = 120, 240  # of open shells without forces at points
 
 
 @dataclass(frozen=True)
@@ -152,10 +153,9 @@ def is_flat(case: Case) -> bool:
 
 
 def usual_resolution(case: Case) -> Resolution:
-    """Return the default resolution of a case; with folds, each strip takes its share of features."""
-    usual = _without_folds(case)
-    strips = max(len(strips_along(case.surface, axis)) for axis in (0, 1))
-    return replace(usual, neurons=usual.neurons * max(1, strips))
+    """Return the default resolution of a case; between folds, each strip has as many neurons as an open side."""
+    usual, strips = _without_folds(case), max(len(strips_along(case.surface, axis)) for axis in (0, 1))
+    return replace(usual, neurons=max(usual.neurons, strips * (FLAT_NEURONS if is_flat(case) else CURVED_NEURONS)))
 
 
 def _without_folds(case: Case) -> Resolution:
@@ -165,10 +165,10 @@ def _without_folds(case: Case) -> Resolution:
         rule, fine = (_around_points(case, panels, cuts) for panels, cuts in ((6, 1), (10, 2)))
         return Resolution(neurons, SCALE, STRETCHED_SCALE, rule, fine)
     if flat:
-        neurons = 240 if any(case.surface.domain.periodic) else 120  # a whole turn is twice as long as a side
+        neurons = 240 if any(case.surface.domain.periodic) else FLAT_NEURONS  # a whole turn is twice as long as a side
         panels = 8 if any(case.surface.domain.periodic) else 5
         return Resolution(neurons, FLAT_SCALE, STRETCHED_SCALE, _rule(case, panels, 6), _rule(case, panels + 1, 7))
-    return Resolution(240, SCALE, STRETCHED_SCALE, _rule(case, 8, 6, 2.0), _rule(case, 11, 7, 2.0, 1))
+    return Resolution(CURVED_NEURONS, SCALE, STRETCHED_SCALE, _rule(case, 8, 6, 2.0), _rule(case, 11, 7, 2.0, 1))
 
 
 # Widths of the levels of a path, in units of the usual width. The last one is also that of very long strips.
@@ -232,9 +232,12 @@ def _lengthened(spec: RuleSpec, axis: int, factor: float) -> RuleSpec:
 
 
 def _rule(case: Case, panels: int, order: int, grading: float = 1.0, cuts: int = 0) -> RuleSpec:
-    """Return a rule with twice the panels along a periodic coordinate, whose inputs run through a whole turn."""
+    """Return a rule with twice the panels along a periodic coordinate, whose inputs run through a whole turn.
+
+    Each strip between folds has as many panels as a side.
+    """
     domain, strips = case.surface.domain, [len(strips_along(case.surface, axis)) for axis in (0, 1)]
-    first, second = (max(1 + turn, n) * panels for turn, n in zip(domain.periodic, strips, strict=True))
+    first, second = (max(1 + turn, n - turn) * panels for turn, n in zip(domain.periodic, strips, strict=True))
     return RuleSpec((first, second), order, grading, cuts, joints=joints_of(case))
 
 

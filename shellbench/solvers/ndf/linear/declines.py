@@ -21,7 +21,9 @@ from shellbench.problems.shell.quantities.quantities import (
     TorqueQuantity,
 )
 from shellbench.problems.shell.question.conditions import RIGID_MOTIONS, Rotation, Value
-from shellbench.problems.shell.question.loads import MomentLoad
+from shellbench.problems.shell.question.folds import NEAR_EDGE
+from shellbench.problems.shell.question.loads import MomentLoad, PointLoad
+from shellbench.problems.shell.question.places import Point
 from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs
 from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.corners import held_corners
@@ -49,6 +51,8 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
         return "it answers a linear case at its last state alone"
     if case.springs and case.linear and case.dynamics is None and is_path(case):
         return "it takes no springs beside edge moments, or where all of the displacement is prescribed"
+    if case.surface.fold_lines and (reason := _why_not_folded(case, spec or FieldSpec())):
+        return reason
     if spec is not None and spec.supports == "soft":
         return why_not_soft(case)
     probe = _random_field(case, spec or FieldSpec())
@@ -61,6 +65,19 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
             return f"its boundary factors can't hold the slope on '{support.edge.name}' of this surface"
         if support.free and not by_rows and _slides_across(case, support):
             return f"it holds the slope on '{support.edge.name}', which slides, by features that take no shear there"
+    return None
+
+
+def _why_not_folded(case: Case, spec: FieldSpec) -> str | None:
+    """Return the reason that a field can't have the folds of a surface, as one clause, or None if it can."""
+    if not case.linear or case.dynamics or case.modal or case.obstacles or is_path(case):
+        return "its surface has folds, which it takes in linear theory at rest, without contact or edge moments"
+    if spec.supports == "soft" or spec.components == "covariant" or spec.slopes == "even":
+        return "its surface has folds, which it takes with Cartesian components and exact supports only"
+    forced = {name for load in case.loads if isinstance(load, PointLoad) for name in load.on}
+    places = [place for place in (case.places[name] for name in forced) if isinstance(place, Point)]
+    if any(abs(place.xi[f.axis] - f.at) <= NEAR_EDGE for place in places for f in case.surface.fold_lines):
+        return "a force acts at a point of a fold, where its singular features don't fit"
     return None
 
 

@@ -220,7 +220,9 @@ class Recovery:
         on_edges = any(isinstance(edge, Edge) and (edge.axis, edge.side) not in patch.inner for edge in edges)
         corner = all(len([a for a, _ in patch.inner if a == axis]) < len(SIDES) for axis in (0, 1))
         singular = fixed.creases is not None or (corner and fixed.corners is not None)
+        # Derivatives on a fold are those of its upper side: a patch may begin there, but not end.
         kinks = any(patch.lower[a] < at < patch.upper[a] for a in (0, 1) for at in case.kinks[a])
+        kinks |= any(patch.lower[f.axis] < f.at <= patch.upper[f.axis] for f in case.surface.fold_lines)
         return not (ansatz.soft or on_points or on_edges or singular or kinks)
 
 
