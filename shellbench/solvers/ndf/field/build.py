@@ -237,7 +237,7 @@ def _rule(case: Case, panels: int, order: int, grading: float = 1.0, cuts: int =
     Each strip between folds has as many panels as a side.
     """
     domain, strips = case.surface.domain, [len(strips_along(case.surface, axis)) for axis in (0, 1)]
-    first, second = (max(1 + turn, n - turn) * panels for turn, n in zip(domain.periodic, strips, strict=True))
+    first, second = (max(1 + turn, n) * panels for turn, n in zip(domain.periodic, strips, strict=True))
     return RuleSpec((first, second), order, grading, cuts, joints=joints_of(case))
 
 

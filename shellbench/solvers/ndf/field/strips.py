@@ -16,7 +16,9 @@ from torch import Tensor
 
 from shellbench.problems.shell.question.folds import ASIDE
 from shellbench.problems.shell.question.surface import Surface
-from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, compose, coordinates
+from shellbench.solvers.ndf.field.geometry import LINE
+from shellbench.solvers.ndf.field.jets import Array, Placement, compose, coordinates
+from shellbench.solvers.ndf.field.quadrature import ROUNDING
 
 Strip = tuple[float, float]
 
@@ -50,6 +52,19 @@ def strip_input(surface: Surface, axis: int, strip: Strip, points: Array, placem
         parts = [2 * share - 1, np.full_like(share, 2 / length), np.zeros_like(share)]
     value, slope, bend = (placement.tensor(part) for part in (parts[0], parts[1] * inside, parts[2] * inside))
     return compose((value, slope, bend), coordinates(points, placement)[axis])
+
+
+def oblique_at_folds(surface: Surface) -> bool:
+    """Return True if coordinate lines do not cross every fold at right angles."""
+    for fold in surface.fold_lines:
+        for side in (-1, 1):
+            points = surface.domain.grid(LINE, LINE)
+            points[..., fold.axis] = fold.at + 2 * side * ASIDE * surface.domain.size[fold.axis]
+            x = surface.derivatives(surface.domain.wrap(points), 1)
+            sizes = np.linalg.norm(x[1, 0], axis=-1) * np.linalg.norm(x[0, 1], axis=-1)
+            if (np.abs((x[1, 0] * x[0, 1]).sum(-1)) > ROUNDING * sizes).any():
+                return True
+    return False
 
 
 def edge_strip(surface: Surface, axis: int, side: str) -> Strip:

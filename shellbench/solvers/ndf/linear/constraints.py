@@ -92,9 +92,7 @@ def _fold_constraints(ansatz: Ansatz, features: FeatureSet) -> Iterator[tuple[Te
         yield above - below, lifted_below - lifted_above
 
 
-def _slopes(
-    ansatz: Ansatz, features: FeatureSet, axis: int, rule: Rule
-) -> tuple[Tensor, Callable[[Tensor], Tensor]]:
+def _slopes(ansatz: Ansatz, features: FeatureSet, axis: int, rule: Rule) -> tuple[Tensor, Callable[[Tensor], Tensor]]:
     """Return rows (N, 3 M) of scaled slopes u,n . a3 across a coordinate line, and their function (N,) of a jet."""
     case, placement = ansatz.case, features.placement
     x = from_derivatives(case.surface.derivatives(rule.points, 2), placement)

@@ -32,6 +32,7 @@ from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Placement, from_derivatives
 from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.field.quadrature import ROUNDING
+from shellbench.solvers.ndf.field.strips import oblique_at_folds
 from shellbench.solvers.ndf.field.supports import EdgeSupport, edge_samples, edge_supports
 from shellbench.solvers.ndf.linear.ritz_field import is_path
 from shellbench.solvers.ndf.strains.reaction import Virtual
@@ -84,6 +85,8 @@ def _why_not_folded(case: Case, spec: FieldSpec) -> str | None:
 def why_not_given(case: Case, quantity: Quantity) -> str | None:
     """Return the reason that a field can't give a quantity of a case that it takes, as a clause, or None if it can."""
     if isinstance(quantity, ReactionQuantity | TorqueQuantity):
+        if oblique_at_folds(case.surface):  # the virtual motions would turn the shell there
+            return "coordinate lines meet a fold obliquely, where virtual motions break its condition"
         support = next(s for s in case.supports if s.name == quantity.support)
         return Virtual.from_support(case, support).why_not_told(quantity)
     if isinstance(quantity, ResultantQuantity) and (corner := quantity.corner_of(case)) and held_corners(case):

@@ -220,9 +220,7 @@ class Recovery:
         on_edges = any(isinstance(edge, Edge) and (edge.axis, edge.side) not in patch.inner for edge in edges)
         corner = all(len([a for a, _ in patch.inner if a == axis]) < len(SIDES) for axis in (0, 1))
         singular = fixed.creases is not None or (corner and fixed.corners is not None)
-        # Derivatives on a fold are those of its upper side: a patch may begin there, but not end.
         kinks = any(patch.lower[a] < at < patch.upper[a] for a in (0, 1) for at in case.kinks[a])
-        kinks |= any(patch.lower[f.axis] < f.at <= patch.upper[f.axis] for f in case.surface.fold_lines)
         return not (ansatz.soft or on_points or on_edges or singular or kinks)
 
 
@@ -272,7 +270,7 @@ def _shear_forces(case: Case, measure: StrainName, jet: Callable[[Array], Tensor
         lines = [_line(case, axis, point) for point in points]
         along = np.repeat(points[:, None], LINE_NODES, axis=1)
         along[:, :, axis] = [nodes for nodes, _ in lines]
-        _, _, there = _stress_resultants(case, measure, jet, along.reshape(-1, 2))
+        _, _, there = _stress_resultants(case, measure, jet, case.surface.domain.wrap(along.reshape(-1, 2)))
         rows = here.new_tensor(np.array([row for _, row in lines]))
         total = total + torch.einsum("np,npa->na", rows, _tensors(there).view(len(points), LINE_NODES, 2, 2)[..., axis])
     return np.asarray((total[:, None] @ _frame_components(surface))[:, 0].cpu().numpy())
@@ -281,14 +279,14 @@ def _shear_forces(case: Case, measure: StrainName, jet: Callable[[Array], Tensor
 def _line(case: Case, axis: int, point: Array) -> tuple[Array, Array]:
     """Return coordinates (k,) of a line through a point, and the weights (k,) of the slope there."""
     domain = case.surface.domain
-    half = HALF_LINE * domain.size[axis]
-    cuts = sorted(
-        case.kinks[axis] if domain.periodic[axis] else (domain.lower[axis], *case.kinks[axis], domain.upper[axis])
-    )
+    size, kinks = domain.size[axis], case.kinks[axis]
+    turns = [at + turn for turn in (-size, 0.0, size) for at in kinks]  # around a closed coordinate
+    cuts = turns if domain.periodic[axis] else sorted((domain.lower[axis], *kinks, domain.upper[axis]))
     low = max((cut for cut in cuts if cut <= point[axis]), default=-np.inf)
     high = min((cut for cut in cuts if cut > point[axis]), default=np.inf)
     if not np.isfinite(high) and len(cuts) > 1:  # on the upper edge
         low, high = cuts[-2], cuts[-1]
+    half = min(HALF_LINE * size, (high - low) / 2)
     middle = min(max(point[axis], low + half), max(high - half, low + half))
     nodes = chebyshev.chebpts1(LINE_NODES)
     slopes = [chebyshev.chebval((point[axis] - middle) / half, chebyshev.chebder(c)) for c in np.eye(LINE_NODES)]
