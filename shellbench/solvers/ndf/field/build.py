@@ -121,6 +121,7 @@ def graded_points(case: Case, spec: FieldSpec) -> Array:
 # pinched cylinder by 3e-5.
 SCALE, FLAT_SCALE, STRETCHED_SCALE = 3.0, 3.5, 2.0
 FLAT_NEURONS, CURVED_NEURONS = 120, 240  # of open shells without forces at points
+CHALLENGED_STRIPS = 2.0  # times as many challengers as elsewhere: at ends of folds fields gain slowly
 
 
 @dataclass(frozen=True)
@@ -155,7 +156,10 @@ def is_flat(case: Case) -> bool:
 def usual_resolution(case: Case) -> Resolution:
     """Return the default resolution of a case; between folds, each strip has as many neurons as an open side."""
     usual, strips = _without_folds(case), max(len(strips_along(case.surface, axis)) for axis in (0, 1))
-    return replace(usual, neurons=max(usual.neurons, strips * (FLAT_NEURONS if is_flat(case) else CURVED_NEURONS)))
+    if not strips:
+        return usual
+    least = strips * (FLAT_NEURONS if is_flat(case) else CURVED_NEURONS)
+    return replace(usual, neurons=max(usual.neurons, least), share=CHALLENGED_STRIPS * usual.share)
 
 
 def _without_folds(case: Case) -> Resolution:
