@@ -42,7 +42,7 @@ class EdgeSupport:
         Whether the held components have a part along a3, so that they tilt the normal as they leave the edge.
     free
         Whether free components have such a part: then no factor can hold their slope (see `choices.Slopes`). Nor can
-        any on a surface with folds, where a3 jumps.
+        any where folds cross the edge, since a3 jumps there.
     """
 
     edge: Edge
@@ -72,10 +72,11 @@ def edge_supports(case: Case) -> tuple[EdgeSupport, ...]:
             components.update({"xyz".index(c): support for c in support.held})
             if support.holds_slope:
                 slope[place] = support
-    supports, smooth = [], not case.surface.fold_lines
+    supports = []
     for edge, components in held.items():
         normals = np.abs(edge_normals(case, edge))
         free = [c for c in range(3) if c not in components]
+        smooth = all(fold.axis == edge.axis for fold in case.surface.fold_lines)
         supports.append(
             EdgeSupport(
                 edge,
