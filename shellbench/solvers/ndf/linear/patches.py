@@ -197,12 +197,19 @@ class Recovery:
         return PatchField(ansatz, patch, degree, self.balances[key].output(self.found))
 
     def _patch(self, point: Array, share: float) -> Patch:
-        domain, ends, inner = self.found.ansatz.case.surface.domain, [], set()
+        surface, ends, inner = self.found.ansatz.case.surface, [], set()
+        domain = surface.domain
         for axis in (0, 1):
-            step, most = share / STEPS, 1 - share
-            begin = round(((point[axis] - domain.lower[axis]) / domain.size[axis] - share / 2) / step) * step
-            if not domain.periodic[axis]:
-                begin = min(max(begin, 0.0), most)
+            step, most, place = share / STEPS, 1 - share, (point[axis] - domain.lower[axis]) / domain.size[axis]
+            begin = round((place - share / 2) / step) * step
+            folds = [
+                (fold.at - domain.lower[axis]) / domain.size[axis] for fold in surface.fold_lines if fold.axis == axis
+            ]
+            if folds or not domain.periodic[axis]:  # patches lie beside folds
+                cuts = np.unique([0.0, *folds, 1.0])
+                number = int(np.clip(np.searchsorted(cuts, place, "right"), 1, len(cuts) - 1))
+                low, high = cuts[number - 1], cuts[number]
+                begin = float(min(max(begin, low), high - share))
             inside = (begin > ROUNDING, begin < most - ROUNDING)
             inner |= {(axis, s) for s, at in zip(SIDES, inside, strict=True) if at or domain.periodic[axis]}
             ends.append([domain.lower[axis] + domain.size[axis] * at for at in (begin, begin + share)])
@@ -220,7 +227,9 @@ class Recovery:
         on_edges = any(isinstance(edge, Edge) and (edge.axis, edge.side) not in patch.inner for edge in edges)
         corner = all(len([a for a, _ in patch.inner if a == axis]) < len(SIDES) for axis in (0, 1))
         singular = fixed.creases is not None or (corner and fixed.corners is not None)
-        kinks = any(patch.lower[a] < at < patch.upper[a] for a in (0, 1) for at in case.kinks[a])
+        slack = ROUNDING * np.asarray(case.surface.domain.size)  # of patches that end at a fold
+        lower, upper = patch.lower + slack, patch.upper - slack
+        kinks = any(lower[a] < at < upper[a] for a in (0, 1) for at in case.kinks[a])
         return not (ansatz.soft or on_points or on_edges or singular or kinks)
 
 
