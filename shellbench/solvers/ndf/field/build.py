@@ -35,7 +35,7 @@ from shellbench.solvers.ndf.field.lines import TOGETHER, Creases, Hinges, hinges
 from shellbench.solvers.ndf.field.mirrors import Mirrors, mirrors_of, samples
 from shellbench.solvers.ndf.field.network import Network
 from shellbench.solvers.ndf.field.quadrature import ROUNDING, RuleSpec
-from shellbench.solvers.ndf.field.strips import strips_along
+from shellbench.solvers.ndf.field.strips import sides_along, strips_along
 
 
 def field_mirrors(case: Case, spec: FieldSpec) -> Mirrors | None:
@@ -245,8 +245,7 @@ def _rule(case: Case, panels: int, order: int, grading: float = 1.0, cuts: int =
 
     Each strip between folds has as many panels as a side.
     """
-    domain, strips = case.surface.domain, [len(strips_along(case.surface, axis)) for axis in (0, 1)]
-    first, second = (max(1 + turn, n) * panels for turn, n in zip(domain.periodic, strips, strict=True))
+    first, second = (panels * sides for sides in sides_along(case.surface))
     return RuleSpec((first, second), order, grading, cuts, joints=joints_of(case))
 
 

@@ -35,6 +35,12 @@ def strips_along(surface: Surface, axis: int) -> list[Strip]:
     return list(pairwise(closed if domain.periodic[axis] else [domain.lower[axis], *lines, domain.upper[axis]]))
 
 
+def sides_along(surface: Surface) -> tuple[int, int]:
+    """Return, for each coordinate, the number of sides that it is as long as: two for a turn, one for each strip."""
+    first, second = (max(1 + surface.domain.periodic[axis], len(strips_along(surface, axis))) for axis in (0, 1))
+    return first, second
+
+
 def strip_input(surface: Surface, axis: int, strip: Strip, points: Array, placement: Placement) -> Tensor:
     """Return the jet (6, N) of a strip's input at points (N, 2); on a fold, the one of its upper side."""
     domain, (start, stop) = surface.domain, strip

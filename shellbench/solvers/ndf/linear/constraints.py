@@ -11,13 +11,15 @@ from torch import Tensor
 
 from shellbench.problems.shell.question.folds import ASIDE
 from shellbench.problems.shell.question.places import Edge
+from shellbench.problems.shell.question.surface import Surface
 from shellbench.solvers.ndf.field.ansatz import Ansatz, FeatureSet
 from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Array, Placement, from_derivatives
 from shellbench.solvers.ndf.field.quadrature import NOWHERE, Rule, RuleSpec, edge_rule
+from shellbench.solvers.ndf.field.strips import sides_along
 from shellbench.solvers.ndf.field.supports import PointSupport, edge_supports, point_supports
 
 SAME_ROW = 1e-6  # share of the softest combination of constraints below which a combination is lost in rounding
-SLOPES = RuleSpec((12, 12), 6)  # along an edge whose slope is held by rows; twice the panels around a turn
+SLOPES = RuleSpec((12, 12), 6)  # along an edge whose slope is held by rows; as many for each half of a turn or strip
 
 
 def point_constraints(ansatz: Ansatz, features: FeatureSet) -> tuple[Tensor, Tensor]:
@@ -65,13 +67,16 @@ def slope_constraints(
         edge, held = support.edge, support.slope
         if held is None or not support.free or ansatz.slopes == "even":
             continue
-        panels = [n * (1 + turns) for n, turns in zip(SLOPES.panels, case.surface.domain.periodic, strict=True)]
-        chosen = spec or replace(SLOPES, panels=(panels[0], panels[1]))
-        rule = edge_rule(case.surface.domain, edge, focal, chosen)
+        rule = edge_rule(case.surface.domain, edge, focal, spec or _slope_rule(case.surface))
         rows, slopes = _slopes(ansatz, features, edge.axis, rule)
         wanted = from_derivatives(case.motion(held, edge, rule.points, ansatz.t, 2), placement)
         yield rows, slopes(wanted - ansatz.lift.jet(rule.points, placement))
     yield from _fold_constraints(ansatz, features)
+
+
+def _slope_rule(surface: Surface) -> RuleSpec:
+    first, second = (n * sides for n, sides in zip(SLOPES.panels, sides_along(surface), strict=True))
+    return replace(SLOPES, panels=(first, second))
 
 
 def _fold_constraints(ansatz: Ansatz, features: FeatureSet) -> Iterator[tuple[Tensor, Tensor]]:
@@ -80,7 +85,7 @@ def _fold_constraints(ansatz: Ansatz, features: FeatureSet) -> Iterator[tuple[Te
     for fold in surface.fold_lines:
         if fold.hinged:
             continue
-        line = edge_rule(surface.domain, Edge("", fold.axis, "min"), NOWHERE, SLOPES)
+        line = edge_rule(surface.domain, Edge("", fold.axis, "min"), NOWHERE, _slope_rule(surface))
         both = []
         for side in (-1, 1):
             points = line.points.copy()
