@@ -66,7 +66,7 @@ from shellbench.solvers.ndf.field.jets import (
 )
 from shellbench.solvers.ndf.field.mirrors import Mirrors
 from shellbench.solvers.ndf.field.quadrature import ROUNDING
-from shellbench.solvers.ndf.field.strips import edge_strip
+from shellbench.solvers.ndf.field.strips import toward_edge
 from shellbench.solvers.ndf.field.supports import EdgeSupport, Sides, edge_supports, even_sides
 
 NORMAL_SAMPLES = 17  # points a side of the grid on which a3 is sampled
@@ -149,7 +149,7 @@ class BoundaryFactors:
         b = edge_factor(domain, edges, even, points, placement)
         if self.case.surface.fold_lines:  # a3 jumps at a fold, and M must not
             one = constant(torch.ones_like(b[VALUE]), placement.planes)
-            b = reduce(product, [one - _toward(self.case, edge, points, placement) for edge in edges])
+            b = reduce(product, [one - toward_edge(self.case.surface, edge, points, placement) for edge in edges])
         p = normal_jet(self.case.surface, points, placement)
         others = [held[c] - edges if all(c in s.held for s in tilted) else None for c in range(3)]
         active = [c for c in range(3) if self._normal_extent[c] > ROUNDING]
@@ -188,19 +188,9 @@ def edge_weight(case: Case, edge: Edge, alone: bool, points: Array, placement: P
     """Return the jet (6, N) of an edge's weight: the cubic smoothstep across the shell, or one if it is `alone`."""
     if alone:
         return constant(placement.tensor(np.ones(len(points))))
-    t = _toward(case, edge, points, placement)
+    t = toward_edge(case.surface, edge, points, placement)
     v = t[VALUE]
     return compose((v * v * (3 - 2 * v), 6 * v * (1 - v), 6 - 12 * v), t)
-
-
-def _toward(case: Case, edge: Edge, points: Array, placement: Placement) -> Tensor:
-    """Return the jet (6, N) of a coordinate that is one on an edge, and zero from the next fold or edge on."""
-    (start, stop), x = edge_strip(case.surface, edge.axis, edge.side), points[:, edge.axis]
-    share = (x - start if edge.side == "max" else stop - x) / (stop - start)
-    t = coordinates(points, placement)[edge.axis] / (stop - start) * placement.tensor(share > 0)
-    t = t if edge.side == "max" else -t
-    t[VALUE] = placement.tensor(np.maximum(share, 0.0))
-    return t
 
 
 @dataclass(frozen=True)

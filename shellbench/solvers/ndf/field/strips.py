@@ -15,9 +15,10 @@ import numpy as np
 from torch import Tensor
 
 from shellbench.problems.shell.question.folds import ASIDE
+from shellbench.problems.shell.question.places import Edge
 from shellbench.problems.shell.question.surface import Surface
 from shellbench.solvers.ndf.field.geometry import LINE
-from shellbench.solvers.ndf.field.jets import Array, Placement, compose, coordinates
+from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, compose, coordinates
 from shellbench.solvers.ndf.field.quadrature import ROUNDING
 
 Strip = tuple[float, float]
@@ -73,7 +74,14 @@ def oblique_at_folds(surface: Surface) -> bool:
     return False
 
 
-def edge_strip(surface: Surface, axis: int, side: str) -> Strip:
-    """Return the bounds of the strip at an edge, or of the whole coordinate without folds."""
-    strips = strips_along(surface, axis) or [(surface.domain.lower[axis], surface.domain.upper[axis])]
-    return strips[0 if side == "min" else -1]
+def toward_edge(surface: Surface, edge: Edge, points: Array, placement: Placement) -> Tensor:
+    """Return the jet (6, N) of a coordinate that is one on an edge, and zero from the next fold or edge on."""
+    domain, axis, upper = surface.domain, edge.axis, edge.side == "max"
+    strips = strips_along(surface, axis) or [(domain.lower[axis], domain.upper[axis])]
+    (start, stop), x = strips[-1 if upper else 0], points[:, axis]
+    length = stop - start if upper else start - stop
+    share = (x - (start if upper else stop)) / length
+    inside = share > -ASIDE * domain.size[axis] / length if len(strips) > 1 else np.ones(len(x), dtype=bool)
+    t = coordinates(points, placement)[axis] / length * placement.tensor(inside)
+    t[VALUE] = placement.tensor(np.where(inside, share, 0.0))
+    return t
