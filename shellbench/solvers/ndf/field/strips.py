@@ -81,7 +81,7 @@ def toward_edge(surface: Surface, edge: Edge, points: Array, placement: Placemen
     (start, stop), x = strips[-1 if upper else 0], points[:, axis]
     length = stop - start if upper else start - stop
     share = (x - (start if upper else stop)) / length
-    inside = share > -ASIDE * domain.size[axis] / length if len(strips) > 1 else np.ones(len(x), dtype=bool)
+    inside = np.where((share > -ASIDE * domain.size[axis] / length) | (len(strips) < 2), 1.0, 0.0)
     t = coordinates(points, placement)[axis] / length * placement.tensor(inside)
-    t[VALUE] = placement.tensor(np.where(inside, share, 0.0))
+    t[VALUE] = placement.tensor(inside * share)
     return t
