@@ -3,7 +3,7 @@
 A plain coordinate is scaled to [-1, 1]. A periodic coordinate becomes (cos, sin). Two ablations replace this: by the
 cosine alone (the field is then even about the seam: it closes, but can't distinguish the two sides), or by a plain
 coordinate (the field is then that of a slit shell). At an edge that holds the slope of free components, the coordinate
-is bent so that its derivative vanishes there.
+is bent so that its derivative vanishes there. Strips between folds have inputs of their own (`strips`).
 
 Distances from points that carry a force, and from the edges of curved shells, are additional inputs, stretched as
 asinh(d / l) / asinh(reach / l): there the solution varies within the length l of a bending layer. Distances from lines
