@@ -35,6 +35,7 @@ class RitzSolver(FieldSolver):
             "loaded parts",
             "local loads",
             "kinks",
+            "folds",
             "modes",
             "contact",
             "resultants",

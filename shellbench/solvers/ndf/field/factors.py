@@ -34,7 +34,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 
 import numpy as np
 import torch
@@ -66,6 +66,7 @@ from shellbench.solvers.ndf.field.jets import (
 )
 from shellbench.solvers.ndf.field.mirrors import Mirrors
 from shellbench.solvers.ndf.field.quadrature import ROUNDING
+from shellbench.solvers.ndf.field.strips import toward_edge
 from shellbench.solvers.ndf.field.supports import EdgeSupport, Sides, edge_supports, even_sides
 
 NORMAL_SAMPLES = 17  # points a side of the grid on which a3 is sampled
@@ -146,6 +147,9 @@ class BoundaryFactors:
     ) -> Tensor:
         domain, edges = self.case.surface.domain, {s.edge for s in tilted}
         b = edge_factor(domain, edges, even, points, placement)
+        if self.case.surface.fold_lines:  # a3 jumps at a fold, and M must not
+            one = constant(torch.ones_like(b[VALUE]), placement.planes)
+            b = reduce(product, [one - toward_edge(self.case.surface, edge, points, placement) for edge in edges])
         p = normal_jet(self.case.surface, points, placement)
         others = [held[c] - edges if all(c in s.held for s in tilted) else None for c in range(3)]
         active = [c for c in range(3) if self._normal_extent[c] > ROUNDING]
@@ -184,12 +188,7 @@ def edge_weight(case: Case, edge: Edge, alone: bool, points: Array, placement: P
     """Return the jet (6, N) of an edge's weight: the cubic smoothstep across the shell, or one if it is `alone`."""
     if alone:
         return constant(placement.tensor(np.ones(len(points))))
-    domain = case.surface.domain
-    t = coordinates(points, placement)[edge.axis] / domain.size[edge.axis]
-    t[VALUE] = placement.tensor((points[:, edge.axis] - domain.lower[edge.axis]) / domain.size[edge.axis])
-    if edge.side == "min":
-        t = -t
-        t[VALUE] = placement.tensor((domain.upper[edge.axis] - points[:, edge.axis]) / domain.size[edge.axis])
+    t = toward_edge(case.surface, edge, points, placement)
     v = t[VALUE]
     return compose((v * v * (3 - 2 * v), 6 * v * (1 - v), 6 - 12 * v), t)
 

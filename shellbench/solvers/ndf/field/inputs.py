@@ -3,7 +3,7 @@
 A plain coordinate is scaled to [-1, 1]. A periodic coordinate becomes (cos, sin). Two ablations replace this: by the
 cosine alone (the field is then even about the seam: it closes, but can't distinguish the two sides), or by a plain
 coordinate (the field is then that of a slit shell). At an edge that holds the slope of free components, the coordinate
-is bent so that its derivative vanishes there.
+is bent so that its derivative vanishes there. Strips between folds have inputs of their own (`strips`).
 
 Distances from points that carry a force, and from the edges of curved shells, are additional inputs, stretched as
 asinh(d / l) / asinh(reach / l): there the solution varies within the length l of a bending layer. Distances from lines
@@ -49,6 +49,7 @@ from shellbench.solvers.ndf.field.jets import (
 )
 from shellbench.solvers.ndf.field.mirrors import Mirrors, Planes, independent_columns
 from shellbench.solvers.ndf.field.quadrature import ROUNDING
+from shellbench.solvers.ndf.field.strips import Strip, strip_input, strips_along
 from shellbench.solvers.ndf.field.supports import Sides, edge_supports, even_sides, point_supports
 
 EDGE_LAYER = 1.0  # the same along an edge; between .4 and 1 the certified energy of a hyperbolic paraboloid is flat
@@ -258,7 +259,9 @@ class Inputs:
     def axes(self) -> tuple[int | None, ...]:
         """For each input, its coordinate; None for a stretched one."""
         turns = self.case.surface.domain.periodic if self.periodic == "both" else (False, False)
-        plain = [axis for axis in (0, 1) for _ in range(1 + turns[axis])]
+        strips = [len(strips_along(self.case.surface, axis)) for axis in (0, 1)]
+        counts = [n + 2 * turn if n else 1 + turn for n, turn in zip(strips, turns, strict=True)]
+        plain = [axis for axis in (0, 1) for _ in range(counts[axis])]
         return tuple(plain[k] if k < len(plain) else None for k in self.kept)
 
     def jets(self, points: Array, placement: Placement) -> Tensor:
@@ -323,13 +326,17 @@ class Inputs:
             layer = focus.layer / float(np.linalg.norm((x_focus[1, 0], x_focus[0, 1])[axis]))
             return along(axis, focus.xi[axis], layer, math.inf)
 
+        def in_strip(axis: int, strip: Strip) -> Tensor:
+            return strip_input(self.case.surface, axis, strip, points, placement)
+
         columns: list[tuple[Callable[[], Tensor], bool]] = []
         for axis in (0, 1):
             if domain.periodic[axis] and self.periodic != "none":
                 functions = (cosine, sine)[: 2 if self.periodic == "both" else 1]
                 columns += [(partial(turned, f, axis), False) for f in functions]
-            else:
+            elif not strips_along(self.case.surface, axis):
                 columns.append((partial(centred, axis), False))
+            columns += [(partial(in_strip, axis, strip), False) for strip in strips_along(self.case.surface, axis)]
         columns += [(partial(along, *line), True) for line in self._stretched_lines()]
         chords = not any(flag for side in self.even for flag in side) and not (
             self.periodic == "none" and any(domain.periodic)

@@ -41,7 +41,8 @@ class EdgeSupport:
     tilted
         Whether the held components have a part along a3, so that they tilt the normal as they leave the edge.
     free
-        Whether free components have such a part: then no factor can hold their slope (see `choices.Slopes`).
+        Whether free components have such a part: then no factor can hold their slope (see `choices.Slopes`). Nor can
+        any where folds cross the edge, since a3 jumps there.
     """
 
     edge: Edge
@@ -75,13 +76,14 @@ def edge_supports(case: Case) -> tuple[EdgeSupport, ...]:
     for edge, components in held.items():
         normals = np.abs(edge_normals(case, edge))
         free = [c for c in range(3) if c not in components]
+        smooth = all(fold.axis == edge.axis for fold in case.surface.fold_lines)
         supports.append(
             EdgeSupport(
                 edge,
                 components,
                 slope.get(edge),
-                tilted=edge in slope and bool(normals[:, list(components)].max(initial=0.0) > ROUNDING),
-                free=edge in slope and bool(normals[:, free].max(initial=0.0) > ROUNDING),
+                tilted=edge in slope and smooth and bool(normals[:, list(components)].max(initial=0.0) > ROUNDING),
+                free=edge in slope and (not smooth or bool(normals[:, free].max(initial=0.0) > ROUNDING)),
             )
         )
     return tuple(supports)

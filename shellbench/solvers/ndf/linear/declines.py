@@ -21,7 +21,9 @@ from shellbench.problems.shell.quantities.quantities import (
     TorqueQuantity,
 )
 from shellbench.problems.shell.question.conditions import RIGID_MOTIONS, Rotation, Value
-from shellbench.problems.shell.question.loads import MomentLoad
+from shellbench.problems.shell.question.folds import NEAR_EDGE
+from shellbench.problems.shell.question.loads import MomentLoad, PointLoad
+from shellbench.problems.shell.question.places import Point
 from shellbench.solvers.ndf.field.build import build_ansatz, build_features, build_inputs
 from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.corners import held_corners
@@ -30,6 +32,7 @@ from shellbench.solvers.ndf.field.field import Field
 from shellbench.solvers.ndf.field.jets import D1, D2, VALUE, Placement, from_derivatives
 from shellbench.solvers.ndf.field.network import random_features
 from shellbench.solvers.ndf.field.quadrature import ROUNDING
+from shellbench.solvers.ndf.field.strips import oblique_at_folds
 from shellbench.solvers.ndf.field.supports import EdgeSupport, edge_samples, edge_supports
 from shellbench.solvers.ndf.linear.ritz_field import is_path
 from shellbench.solvers.ndf.strains.reaction import Virtual
@@ -49,6 +52,8 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
         return "it answers a linear case at its last state alone"
     if case.springs and case.linear and case.dynamics is None and is_path(case):
         return "it takes no springs beside edge moments, or where all of the displacement is prescribed"
+    if case.surface.fold_lines and (reason := _why_not_folded(case, spec or FieldSpec())):
+        return reason
     if spec is not None and spec.supports == "soft":
         return why_not_soft(case)
     probe = _random_field(case, spec or FieldSpec())
@@ -64,9 +69,24 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
     return None
 
 
+def _why_not_folded(case: Case, spec: FieldSpec) -> str | None:
+    """Return the reason that a field can't have the folds of a surface, as one clause, or None if it can."""
+    if not case.linear or case.dynamics or case.modal or case.obstacles or is_path(case):
+        return "its surface has folds, which it takes in linear theory at rest, without contact or edge moments"
+    if spec.supports == "soft" or spec.components == "covariant" or spec.slopes == "even":
+        return "its surface has folds, which it takes with Cartesian components and exact supports only"
+    forced = {name for load in case.loads if isinstance(load, PointLoad) for name in load.on}
+    places = [place for place in (case.places[name] for name in forced) if isinstance(place, Point)]
+    if any(abs(place.xi[f.axis] - f.at) <= NEAR_EDGE for place in places for f in case.surface.fold_lines):
+        return "a force acts at a point of a fold, where its singular features don't fit"
+    return None
+
+
 def why_not_given(case: Case, quantity: Quantity) -> str | None:
     """Return the reason that a field can't give a quantity of a case that it takes, as a clause, or None if it can."""
     if isinstance(quantity, ReactionQuantity | TorqueQuantity):
+        if oblique_at_folds(case.surface):  # the virtual motions would turn the shell there
+            return "coordinate lines meet a fold obliquely, where virtual motions break its condition"
         support = next(s for s in case.supports if s.name == quantity.support)
         return Virtual.from_support(case, support).why_not_told(quantity)
     if isinstance(quantity, ResultantQuantity) and (corner := quantity.corner_of(case)) and held_corners(case):

@@ -197,12 +197,19 @@ class Recovery:
         return PatchField(ansatz, patch, degree, self.balances[key].output(self.found))
 
     def _patch(self, point: Array, share: float) -> Patch:
-        domain, ends, inner = self.found.ansatz.case.surface.domain, [], set()
+        surface, ends, inner = self.found.ansatz.case.surface, [], set()
+        domain = surface.domain
         for axis in (0, 1):
-            step, most = share / STEPS, 1 - share
-            begin = round(((point[axis] - domain.lower[axis]) / domain.size[axis] - share / 2) / step) * step
-            if not domain.periodic[axis]:
-                begin = min(max(begin, 0.0), most)
+            step, most, place = share / STEPS, 1 - share, (point[axis] - domain.lower[axis]) / domain.size[axis]
+            begin = round((place - share / 2) / step) * step
+            folds = [
+                (fold.at - domain.lower[axis]) / domain.size[axis] for fold in surface.fold_lines if fold.axis == axis
+            ]
+            if folds or not domain.periodic[axis]:  # patches lie beside folds
+                cuts = np.unique([0.0, *folds, 1.0])
+                number = int(np.clip(np.searchsorted(cuts, place, "right"), 1, len(cuts) - 1))
+                low, high = cuts[number - 1], cuts[number]
+                begin = float(min(max(begin, low), high - share))
             inside = (begin > ROUNDING, begin < most - ROUNDING)
             inner |= {(axis, s) for s, at in zip(SIDES, inside, strict=True) if at or domain.periodic[axis]}
             ends.append([domain.lower[axis] + domain.size[axis] * at for at in (begin, begin + share)])
@@ -220,7 +227,9 @@ class Recovery:
         on_edges = any(isinstance(edge, Edge) and (edge.axis, edge.side) not in patch.inner for edge in edges)
         corner = all(len([a for a, _ in patch.inner if a == axis]) < len(SIDES) for axis in (0, 1))
         singular = fixed.creases is not None or (corner and fixed.corners is not None)
-        kinks = any(patch.lower[a] < at < patch.upper[a] for a in (0, 1) for at in case.kinks[a])
+        slack = ROUNDING * np.asarray(case.surface.domain.size)  # of patches that end at a fold
+        lower, upper = patch.lower + slack, patch.upper - slack
+        kinks = any(lower[a] < at < upper[a] for a in (0, 1) for at in case.kinks[a])
         return not (ansatz.soft or on_points or on_edges or singular or kinks)
 
 
@@ -270,7 +279,7 @@ def _shear_forces(case: Case, measure: StrainName, jet: Callable[[Array], Tensor
         lines = [_line(case, axis, point) for point in points]
         along = np.repeat(points[:, None], LINE_NODES, axis=1)
         along[:, :, axis] = [nodes for nodes, _ in lines]
-        _, _, there = _stress_resultants(case, measure, jet, along.reshape(-1, 2))
+        _, _, there = _stress_resultants(case, measure, jet, case.surface.domain.wrap(along.reshape(-1, 2)))
         rows = here.new_tensor(np.array([row for _, row in lines]))
         total = total + torch.einsum("np,npa->na", rows, _tensors(there).view(len(points), LINE_NODES, 2, 2)[..., axis])
     return np.asarray((total[:, None] @ _frame_components(surface))[:, 0].cpu().numpy())
@@ -279,14 +288,14 @@ def _shear_forces(case: Case, measure: StrainName, jet: Callable[[Array], Tensor
 def _line(case: Case, axis: int, point: Array) -> tuple[Array, Array]:
     """Return coordinates (k,) of a line through a point, and the weights (k,) of the slope there."""
     domain = case.surface.domain
-    half = HALF_LINE * domain.size[axis]
-    cuts = sorted(
-        case.kinks[axis] if domain.periodic[axis] else (domain.lower[axis], *case.kinks[axis], domain.upper[axis])
-    )
+    size, kinks = domain.size[axis], case.kinks[axis]
+    turns = [at + turn for turn in (-size, 0.0, size) for at in kinks]  # around a closed coordinate
+    cuts = turns if domain.periodic[axis] else sorted((domain.lower[axis], *kinks, domain.upper[axis]))
     low = max((cut for cut in cuts if cut <= point[axis]), default=-np.inf)
     high = min((cut for cut in cuts if cut > point[axis]), default=np.inf)
     if not np.isfinite(high) and len(cuts) > 1:  # on the upper edge
         low, high = cuts[-2], cuts[-1]
+    half = min(HALF_LINE * size, (high - low) / 2)
     middle = min(max(point[axis], low + half), max(high - half, low + half))
     nodes = chebyshev.chebpts1(LINE_NODES)
     slopes = [chebyshev.chebval((point[axis] - middle) / half, chebyshev.chebder(c)) for c in np.eye(LINE_NODES)]
