@@ -52,8 +52,8 @@ ROOMS = {  # of a package, from the lowest up; what stands at its root is a room
 }
 MOST_MODULES, MOST_LINES = 20, 400  # of a folder, its `__init__` apart; of a module
 CEILINGS = {  # lines of code: no blanks, comments and docstrings; the aims are 52,000 and 42,000
-    "shellbench": 53_620,
-    "tests": 40_950,
+    "shellbench": 54_800,
+    "tests": 41_560,
     "shellbench/protocol": 1_000,
     "shellbench/bench": 7_082,
     "shellbench/bench/catalogue": 997,
@@ -62,15 +62,15 @@ CEILINGS = {  # lines of code: no blanks, comments and docstrings; the aims are 
     "shellbench/bench/run": 1_300,
     "shellbench/bench/store": 1_450,
     "shellbench/cli": 950,
-    "shellbench/problems": 8_750,
-    "shellbench/problems/shell": 5_600,
+    "shellbench/problems": 9_090,
+    "shellbench/problems/shell": 5_910,
     "shellbench/report": 8_960,
     "shellbench/report/data": 2_410,
     "shellbench/report/figures": 850,
     "shellbench/report/page": 950,
     "shellbench/report/sections": 2_020,
     "shellbench/report/studies": 2_800,
-    "shellbench/solvers/fem": 7_100,
+    "shellbench/solvers/fem": 7_195,
     "shellbench/solvers/ndf": 12_340,
     "shellbench/testing": 2_650,
 }

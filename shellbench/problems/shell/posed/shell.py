@@ -13,7 +13,6 @@ from pydantic import Field
 from shellbench.errors import InputError
 from shellbench.problem import Problem, Quantity
 from shellbench.problems.expression import Expression, derivatives_of
-from shellbench.problems.features import SAME_LINE
 from shellbench.problems.kinks import kink_lines
 from shellbench.problems.obstacle import Obstacle
 from shellbench.problems.shell.mesh.surface import MeshSurface
@@ -36,6 +35,7 @@ from shellbench.problems.shell.question.conditions import (
 from shellbench.problems.shell.question.contact import Contact
 from shellbench.problems.shell.question.drawing import Picture
 from shellbench.problems.shell.question.features import Feature, features_of, undecided
+from shellbench.problems.shell.question.folds import join_folds
 from shellbench.problems.shell.question.loads import Load, PressureLoad
 from shellbench.problems.shell.question.path import Dynamics
 from shellbench.problems.shell.question.path import Path as LoadPath
@@ -325,11 +325,8 @@ class Shell(Problem):
                     found[axis].update(lines[axis])
                     # around a closed coordinate such a formula has another kink at the seam
                     found[axis].update([domain.lower[axis]] if lines[axis] and domain.periodic[axis] else [])
-        for fold in self.surface.fold_lines:  # a load may jump there, at a place that another formula rounds otherwise
-            near = SAME_LINE * domain.size[fold.axis]
-            found[fold.axis].difference_update([at for at in found[fold.axis] if abs(at - fold.at) <= near])
-            found[fold.axis].add(fold.at)
-        return tuple(sorted(found[0])), tuple(sorted(found[1]))
+        first, second = (join_folds(self.surface.fold_lines, a, found[a], domain.size[a]) for a in (0, 1))
+        return first, second
 
     @cached_property
     def features(self) -> tuple[Feature, ...]:

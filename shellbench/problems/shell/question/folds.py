@@ -8,7 +8,7 @@ line itself belong to the side of the larger coordinate.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from shellbench.problems.branches import branch_at
 from shellbench.problems.expression import Expression, derivatives_of
-from shellbench.problems.features import NAMES
+from shellbench.problems.features import NAMES, SAME_LINE
 from shellbench.problems.smoothness import jump_between, rough_place
 
 Array = NDArray[np.float64]
@@ -106,6 +106,16 @@ def folds_of(
             raise ValueError(f"the fold at {name} = {value:g} is given twice")
         found.append(Fold(axis, lower[axis] if seam else at, bool(hinge)))
     return tuple(sorted(found, key=lambda fold: fold.at))
+
+
+def join_folds(folds: Sequence[Fold], axis: int, kinks: Iterable[float], size: float) -> tuple[float, ...]:
+    """Return the kinks along a coordinate of this size, with folds for those that only rounding parts from them.
+
+    A load may jump at a fold, at a place that its formula rounds otherwise.
+    """
+    own = [fold.at for fold in folds if fold.axis == axis]
+    others = [at for at in kinks if all(abs(at - fold) > SAME_LINE * size for fold in own)]
+    return tuple(sorted({*own, *others}))
 
 
 def strips(lower: Pair, upper: Pair, folds: Sequence[Fold]) -> list[tuple[Pair, Pair]]:
