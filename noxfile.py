@@ -92,6 +92,12 @@ def shapes(session: nox.Session) -> None:
 
 
 @nox.session
+def folds(session: nox.Session) -> None:
+    """Solve and judge shells with folds: plates at an angle, boxes, a corrugated sheet, Raasch's hook and LE5."""
+    run_and_judge(session, "folds")
+
+
+@nox.session
 def benchmarks(session: nox.Session) -> None:
     """Solve beams and plates of other sets of benchmarks, and judge. `-- --quick`."""
     run_and_judge(session, "benchmarks")
