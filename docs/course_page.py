@@ -24,6 +24,7 @@ FINDINGS = ROOT / "docs/findings"
 PAGE = FINDINGS / "course.md"
 SUITE = "obstacle_course"
 SOLVERS = {"fem": "elements", "ndf-ritz": "field", "ndf": "field, trained"}
+TWINS = ("naghdi", "naghdi_soft")
 LEVELS = (1e-3, 1e-4)  # errors at which sizes are compared
 Row = Mapping[str, Any]
 
@@ -49,6 +50,23 @@ def beside() -> list[str]:
     heads = ["shell", *(f"`{solver}` ({kind})" for solver, kind in SOLVERS.items())]
     cases = [case for case in catalog.find_suite(SUITE).order if any(row["case"] == case for row in rows)]
     return table(heads, ([title(case), *(cell(rows, case, solver) for solver in SOLVERS)] for case in cases))
+
+
+def limits() -> list[str]:
+    """Return the limits of the shells at rest in both theories, with hard and with soft supports."""
+    lines = []
+    for case in (catalog.named_case(name) for name in catalog.find_suite(SUITE).order):
+        if case.theory == "kirchhoff-love-linear":
+            found = [title(case.name)]
+            asked = ((case.name, case.theory), *((f"{case.name}@{twin}", "naghdi-linear") for twin in TWINS))
+            for name, theory in asked:
+                judge = catalog.known_values(name).judge(case.primary.name, theory)
+                digits = rounded(judge.value, judge.uncertainty or 0.0) if judge else None
+                found.append(
+                    f"{digits.mantissa}{f'e{digits.exponent}' if digits.exponent else ''} m" if digits else "none"
+                )
+            lines.append(found)
+    return table(["shell", "Kirchhoff-Love", "Naghdi, hard supports", "Naghdi, soft supports"], lines)
 
 
 def large_displacements() -> list[str]:
@@ -142,7 +160,7 @@ def cheapest_run(summary: Summary, case: str, solver: str, level: float) -> Kept
 
 
 TABLES = {
-    PAGE: (beside, at_equal_error),
+    PAGE: (beside, limits, at_equal_error),
     FINDINGS / "large_displacements.md": (large_displacements,),
     FINDINGS / "cloth.md": (motions,),
 }
