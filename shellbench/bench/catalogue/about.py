@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
@@ -56,7 +57,7 @@ def about(name: str) -> Data:
 
 def look_up(words: str) -> list[Data]:
     """Return name, title and other names of the cases whose title or other names have all these words, in any case."""
-    found, asked = [], words.casefold().split()
+    found, asked = [], re.findall(r"\w+", words.casefold())
     for name in catalog.case_names() if asked else ():
         with contextlib.suppress(InputError):
             if not _has_all(asked, str(read_toml(catalog.case_file(name)))):
@@ -68,7 +69,7 @@ def look_up(words: str) -> list[Data]:
 
 
 def _has_all(words: list[str], text: str) -> bool:
-    return all(word in text.casefold() for word in words)
+    return set(words) <= set(re.findall(r"\w+", text.casefold()))
 
 
 def _other_names(case: Problem) -> list[str]:
