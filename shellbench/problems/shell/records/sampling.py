@@ -85,7 +85,7 @@ def kept_fields(solution: DisplacementField, case: Shell) -> dict[str, NDArray[A
     None if there is no finite field to keep: a path that failed at once has no state. Fields that the solution does not
     provide, such as energy densities, are left out.
     """
-    xi = case.surface.domain.grid(PICTURE, PICTURE)
+    xi = _picture_grid(case)
     displacement = state_at(solution, xi, None)
     if displacement is None:
         return None
@@ -95,6 +95,15 @@ def kept_fields(solution: DisplacementField, case: Shell) -> dict[str, NDArray[A
         stacked = np.array(list(states.values()), dtype=PICTURE_TYPE).reshape(-1, *displacement.shape)
         fields |= {"marks": np.array(list(states)), "displacements": stacked}
     return fields | _arrays(lambda: energy_densities(solution, xi)) | _arrays(lambda: probe_fields(solution, case))
+
+
+def _picture_grid(case: Shell) -> Array:
+    """Return a regular grid of which lines are moved onto folds, so that drawings have sharp edges there."""
+    xi = case.surface.domain.grid(PICTURE, PICTURE)
+    for fold in case.surface.fold_lines:
+        lines = np.moveaxis(xi, fold.axis, 0)
+        lines[np.abs(lines[:, 0, fold.axis] - fold.at).argmin(), :, fold.axis] = fold.at
+    return np.asarray(xi)
 
 
 def energy_densities(solution: DisplacementField, xi: Array) -> dict[str, NDArray[Any]]:
