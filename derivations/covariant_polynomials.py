@@ -23,7 +23,7 @@ from .surface_strains import Array
 SHRINK = 0.25
 """Ratio of neighbouring cells toward an edge; with 0.15 degree 8 leaves more of a corner's error than the cuts do."""
 KINDS = "h1", "h1", "h2"
-"""What is continuous of u_1, u_2 and w."""
+"""Continuity of u_1, u_2 and w: of values, or of slopes too."""
 
 
 def graded(start: float, stop: float, cells: int, ends: tuple[int, int]) -> Array:

@@ -59,7 +59,7 @@ def flat_walls(nodes: Sequence[tuple[float, float]], strips: Sequence[tuple[int,
 
 
 ENDS = {"free": (), "zero": (0,), "even": (1,), "clamped": (0, 1)}
-"""What an end of x holds: orders of the derivatives that vanish there."""
+"""Orders of the derivatives that vanish at an end of x, by its condition."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ class Section:
     walls: tuple[Wall, ...]
     degree: int
     held: dict[int, str]
-    """What a node holds, of "u", "y", "z" and "r", the rotation; "v" and "w" where no strip turns off."""
+    """Components held at a node: "u", "y", "z" and "r", the rotation; "v" and "w" where no strip turns off."""
     hinges: tuple[int, ...] = ()
     """Nodes at which strips turn apart."""
 

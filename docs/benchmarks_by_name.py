@@ -17,7 +17,7 @@ PAGE = Path(__file__).with_suffix(".md")
 FINDING = PAGE.with_name("findings") / "krysl_chen.md"
 TABLE = re.compile(r"(<!-- table (\w+) -->\n).*?(?=<!-- end -->)", re.DOTALL)
 Question = tuple[str, str, str, str]
-"""What it is called, case, quantity, and what decides where values differ."""
+"""Name, case, quantity, and the reason for differences between values."""
 QUESTIONS: dict[str, tuple[Question, ...]] = {
     "krysl": (
         ("Clamped hyperboloid, t = 1e-2, energy", "hyperboloid_clamped_1e_2", "strain_energy", "Both are in the theory with shear, which adds so much."),

@@ -42,7 +42,7 @@ FENCED = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 DEFINED = (  # no figures of a run: what things are called, what was asked for, what others have published
     r"at most 2 for 95 % of the values, and never more than 5|a ratio above 5|and 1e-12 of the value",
     r"\b1e-2, 1e-3 and 1e-4|[Aa]n error above 1e-2|within three uncertainties",
-    r"\b(5 to 7|8 to 13) minutes|\b(1\.4|2\.4) GB",  # measured by hand, and said roughly
+    r"\b(3 to 7|6 to 13) minutes|\b(1\.4|2\.4) GB",  # measured by hand, and said roughly
     r"Python 3\.11( to 3\.13)?|x86-64",
     r"its default, 1e-4, is the tightest",
     r"\(20\d\d\)|\b2024 version",

@@ -33,7 +33,7 @@ from shellbench.problem import FIELDS, NumberFormat, ProgressCallback, Solution,
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.declining import Beyond, why_not_plain
 from shellbench.problems.shell.field import RESULTANTS
-from shellbench.problems.shell.quantities.quantities import PlacedQuantity
+from shellbench.problems.shell.quantities.quantities import PlacedQuantity, SupportQuantity
 from shellbench.problems.shell.question.contact import Touch
 from shellbench.problems.shell.variants.edit import why_no_edit
 from shellbench.problems.solving import CheckedSolver
@@ -349,9 +349,12 @@ class ShellSolver(CheckedSolver):
     ----------
     takes
         Properties beyond the plainest shells that it takes; it declines cases with more.
+    reactions
+        False if its solutions have no forces of supports.
     """
 
     takes: ClassVar[frozenset[Beyond]] = frozenset()
+    reactions: ClassVar[bool] = True
 
     def declines(self, case: Case) -> str | None:
         """Return the reason that the solver declines a case, as one clause, or None if it takes it."""
@@ -363,6 +366,8 @@ class ShellSolver(CheckedSolver):
         """Return the reason that it can't give a quantity of a case that it takes, as one clause, or None if it can."""
         if isinstance(quantity, PlacedQuantity) and "resultants" not in self.takes:
             return "this solver states no stress resultants"
+        if isinstance(quantity, SupportQuantity) and not self.reactions:
+            return "this solver computes no reactions"
         return None
 
     def answer_from(

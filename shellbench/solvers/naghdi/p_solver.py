@@ -12,11 +12,10 @@ import numpy as np
 from pydantic import Field
 
 from shellbench.errors import InputError
-from shellbench.problem import Capabilities, Progress, ProgressCallback, Quantity, Settings, Solution, Step
+from shellbench.problem import Capabilities, Progress, ProgressCallback, Settings, Solution, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.declining import Beyond
 from shellbench.problems.shell.quantities.measure import measure_all
-from shellbench.problems.shell.quantities.quantities import SupportQuantity
 from shellbench.problems.shell.question.conditions import RIGID_MOTIONS
 from shellbench.problems.shell.question.loads import MomentLoad, PointLoad
 from shellbench.problems.shell.question.places import Edge
@@ -51,16 +50,11 @@ class PNaghdiSolver(ShellSolver):
     )
     settings_type: ClassVar[type[Settings]] = GridSettings
     takes: ClassVar[frozenset[Beyond]] = frozenset({"transverse shear", "kinks"})
+    reactions: ClassVar[bool] = False
 
     def declines(self, case: Case) -> str | None:
         """Return the reason that the solver declines this case, as one clause, or None if it takes it."""
         return super().declines(case) or _beyond(case)
-
-    def declines_quantity(self, case: Case, quantity: Quantity) -> str | None:
-        """Return the reason that it can't give a quantity of a case that it takes, as one clause, or None if it can."""
-        if isinstance(quantity, SupportQuantity):
-            return "this solver computes no reactions"
-        return super().declines_quantity(case, quantity)
 
     def answer(
         self, case: Case, settings: GridSettings, start: Solution | Path | None, progress: ProgressCallback

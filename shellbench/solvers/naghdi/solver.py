@@ -5,10 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from shellbench.problem import Capabilities, ProgressCallback, Quantity, Solution
+from shellbench.problem import Capabilities, ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.declining import Beyond
-from shellbench.problems.shell.quantities.quantities import SupportQuantity
 from shellbench.problems.shell.question.loads import AreaLoad, GravityLoad, PressureLoad
 from shellbench.problems.shell.question.places import Edge
 from shellbench.problems.shell.solution import ShellSolver
@@ -29,16 +28,11 @@ class NaghdiSolver(ShellSolver):
     )
     settings_type: ClassVar[type[NaghdiSettings]] = NaghdiSettings
     takes: ClassVar[frozenset[Beyond]] = frozenset({"transverse shear"})
+    reactions: ClassVar[bool] = False
 
     def declines(self, case: Case) -> str | None:
         """Return the reason that the solver declines this case, as one clause, or None if it takes it."""
         return super().declines(case) or _beyond(case)
-
-    def declines_quantity(self, case: Case, quantity: Quantity) -> str | None:
-        """Return the reason that it can't give a quantity of a case that it takes, as one clause, or None if it can."""
-        if isinstance(quantity, SupportQuantity):
-            return "this solver computes no reactions"
-        return super().declines_quantity(case, quantity)
 
     def answer(
         self, case: Case, settings: NaghdiSettings, start: Solution | Path | None, progress: ProgressCallback

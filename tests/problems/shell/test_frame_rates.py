@@ -104,4 +104,5 @@ def test_a_static_case_has_no_frames() -> None:
 def test_lines_join_frames() -> None:
     frames = np.array([[0.0, 1.0], [2.0, 1.0], [2.0, 5.0]])
     places = np.array([0.0, 0.25, 1.0, 1.5, 2.0])
-    assert np.array_equal(interpolate_frames(frames, places), [[0, 1], [0.5, 1], [2, 1], [2, 3], [2, 5]])
+    joined = interpolate_frames(frames, places)
+    assert joined == pytest.approx(np.array([[0, 1], [0.5, 1], [2, 1], [2, 3], [2, 5]]), abs=1e-12)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.problems.branches import branch_at
+from shellbench.problems.branches import branch_in
 from shellbench.problems.expression import Expression, derivatives_of
 from shellbench.problems.features import NAMES, SAME_LINE
 from shellbench.problems.smoothness import jump_between, rough_place
@@ -46,14 +46,6 @@ class Fold:
     axis: int
     at: float
     hinged: bool
-
-
-def beside(points: Array, axis: int, at: float, size: float, side: int) -> Array:
-    """Return points (..., 2) in which those on the line xi_axis = at are moved to its lower (-1) or upper (1) side."""
-    moved = np.array(points, dtype=float)
-    on_line = np.abs(moved[..., axis] - at) <= 2 * ASIDE * size
-    moved[..., axis] = np.where(on_line, at + side * 2 * ASIDE * size, moved[..., axis])
-    return moved
 
 
 def kink_line(formulas: Sequence[Expression], sides: tuple[Array, Array], box: tuple[Pair, Pair]) -> float | None:
@@ -155,19 +147,16 @@ def why_rough(
 
 @dataclass(frozen=True)
 class Piece:
-    """The part of a surface between two folds: its box ((low, up), (low, up)) and its formulas without kinks."""
+    """The part of a surface between two folds: its box ((low, up), (low, up)) and its formulas there."""
 
     box: tuple[Pair, Pair]
     formulas: tuple[Expression, ...]
 
 
 def pieces(formulas: Sequence[Expression], lower: Pair, upper: Pair, folds: Sequence[Fold]) -> tuple[Piece, ...]:
-    """Return the parts of a surface, each with the branches that its piecewise formulas take in its middle."""
-    found = []
-    for box in strips(lower, upper, folds):
-        middle = np.mean(box, axis=1)
-        found.append(Piece(box, tuple(branch_at(formula, middle) for formula in formulas)))
-    return tuple(found)
+    """Return the parts of a surface, each with the branches that its piecewise formulas take all over it."""
+    boxes = strips(lower, upper, folds)
+    return tuple(Piece(box, tuple(branch_in(formula, box) for formula in formulas)) for box in boxes)
 
 
 def derivatives_by_piece(
@@ -176,8 +165,8 @@ def derivatives_by_piece(
     """Return the derivatives (i, j) -> (..., 3) at points (..., 2); on a fold those of the side of larger xi."""
     axis = folds[0].axis
     size = parts[-1].box[axis][1] - parts[0].box[axis][0]
-    inside = [fold.at - ASIDE * size for fold in folds][-len(parts) + 1 or len(folds) :]  # a seam is no end of a part
-    number = np.searchsorted(inside, points[..., axis], side="right")
+    starts = [part.box[axis][0] - 3 * ASIDE * size for part in parts[1:]]
+    number = np.searchsorted(starts, points[..., axis], side="right")
     found = {(i, total - i): np.empty((*points.shape[:-1], 3)) for total in range(order + 1) for i in range(total + 1)}
     for own, part in enumerate(parts):
         there = number == own
@@ -193,7 +182,8 @@ def position_jumps(formulas: Sequence[Expression], lower: Pair, upper: Pair, fol
         line = np.empty((TEAR_SAMPLES, 2))
         line[:, fold.axis] = fold.at
         line[:, 1 - fold.axis] = np.linspace(lower[1 - fold.axis], upper[1 - fold.axis], TEAR_SAMPLES)
-        before = beside(line, fold.axis, fold.at, size[fold.axis], -1)
+        before = line.copy()
+        before[:, fold.axis] -= 2 * ASIDE * size[fold.axis]
         if fold.at == lower[fold.axis]:
             before[:, fold.axis] = upper[fold.axis]
         sides = [derivatives_of(formulas, points, 0)[0, 0] for points in (before, line)]

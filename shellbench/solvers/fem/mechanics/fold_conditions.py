@@ -65,6 +65,8 @@ def why_not_at_folds(case: Case) -> str | None:
         return None
     if not case.linear or case.dynamics is not None or case.obstacles:
         return "its surface has folds, which fem takes in linear theory at rest, without contact"
+    if case.modal and case.loads:  # what the moment at a fold adds to the geometric stiffness is not known here
+        return "its surface has folds, and fem finds frequencies of these only without loads, and no buckling loads"
     if any(support.local for support in case.supports):
         return "its surface has folds, and a support holds directions local to the shell, which turn there"
     if any(isinstance(place, Edge) and not place.whole for _, place in case.supported_places()):

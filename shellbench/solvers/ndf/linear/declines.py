@@ -75,9 +75,10 @@ def _why_not_folded(case: Case, spec: FieldSpec) -> str | None:
         return "its surface has folds, which it takes in linear theory at rest, without contact or edge moments"
     if spec.supports == "soft" or spec.components == "covariant" or spec.slopes == "even":
         return "its surface has folds, which it takes with Cartesian components and exact supports only"
-    forced = {name for load in case.loads if isinstance(load, PointLoad) for name in load.on}
-    places = [place for place in (case.places[name] for name in forced) if isinstance(place, Point)]
-    if any(abs(place.xi[f.axis] - f.at) <= NEAR_EDGE for place in places for f in case.surface.fold_lines):
+    forced = (case.places[name] for load in case.loads if isinstance(load, PointLoad) for name in load.on)
+    places = [place for place in forced if isinstance(place, Point)]
+    size, folds = case.surface.domain.size, case.surface.fold_lines
+    if any(abs(place.xi[f.axis] - f.at) <= NEAR_EDGE * size[f.axis] for place in places for f in folds):
         return "a force acts at a point of a fold, where its singular features don't fit"
     return None
 
