@@ -38,7 +38,7 @@ ROOMS = {  # of a package, from the lowest up; what stands at its root is a room
     "report": ("data", "figures", "sections", "studies", "page"),
     "problems.shell": (
         *("question", "mesh", "field", "quantities", "posed", "case", "variants", "symmetry"),
-        *("declining", "solution", "records", "kind"),
+        *("declining", "solution", "deck", "records", "kind"),
     ),
     "solvers.fem": (
         *("conditioned_settings", "mesh", "algebra", "settings", "mechanics", "linear", "path", "refinement", "motion"),

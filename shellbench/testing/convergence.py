@@ -11,13 +11,13 @@ import numpy as np
 from shellbench.bench.catalogue import catalog
 from shellbench.problem import Problem
 from shellbench.problems.shell.case import Case
+from shellbench.protocol.limit import limit_of
 from shellbench.testing.examination import Examination, Findings, Verdict, not_applicable, not_shown
 
 FEWEST, MOST = 3, 5  # least and largest number of levels for a rate
 FLOOR = 1e-9  # relative error below which rounding and the known value's digits dominate
 FALLS = 0.5  # largest ratio of the last difference or error to the largest one in a converging sequence
 ELSEWHERE = 3.0  # multiple of the remaining difference; a larger error is no lack of resolution
-RATES = np.linspace(0.2, 12, 2361)  # that a limit is looked for with
 STUDY = "resolution"
 UNKNOWNS, STEPS = ("unknowns", 2), ("steps", 1)  # numbers that refinement increases, on a surface and in time
 
@@ -141,7 +141,7 @@ def judge(levels: Sequence[Refinement], known: float | None, what: str = "unknow
         return found.verdict()
     errors = np.abs(values - known) / scale
     words = f"errors {', '.join(f'{e:.1e}' for e in errors)} with {', '.join(f'{n:.0f}' for n in unknowns)} {what}"
-    limit = extrapolated(unknowns, values) if settles else None
+    limit = limit_of(unknowns**-0.5, values).value if settles else None
     if limit is not None and errors[-1] > FLOOR:
         missing = max(abs(limit - values[-1]), abs(values[-1] - values[-2])) / scale
         if abs(limit - known) / scale > max(ELSEWHERE * missing, FLOOR):
@@ -160,20 +160,3 @@ def slope(unknowns: np.ndarray, errors: np.ndarray) -> float | None:
     if np.count_nonzero(seen) < 2:
         return None
     return float(np.polyfit(-np.log(unknowns[seen]) / 2, np.log(errors[seen]), 1)[0])
-
-
-def extrapolated(unknowns: np.ndarray, values: np.ndarray) -> float:
-    """Return the limit v of value = v + C unknowns^(-p/2) through the last three levels, or the last value.
-
-    The rate p is fitted; if no rate fits the last two steps, the last value is returned.
-    """
-    h = unknowns[-3:] ** -0.5
-    first, second = np.diff(values[-3:])
-    if second == 0 or first / second <= 0:
-        return float(values[-1])
-    ratios = (h[0] ** RATES - h[1] ** RATES) / (h[1] ** RATES - h[2] ** RATES)
-    best = int(np.argmin(np.abs(np.log(ratios / (first / second)))))
-    if best in (0, len(RATES) - 1):
-        return float(values[-1])
-    share = h[2] ** RATES[best] / (h[1] ** RATES[best] - h[2] ** RATES[best])
-    return float(values[-1] + second * share)

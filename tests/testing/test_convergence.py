@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from shellbench.testing.convergence import Refinement, extrapolated, judge, slope, spread_out
+from shellbench.protocol.limit import limit_of
+from shellbench.testing.convergence import Refinement, judge, slope, spread_out
 
 UNKNOWNS = np.array([100.0, 400.0, 1600.0, 6400.0])
 
@@ -16,7 +17,7 @@ def levels(values, unknowns=UNKNOWNS):
 def test_the_order_is_the_exponent_of_the_spacing(order):
     errors = 3.0 * UNKNOWNS ** (-order / 2)
     assert slope(UNKNOWNS, errors) == pytest.approx(order)
-    assert extrapolated(UNKNOWNS, 5 + errors) == pytest.approx(5, abs=1e-3 * errors[-1])
+    assert limit_of(UNKNOWNS**-0.5, 5 + errors).value == pytest.approx(5, abs=1e-3 * errors[-1])
     verdict = judge(levels(5 + errors), 5.0)
     assert verdict.status == "passed"
     assert f"order {order:.1f}" in verdict.words

@@ -1,0 +1,141 @@
+"""Cells of a mesh: their shape functions, and the field that values at nodes make between them.
+
+Cells are numbered as Abaqus, CalculiX, Nastran and Gmsh number theirs: corners first, in the sense in which the normal
+is along a1 x a2, then the middles of the sides, the first of them between the first two corners.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Shape = Literal["tri3", "tri6", "quad4", "quad8", "quad9"]
+
+_QUAD = [(0, 0), (1, 0), (1, 1), (0, 1), (0.5, 0), (1, 0.5), (0.5, 1), (0, 0.5), (0.5, 0.5)]
+_TRI = [(0, 0), (1, 0), (0, 1), (0.5, 0), (0.5, 0.5), (0, 0.5)]
+PLACES: dict[Shape, Array] = {  # of the nodes of a cell, in a unit square or half of one
+    "tri3": np.array(_TRI[:3], float),
+    "tri6": np.array(_TRI, float),
+    "quad4": np.array(_QUAD[:4], float),
+    "quad8": np.array(_QUAD[:8], float),
+    "quad9": np.array(_QUAD, float),
+}
+POWERS: dict[Shape, list[tuple[int, int]]] = {  # of the monomials s^i t^j that span its shape functions
+    "tri3": [(0, 0), (1, 0), (0, 1)],
+    "tri6": [(0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (0, 2)],
+    "quad4": [(0, 0), (1, 0), (0, 1), (1, 1)],
+    "quad8": [(0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 1), (1, 2)],
+    "quad9": [(0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 1), (1, 2), (2, 2)],
+}
+STEPS, NEAR = 12, 1e-12  # of Newton's method for the place of a point in its cell, and where it ends
+
+
+def corners_of(shape: Shape) -> int:
+    """Return the number of corners of a cell."""
+    return 3 if shape.startswith("tri") else 4
+
+
+def shapes_at(shape: Shape, places: Array) -> tuple[Array, Array]:
+    """Return shape functions (n, k) at places (n, 2) of the unit cell, and their derivatives (n, k, 2)."""
+    powers = np.array(POWERS[shape])
+    i, j = powers.T
+    coefficients = np.linalg.inv(np.prod(PLACES[shape][:, None] ** powers, axis=-1))
+    s, t = places[:, :1], places[:, 1:]
+    values = s**i * t**j
+    along = np.where(i > 0, i * s ** np.maximum(i - 1, 0), 0.0) * t**j
+    across = s**i * np.where(j > 0, j * t ** np.maximum(j - 1, 0), 0.0)
+    return values @ coefficients, np.stack([along @ coefficients, across @ coefficients], axis=-1)
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Nodes in the coordinates of the surface, and cells between them.
+
+    Attributes
+    ----------
+    xi
+        (m, 2) coordinates of the nodes; a closed coordinate has its seam twice.
+    cells
+        (e, k) nodes of each cell.
+    shape
+        Of all cells.
+    """
+
+    xi: Array
+    cells: Integers
+    shape: Shape
+
+    @cached_property
+    def _triangles(self) -> tuple[Any, Integers]:
+        """A finder of the corner triangles, and the cell of each."""
+        from matplotlib.tri import Triangulation
+
+        corners = self.cells[:, : corners_of(self.shape)]
+        halves = [corners[:, :3]] + ([corners[:, [0, 2, 3]]] if corners.shape[1] == 4 else [])
+        triangles = np.concatenate(halves)
+        side = self.xi[triangles]
+        one, other = side[:, 1] - side[:, 0], side[:, 2] - side[:, 0]
+        flat = np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]) <= NEAR * np.ptp(self.xi, axis=0).prod()
+        kept = np.flatnonzero(~flat)
+        size = np.ptp(self.xi, axis=0)
+        first, second = ((self.xi - self.xi.min(axis=0)) / size).T
+        mesh = Triangulation(first, second, triangles[kept])
+        return mesh.get_trifinder(), np.tile(np.arange(len(self.cells)), len(halves))[kept]
+
+    def locate(self, points: Array) -> tuple[Integers, Array, Array]:
+        """Return the cell (n,) of each point (n, 2), its place (n, 2) there, and by how much it lies outside (n,).
+
+        Outside is measured in the unit cell: 0 for points in their cell.
+        """
+        finder, owners = self._triangles
+        lower, size = self.xi.min(axis=0), np.ptp(self.xi, axis=0)
+        scaled = (points - lower) / size
+        found = np.asarray(finder(*scaled.T))
+        cell = np.where(found >= 0, owners[found], -1)
+        for lost in np.flatnonzero(cell < 0):  # on the boundary, or outside: the cell with the nearest middle
+            middles = self._middles
+            cell[lost] = np.argmin(np.sum(((middles - points[lost]) / size) ** 2, axis=-1))
+        corners = self.xi[self.cells[cell]]
+        places = np.full((len(points), 2), 1 / 3 if self.shape.startswith("tri") else 1 / 2)
+        for _ in range(STEPS):
+            values, slopes = shapes_at(self.shape, places)
+            missing = points - np.einsum("nk,nkc->nc", values, corners)
+            step = np.linalg.solve(np.einsum("nkd,nkc->ncd", slopes, corners), missing[..., None])[..., 0]
+            places = places + np.clip(step, -1, 1)
+            if np.abs(step).max(initial=0.0) < NEAR:
+                break
+        beyond = [-places.min(axis=-1), places.max(axis=-1) - 1]
+        if self.shape.startswith("tri"):
+            beyond.append(places.sum(axis=-1) - 1)
+        return cell, places, np.maximum(np.max(beyond, axis=0), 0.0)
+
+    @cached_property
+    def _middles(self) -> Array:
+        return np.asarray(self.xi[self.cells[:, : corners_of(self.shape)]].mean(axis=1))
+
+    def interpolate(self, values: Array, points: Array) -> Array:
+        """Return values (n, ...) at points (n, 2) from those of the nodes (m, ...)."""
+        cell, places, _ = self.locate(points)
+        shares, _ = shapes_at(self.shape, places)
+        return np.asarray(np.einsum("nk,nk...->n...", shares, values[self.cells[cell]]))
+
+    def rule(self, count: int) -> Iterator[tuple[Array, Array, Array]]:
+        """Yield for each of Gauss's points: points (e, 2) of all cells, weights (e,) in xi, and the nodes' shares (k,).
+
+        The rule has `count` points a side; on triangles it is that of a square whose side is a corner.
+        """
+        x, w = np.polynomial.legendre.leggauss(count)
+        x, w = (x + 1) / 2, w / 2
+        corners = self.xi[self.cells]
+        for (s, ws), (t, wt) in ((a, b) for a in zip(x, w, strict=True) for b in zip(x, w, strict=True)):
+            place, weight = ((s * (1 - t), t), ws * wt * (1 - t)) if self.shape.startswith("tri") else ((s, t), ws * wt)
+            values, slopes = shapes_at(self.shape, np.array([place]))
+            jacobian = np.linalg.det(np.einsum("kd,ekc->ecd", slopes[0], corners))
+            yield np.einsum("k,ekc->ec", values[0], corners), weight * np.abs(jacobian), values[0]

@@ -1,0 +1,78 @@
+"""The limit of values on ever finer meshes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+RATES = np.linspace(0.2, 12, 2361)  # of convergence that are looked for
+ASSUMED = 2.0  # the rate where two values can't tell it
+SURE = 0.5  # share of the last extrapolation that stays uncertain if nothing else bounds it
+LEAST = 0.1  # the same if a further mesh agrees
+ROUNDING = 1e-12  # relative change that is none
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A limit, with its uncertainty.
+
+    Attributes
+    ----------
+    value
+        The limit; the last value where none is seen.
+    uncertainty
+        By which it may be wrong; infinite for a single value.
+    rate
+        p in value = limit + C h^p; None if the values show none.
+    """
+
+    value: float
+    uncertainty: float
+    rate: float | None
+
+
+def _three(sizes: np.ndarray, values: np.ndarray) -> tuple[float, float] | None:
+    """Return limit and rate through three values; None if they do not approach one from one side."""
+    first, second = np.diff(values)
+    if second == 0 or first / second <= 0:
+        return None
+    ratios = (sizes[0] ** RATES - sizes[1] ** RATES) / (sizes[1] ** RATES - sizes[2] ** RATES)
+    best = int(np.argmin(np.abs(np.log(ratios / (first / second)))))
+    if best in (0, len(RATES) - 1):
+        return None
+    return float(values[2] + second / ((sizes[1] / sizes[2]) ** RATES[best] - 1)), float(RATES[best])
+
+
+def limit_of(sizes: ArrayLike, values: ArrayLike) -> Limit:
+    """Return the limit of values as the size of cells goes to zero, by Richardson's extrapolation with a fitted rate.
+
+    Two values are extrapolated with a rate of 2. Where three or more do not approach a limit from one side, the last
+    one is given, and their spread is its uncertainty.
+
+    Parameters
+    ----------
+    sizes
+        Of the cells, from coarse to fine; in any unit.
+    values
+        One a size.
+    """
+    h, v = np.asarray(sizes, float), np.asarray(values, float)
+    last = float(v[-1])
+    if len(v) == 1:
+        return Limit(last, float("inf"), None)
+    change = abs(float(v[-1] - v[-2]))
+    if change <= ROUNDING * np.abs(v).max():
+        return Limit(last, ROUNDING * float(np.abs(v).max()), None)
+    if len(v) == 2:
+        step = float(v[1] - v[0]) / ((h[0] / h[1]) ** ASSUMED - 1)
+        return Limit(last + step, change, None)
+    found = _three(h[-3:], v[-3:])
+    if found is None:
+        return Limit(last, float(np.ptp(v[-3:])), None)
+    value, rate = found
+    moved = abs(value - last)
+    before = _three(h[-4:-1], v[-4:-1]) if len(v) > 3 else None
+    unsure = SURE * moved if before is None else max(abs(value - before[0]), LEAST * moved)
+    return Limit(value, unsure, rate)
