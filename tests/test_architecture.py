@@ -34,11 +34,11 @@ BELOW = {  # what a layer may import beside itself
 }
 ROOMS = {  # of a package, from the lowest up; what stands at its root is a room of its own
     "": ("errors", "files", "disk", "protocol", "problem", "problems", "solvers", "bench", "report", "interface"),
-    "bench": ("plugins", "catalogue", "store", "run", "judge"),
+    "bench": ("plugins", "catalogue", "sheet", "store", "run", "judge"),
     "report": ("data", "figures", "sections", "studies", "page"),
     "problems.shell": (
         *("question", "mesh", "field", "quantities", "posed", "case", "variants", "symmetry"),
-        *("declining", "solution", "deck", "records", "kind"),
+        *("declining", "solution", "deck", "records", "sheet", "kind"),
     ),
     "solvers.fem": (
         *("conditioned_settings", "mesh", "algebra", "settings", "mechanics", "linear", "path", "refinement", "motion"),

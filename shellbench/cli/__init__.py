@@ -23,6 +23,7 @@ from shellbench.cli.judge import baseline_command, export, gate_command, report,
 from shellbench.cli.options import say
 from shellbench.cli.passport import passport_command
 from shellbench.cli.share import board, pack
+from shellbench.cli.sheet import sheet
 from shellbench.cli.solve import check_solver_command, list_command, run
 from shellbench.errors import InputError, Interrupted, ShellbenchError, without_middle
 
@@ -80,6 +81,7 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "baseline": baseline_command,
     "report": report,
     "export": export,
+    "sheet": sheet,
     "pack": pack,
     "board": board,
     "check-solver": check_solver_command,

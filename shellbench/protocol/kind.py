@@ -13,6 +13,7 @@ from shellbench.protocol.picture import Portrait
 from shellbench.protocol.problem import Problem
 from shellbench.protocol.sample import Sample
 from shellbench.protocol.schema import Model
+from shellbench.protocol.sheet import Request, Sheet
 
 Account = Callable[[Any, Any, Mapping[str, float]], Sequence[Model]]
 """Makes one field of a record (see `shellbench.account`) of a solution, its problem and its named values."""
@@ -62,6 +63,9 @@ class Kind:
     from_file
         Takes a file with data of a user's own, such as a mesh, and the path of a case file; returns the text of a case
         as a start. It may raise InputError with the reason, as a clause. None if there are no such files.
+    sheet
+        Takes a problem and a request; returns its sheet, for a person with another program. It may raise InputError.
+        None if no program with meshes solves such problems.
     headline, headlines
         Name of its headline quantities, for the heading of their table; other names by unit.
     exam, quick
@@ -77,6 +81,7 @@ class Kind:
     twins: Mapping[str, Variant] = field(default_factory=dict)
     sample: Callable[[Any, int, float | None, str], Sample] | None = None
     from_file: Callable[[Path, Path], str] | None = None
+    sheet: Callable[[Any, Request], Sheet] | None = None
     headline: str = "Headline figures"
     headlines: Mapping[str, str] = field(default_factory=dict)
     exam: tuple[str, ...] = ()

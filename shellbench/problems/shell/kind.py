@@ -21,6 +21,7 @@ from shellbench.problems.shell.records.sampling import (
 )
 from shellbench.problems.shell.records.self_intersection import self_intersection_study
 from shellbench.problems.shell.records.series import series_of
+from shellbench.problems.shell.sheet.sheet import sheet
 from shellbench.problems.shell.variants.variants import TWINS, VARIANTS
 from shellbench.protocol.history import (
     FrameRateStep,
@@ -128,6 +129,7 @@ SHELL = Kind(
     twins=TWINS,
     sample=sample,
     from_file=case_of_mesh,
+    sheet=sheet,
     exam=("obstacle_course", "verification", "variants", "shapes", "nonlinear"),
     quick=("quick",),
 )
