@@ -54,7 +54,7 @@ def write_sheets(sheets: Sequence[Sheet], out: Path, draw: Callable[[Sheet, Path
     Raises
     ------
     InputError
-        If the table is there and has been filled in, or has rows of other cases: nothing is written.
+        If the table is there and has been filled in, or is another one: nothing is written.
     """
     answers = out / ANSWERS_FILE
     text = [ANSWERS, *(row for sheet in sheets for row in sheet.answers)]

@@ -19,7 +19,7 @@ HALO = [withStroke(linewidth=2, foreground="white")]
 
 
 def draw_sketch(sheet: Sheet, path: Path) -> None:
-    """Draw a surface with held edges thick, loads as arrows, the meshed part outlined and points named; write a file."""
+    """Draw a surface into a file: held edges thick, loads as arrows, the meshed part outlined, and points named."""
     sketch = sheet.sketch
     scene, x = sketch.scene, sketch.position
     camera = Camera(*scene.view, scene.up)
@@ -43,7 +43,7 @@ def draw_sketch(sheet: Sheet, path: Path) -> None:
             }
             axes.annotate("", ends[0], xytext=ends[1], arrowprops=look, zorder=4)
         for name, point in sketch.points.items():
-            at = camera.look(point)[:2]
-            axes.plot(*at, marker="o", markersize=3, color="black", zorder=5)
-            axes.annotate(name, at, (4, 4), textcoords="offset points", fontsize=7, path_effects=HALO, zorder=6)
+            x1, x2, _ = camera.look(point)
+            axes.plot(x1, x2, marker="o", markersize=3, color="black", zorder=5)
+            axes.annotate(name, (x1, x2), (4, 4), textcoords="offset points", fontsize=7, path_effects=HALO, zorder=6)
         figure.savefig(path, metadata={"Date": None})

@@ -50,6 +50,8 @@ ELEMENTS: Mapping[str, Element] = {  # by their names in Abaqus and CalculiX
 }
 K6ROT = "100."  # stiffness of rotations about the normal: on flat cells of a curved shell, 0 gives no limit
 PER_LINE = 8  # numbers
+IN_SPAN = 1 - 1e-6  # share of a unit vector in the space of held axes from which it lies there
+ABAQUS = "** in Abaqus: "  # before lines that CalculiX must not read
 SMALLEST_LOAD = 1e-14  # of the largest, which is rounding
 FIRST_STEP = 0.1  # of a step at large displacements
 MOST_STEPS = 1000
@@ -114,6 +116,19 @@ def _loads(deck: Deck) -> Iterator[tuple[int, int, float]]:
             yield int(node), part.start + int(component), float(deck.forces[node, part.start + component])
 
 
+def _turns(deck: Deck) -> NDArray[np.bool_]:
+    """Return the rotations (v, 3) that are held in CalculiX: no rotation about the normal is among them.
+
+    CalculiX makes solids of shells, and rotations of their nodes are mean rotations of points on the normal. Where the
+    held axes span the normal, one of them depends on the others, and the axis nearest to the normal is left out.
+    """
+    held = deck.held[:, 3:].copy()
+    part = np.where(held, np.abs(deck.normals), 0.0)
+    spanned = np.flatnonzero(np.linalg.norm(part, axis=1) > IN_SPAN)
+    held[spanned, part[spanned].argmax(axis=1)] = False
+    return held
+
+
 def _abaqus(decks: Sequence[Deck], element: str, title: str) -> Iterator[str]:
     deck = decks[-1]
     yield from ("*HEADING", title, "*NODE, NSET=ALL")
@@ -127,21 +142,27 @@ def _abaqus(decks: Sequence[Deck], element: str, title: str) -> Iterator[str]:
     yield from ("*MATERIAL, NAME=MATERIAL", "*ELASTIC")
     yield f"{_real(deck.part.case.material.youngs_modulus)}, {_real(deck.poissons_ratio)}"
     yield from ("*SHELL SECTION, ELSET=SHELL, MATERIAL=MATERIAL", _real(deck.part.case.material.thickness))
+    turns = {axis: np.flatnonzero(held) for axis, held in zip("XYZ", _turns(deck).T, strict=True) if held.any()}
+    for axis, nodes in turns.items():
+        yield f"*NSET, NSET=NO_TURN_{axis}"
+        yield from _rows(nodes)
     yield "*BOUNDARY"
     told = np.zeros_like(deck.held)
     for support, place in deck.part.case.supported_places():
         yield f"** {support.name}"
         nodes = deck.grid.nodes_of(place)
         named = set_name(place.name) if place.name in deck.sets else "ALL" if isinstance(place, Whole) else ""
+        names = [named] if named else [str(n + 1) for n in nodes]
         for component in held_components(deck.part.case, support, place) or ():
             told[nodes, component] = True
-            if named:
-                yield f"{named}, {component + 1}, {component + 1}"
-            else:
-                yield from (f"{n + 1}, {component + 1}, {component + 1}" for n in nodes)
-    for node, component in np.argwhere(deck.held & ~told):
+            mark = "" if component < 3 else ABAQUS
+            yield from (f"{mark}{name}, {component + 1}, {component + 1}" for name in names)
+    for node, component in np.argwhere((deck.held & ~told)[:, :3]):
         yield from ("** against a rigid motion", f"{node + 1}, {component + 1}, {component + 1}")
+    for axis in turns:
+        yield f"NO_TURN_{axis}, {4 + 'XYZ'.index(axis)}, {4 + 'XYZ'.index(axis)}"
     for step in decks:
+        yield f"** load factor {step.at:g}"
         yield "*STEP" if deck.part.whole.linear else f"*STEP, NLGEOM=YES, INC={MOST_STEPS}"
         yield from ["*STATIC"] + ([] if deck.part.whole.linear else [f"{FIRST_STEP}, 1."])
         moved = np.argwhere(step.prescribed != 0)
@@ -150,7 +171,8 @@ def _abaqus(decks: Sequence[Deck], element: str, title: str) -> Iterator[str]:
         loads = list(_loads(step))
         yield from ["*CLOAD"] * bool(loads)
         yield from (f"{n + 1}, {c + 1}, {_real(value)}" for n, c, value in loads)
-        yield from ("*NODE PRINT, NSET=ALL", "U", "*NODE FILE", "U", "*END STEP")
+        last = f"FREQUENCY={MOST_STEPS}"  # at the end of the step only
+        yield from (f"*NODE PRINT, NSET=ALL, {last}", "U", f"*NODE FILE, {last}", "U", "*END STEP")
 
 
 def _large(name: str, *fields: int | float | str) -> Iterator[str]:
@@ -185,21 +207,21 @@ def _nastran(decks: Sequence[Deck], element: Element, title: str) -> Iterator[st
         yield from _small(element.nastran, n, 1, *(int(v) + 1 for v in cell))
     material = deck.part.case.material
     yield from _large("MAT1", 1, material.youngs_modulus, "", material.poissons_ratio)
-    sheared = 1 if deck.part.whole.theory.startswith("naghdi") else ""
+    sheared = deck.part.whole.theory.startswith("naghdi") or deck.grid.order == 2  # those elements always shear
     yield f"$ {'with' if sheared else 'no MID3: without'} transverse shear"
-    yield from _large("PSHELL", 1, 1, material.thickness, 1, "", sheared)
+    yield from _large("PSHELL", 1, 1, material.thickness, 1, "", 1 if sheared else "")
     for number, step in enumerate(decks, 1):
         at_rest = step.held & (step.prescribed == 0)
         patterns = np.unique(at_rest[at_rest.any(axis=1)], axis=0)
         for pattern in patterns:
             components = "".join(str(c + 1) for c in np.flatnonzero(pattern))
-            for node in np.flatnonzero((at_rest == pattern).all(axis=1)):
-                yield from _small("SPC1", number, components, int(node) + 1)
-        for node, component in np.argwhere(step.prescribed != 0):
-            yield from _large("SPC", number, int(node) + 1, int(component) + 1, float(step.prescribed[node, component]))
-        for node, component, value in _loads(step):
-            unit = [float(component % 3 == axis) for axis in range(3)]
-            yield from _large("FORCE" if component < 3 else "MOMENT", number, node + 1, "", value, *unit)
+            for n in np.flatnonzero((at_rest == pattern).all(axis=1)).tolist():
+                yield from _small("SPC1", number, components, n + 1)
+        for n, c in np.argwhere(step.prescribed != 0).tolist():
+            yield from _large("SPC", number, n + 1, c + 1, float(step.prescribed[n, c]))
+        for n, c, value in _loads(step):
+            axes = [float(c % 3 == axis) for axis in range(3)]
+            yield from _large("FORCE" if c < 3 else "MOMENT", number, n + 1, "", value, *axes)
     yield "ENDDATA"
 
 

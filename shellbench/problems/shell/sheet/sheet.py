@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import chain
+from itertools import chain, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.declining import Beyond, why_not_by_load, why_not_plain
 from shellbench.problems.shell.deck.deck import Deck
 from shellbench.problems.shell.deck.grid import ON_NODE, square_cells
 from shellbench.problems.shell.deck.nodal import why_not_held
+from shellbench.problems.shell.declining import Beyond, why_not_by_load, why_not_plain
 from shellbench.problems.shell.quantities.measure import load_density
 from shellbench.problems.shell.question.loads import EdgeLoad
 from shellbench.problems.shell.question.places import Edge, Point
 from shellbench.problems.shell.records.portrait import ShellPortrait
 from shellbench.problems.shell.sheet.formats import ELEMENTS, writers
-from shellbench.problems.shell.sheet.statement import statement, table
+from shellbench.problems.shell.sheet.statement import marked, statement, table
 from shellbench.problems.shell.sheet.units import in_system
 from shellbench.problems.shell.symmetry.symmetry import Part, part_of, whole_of
 from shellbench.protocol.sheet import Request, Sheet, Sketch
@@ -69,16 +69,15 @@ def sheet(case: Case, request: Request) -> Sheet:
             raise InputError(f"--element: found '{element}'{known}")
     case, names = in_system(case, request.units)
     part = whole_of(case) if request.whole else part_of(case)
-    counts = [square_cells(part, across) for across in request.cells or _ladder(part)]
+    counts = [square_cells(part, across) for across in dict.fromkeys(request.cells or _ladder(part))]
     decks = {(n, name): _steps(part, n, name) for n in counts for name in request.elements}
     files = {
         f"{n[0]}x{n[1]}_{element}{ending}": write
         for (n, element), steps in decks.items()
         for ending, write in writers(steps, element, f"{case.name}, {n[0]} x {n[1]} {element}, {request.units}").items()
     }
-    marked = len(case.states) > 1 or not case.linear
     answers = tuple(
-        (case.name, q.name, f"{q.at:g}" if marked else "", "", names.of(case, q), f"{n[0]}x{n[1]}", "", "")
+        (case.name, q.name, f"{q.at:g}" if marked(case) else "", "", names.of(case, q), f"{n[0]}x{n[1]}", "", "")
         for n in counts
         for q in case.quantities
     )
@@ -119,14 +118,15 @@ def _ladder(part: Part) -> list[int]:
         points = [name for name, place in part.case.places.items() if isinstance(place, Point)]
         lacking[across] = sum(name not in deck.sets for name in points)
     if not lacking:
-        raise InputError(f"{part.whole.name}: {refused}")
+        raise refused
     first = min(lacking, key=lambda across: lacking[across])
     return [first * times for times in LADDER]
 
 
 def _files(decks: dict[str, Deck]) -> list[str]:
     """Return the lines of the statement on the files."""
-    nonlinear = not next(iter(decks.values())).part.whole.linear
+    case = next(iter(decks.values())).part.whole
+    empty = "" if marked(case) else " (`at` stays empty)"
     rows = [
         (
             f"`{name}`",
@@ -138,8 +138,8 @@ def _files(decks: dict[str, Deck]) -> list[str]:
     ]
     runs = ["- `.inp`: Abaqus and CalculiX, `ccx -i NAME`; displacements are in `NAME.dat`."]
     runs.append(
-        "- `.bdf`: Nastran; MYSTRAN, which has no large displacements, does not take it."
-        if nonlinear
+        "- `.bdf`: Nastran; MYSTRAN does not take it, as it has no large displacements."
+        if not case.linear
         else "- `.bdf`: Nastran and MYSTRAN, `mystran NAME.bdf`; displacements are in `NAME.F06`."
     )
     return [
@@ -150,8 +150,8 @@ def _files(decks: dict[str, Deck]) -> list[str]:
         "- `.msh`: Gmsh 2.2 with physical groups. `.vtu`: with loads, supports and sets at the nodes.",
         "- `_loads.csv`: nodal forces and moments.",
         "",
-        "Fill in `value` in `answers.csv`, a row for each mesh; `at`, `unknowns` and `seconds` may stay empty. Take a copy of it for each"
-        " element.",
+        f"Fill in `value` in `answers.csv`, a row for each mesh{empty}; `unknowns` and `seconds`"
+        " may stay empty. Take a copy of it for each element.",
     ]
 
 
@@ -160,7 +160,7 @@ def _sketch(case: Case, part: Part) -> Sketch:
     (low1, low2), (high1, high2) = part.lower, part.upper
     corners = np.array([(low1, low2), (high1, low2), (high1, high2), (low1, high2), (low1, low2)])
     share = np.linspace(0, 1, GRID)[:, None]
-    sides = [start + share * (end - start) for start, end in zip(corners[:-1], corners[1:], strict=True)]
+    sides = [start + share * (end - start) for start, end in pairwise(corners)]
     named = {place.xi: name for name, place in case.places.items() if isinstance(place, Point) and name in case.points}
     return Sketch(
         scene=ShellPortrait(case).scene,
@@ -180,9 +180,9 @@ def _arrows(case: Case) -> Iterator[Array]:
     inner = low + size * np.stack(np.meshgrid(share, share, indexing="ij"), axis=-1).reshape(-1, 2)
     fields = [(inner, load_density(case, inner, at))]
     for load in case.loads:
-        for name in load.on if isinstance(load, EdgeLoad) and load.frame == "global" else ():
+        for name in load.on if isinstance(load, EdgeLoad) else ():
             place = case.places[name]
-            if isinstance(place, Edge):
+            if isinstance(place, Edge) and isinstance(load, EdgeLoad) and load.frame == "global":
                 points = place.samples(domain, ARROWS)
                 fields.append((points, case.evaluate(load.vector, points, at)[0, 0]))
     for x, f in chain.from_iterable(zip(case.surface.position(p), v, strict=True) for p, v in fields):

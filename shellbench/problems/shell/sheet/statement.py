@@ -26,15 +26,16 @@ THEORIES = {
     "kirchhoff-love-linear": "Thin shell (Kirchhoff-Love), small displacements: normals stay straight and normal to the"
     " midsurface, without transverse shear. Elements with transverse shear tend to another limit, which is near on thin"
     " shells.",
-    "kirchhoff-love-nonlinear": "Thin shell (Kirchhoff-Love), large displacements and rotations, Green's strains, linear"
-    " elastic (St. Venant-Kirchhoff): normals stay straight and normal to the midsurface, without transverse shear."
-    " Loads are dead: they keep their direction.",
+    "kirchhoff-love-nonlinear": "Thin shell (Kirchhoff-Love), large displacements and rotations, Green's strains,"
+    " linear elastic (St. Venant-Kirchhoff): normals stay straight and normal to the midsurface, without transverse"
+    " shear. Loads are dead: they keep their direction.",
     "naghdi-linear": "Shell with transverse shear (Reissner-Mindlin, Naghdi), small displacements: normals stay"
     " straight. The shear correction factor is 5/6, the shear modulus G = E/(2(1 + nu)).",
 }
 MOVES, TURNS = ("u_x", "u_y", "u_z"), ("r_x", "r_y", "r_z")
 FINE = (48, 48)  # cells of the mesh on which totals of loads are taken
 ROUNDING = 1e-12  # of the largest number of a vector
+SAID = {"largest_displacement": "largest magnitude of the displacement anywhere on the midsurface"}
 VECTORS = {"direction", "axis", "centre", "exact"}
 NOT_TOLD = {"name", "kind", "description", "unit", "primary", "at", "factor", "tolerance", "absolute", "open_finding"}
 
@@ -52,7 +53,7 @@ def statement(case: Case, decks: Mapping[str, Deck], names: System, units: str, 
     deck = next(iter(decks.values()))
     return "\n".join(line for part in (
         [f"# {case.title}", "", f"Case `{case.name}`. {case.description}", "", "![sketch](sketch.svg)", ""],
-        [f"All numbers here and in the files are in {units}: {names.length}, {names.force}, {names.stress}.", ""],
+        [f"Units here and in all files: {names.length}, {names.force}, {names.stress} (`--units {units}`).", ""],
         ["## Theory", "", THEORIES[case.theory], ""],
         _geometry(deck.part, names),
         _material(case, names),
@@ -61,6 +62,11 @@ def statement(case: Case, decks: Mapping[str, Deck], names: System, units: str, 
         _asked(deck, names),
         files,
     ) for line in part) + "\n"  # fmt: skip
+
+
+def marked(case: Case) -> bool:
+    """Return True if values belong to load factors: on a path, or with several states."""
+    return len(case.states) > 1 or not case.linear
 
 
 def number(value: float) -> str:
@@ -87,7 +93,7 @@ def _at(case: Case, *points: tuple[float, float]) -> Array:
 
 
 def _geometry(part: Part, names: System) -> Iterator[str]:
-    case, surface = part.whole, part.whole.surface
+    surface = part.whole.surface
     yield from ("## Midsurface", "")
     if surface.kind == "mesh":
         yield "A spline through the points of a mesh file: take its points from the meshes of this folder."
@@ -142,7 +148,9 @@ def _where(case: Case, place: Place, names: System) -> str:
     plane = next((a for a in range(3) if np.ptp(x[:, a]) <= 1e-9 * np.ptp(x, axis=0).max()), None)
     lies = "" if plane is None else f"{'xyz'[plane]} = {number(round(float(x[0, plane]), 12))}, "
     ends = np.where(np.abs(x) <= ROUNDING * np.abs(x).max(), 0.0, x)
-    return f"{lies}from {vector(ends[0])} by {vector(ends[16])} to {vector(ends[-1])}"
+    straight = np.allclose(x[16], (x[0] + x[-1]) / 2, atol=1e-9 * np.ptp(x, axis=0).max())
+    middle = "" if straight else f" by {vector(ends[16])}"
+    return f"{lies}from {vector(ends[0])}{middle} to {vector(ends[-1])}"
 
 
 def _kept(case: Case, support: Support, place: Place) -> tuple[str, str, str]:
@@ -178,7 +186,8 @@ def _supports(deck: Deck, names: System) -> Iterator[str]:
                 rows.append((f"`{set_name(name)}`", where, "", "", "free"))
     yield from ("## Supports", "", "All that is not named is free. Rotations are about the axes x, y and z.", "")
     yield from table(("boundary", "where", "displacements", "rotations", "what it is"), rows)
-    if case.theory.startswith("kirchhoff") and not all(support.holds_slope for support in case.supports):
+    hinged = any(isinstance(place, Edge) and not s.holds_slope for s, place in case.supported_places())
+    if hinged and case.theory.startswith("kirchhoff"):
         yield (
             "Hinged edges are soft here: no rotation is held. An element with transverse shear comes nearer to the thin"
             " limit with hard supports, where normals do not turn along the edge."
@@ -220,6 +229,11 @@ def _load_words(case: Case, load: Load, names: System) -> str:
 def _loads(deck: Deck, names: System) -> Iterator[str]:
     part = deck.part
     yield from ("## Loads", "")
+    if marked(part.whole):
+        yield from (
+            f"At the load factor t = {number(deck.at)}; before, loads grow in proportion unless formulas say else.",
+            "",
+        )
     rows = []
     for load in part.whole.loads:
         whole = part.whole.model_copy(update={"loads": (load,)})
@@ -231,8 +245,8 @@ def _loads(deck: Deck, names: System) -> Iterator[str]:
     unit = (names.force, names.unit(1, 1))
     yield from table(("load", f"total force on the whole, {unit[0]}", f"total of moments on nodes, {unit[1]}"), rows)
     if part.mirrors:
-        total = vector(_total(deck)[:3])
-        yield f"The nodes of a mesh bear {total} {names.force} together: forces in planes of symmetry are shared with"
+        shared = vector(_total(deck)[:3])
+        yield f"The nodes of a mesh bear {shared} {names.force} together: forces in planes of symmetry are shared with"
         yield "the mirror images."
         yield ""
     if rows:
@@ -250,12 +264,12 @@ def _total(deck: Deck) -> Array:
 def _asked(deck: Deck, names: System) -> Iterator[str]:
     case = deck.part.whole
     yield from ("## What to report", "")
-    marks = len(case.states) > 1 or not case.linear
-    rows = []
-    for q in case.quantities:
-        at = [number(q.at)] if marks else []
-        rows.append((f"`{q.name}`", _what(q), *at, names.of(case, q) or "none"))
-    yield from table(("quantity", "what", *(["at load factor"] if marks else []), "unit"), rows)
+    marks = ["at load factor"] if marked(case) else []
+    rows = [
+        (f"`{q.name}`", _what(q), *([number(q.at)] if marks else []), names.of(case, q) or "none")
+        for q in case.quantities
+    ]
+    yield from table(("quantity", "what", *marks, "unit"), rows)
     if deck.part.mirrors:
         yield f"Energies are those of the whole shell: {deck.part.copies} times those of the part."
         yield ""
@@ -264,7 +278,7 @@ def _asked(deck: Deck, names: System) -> Iterator[str]:
 
 def _what(quantity: ShellQuantity) -> str:
     """Return what a quantity is, and the data of its measurement."""
-    said = quantity.description or quantity.kind.replace("_", " ")
+    said = quantity.description or SAID.get(quantity.kind, quantity.kind.replace("_", " "))
     if isinstance(quantity, PlacedQuantity) and quantity.kind not in said:
         said = f"{quantity.kind.replace('_', ' ')}: {said}"
     told = []
