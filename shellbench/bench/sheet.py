@@ -32,7 +32,7 @@ def sheets_of(cases: Sequence[str], suites: Sequence[str], request: Request) -> 
         except InputError as error:
             notes.append(str(error))
     if not found:
-        raise InputError(notes[0] if len(notes) == 1 else "no case is named, or none of these suites has a sheet")
+        raise InputError(f"no case has a sheet: {notes[0]}" if notes else "name a case, or a --suite")
     return list(found.values()), tuple(notes)
 
 
