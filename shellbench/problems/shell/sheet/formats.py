@@ -193,8 +193,10 @@ def _small(name: str, *fields: int | str) -> Iterator[str]:
 def _nastran(decks: Sequence[Deck], element: Element, title: str) -> Iterator[str]:
     deck, linear = decks[-1], decks[-1].part.whole.linear
     yield from (f"SOL {101 if linear else 106}", "CEND", f"TITLE = {title[:60]}", "DISPLACEMENT = ALL", "ESE = ALL")
+    moves = any(np.any(step.prescribed) for step in decks)
+    supports = dict(enumerate(decks, 1)) if moves else {1: deck}  # MYSTRAN takes one set
     for number, _ in enumerate(decks, 1):
-        yield from (f"SUBCASE {number}", f"  SPC = {number}", f"  LOAD = {number}")
+        yield from (f"SUBCASE {number}", f"  SPC = {number if number in supports else 1}", f"  LOAD = {number}")
         yield from [] if linear else ["  NLPARM = 1"]
     yield from ("BEGIN BULK", "PARAM,POST,-1", f"PARAM,K6ROT,{K6ROT}")
     yield from [] if linear else ["PARAM,LGDISP,1", "NLPARM,1,10"]
@@ -210,15 +212,13 @@ def _nastran(decks: Sequence[Deck], element: Element, title: str) -> Iterator[st
     sheared = deck.part.whole.theory.startswith("naghdi") or deck.grid.order == 2  # those elements always shear
     yield f"$ {'with' if sheared else 'no MID3: without'} transverse shear"
     yield from _large("PSHELL", 1, 1, material.thickness, 1, "", 1 if sheared else "")
-    for number, step in enumerate(decks, 1):
-        at_rest = step.held & (step.prescribed == 0)
-        patterns = np.unique(at_rest[at_rest.any(axis=1)], axis=0)
-        for pattern in patterns:
-            components = "".join(str(c + 1) for c in np.flatnonzero(pattern))
-            for n in np.flatnonzero((at_rest == pattern).all(axis=1)).tolist():
-                yield from _small("SPC1", number, components, n + 1)
+    for number, step in supports.items():
+        for n in np.flatnonzero(step.held.any(axis=1)).tolist():
+            at_rest = np.flatnonzero(step.held[n] & (step.prescribed[n] == 0))
+            yield from _small("SPC1", number, "".join(str(c + 1) for c in at_rest), n + 1) if len(at_rest) else ()
         for n, c in np.argwhere(step.prescribed != 0).tolist():
             yield from _large("SPC", number, n + 1, c + 1, float(step.prescribed[n, c]))
+    for number, step in enumerate(decks, 1):
         for n, c, value in _loads(step):
             axes = [float(c % 3 == axis) for axis in range(3)]
             yield from _large("FORCE" if c < 3 else "MOMENT", number, n + 1, "", value, *axes)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import chain, pairwise
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +13,11 @@ from shellbench.problems.shell.deck.deck import Deck
 from shellbench.problems.shell.deck.grid import ON_NODE, square_cells
 from shellbench.problems.shell.deck.nodal import why_not_held
 from shellbench.problems.shell.declining import Beyond, why_not_by_load, why_not_plain
-from shellbench.problems.shell.quantities.measure import load_density
-from shellbench.problems.shell.question.loads import EdgeLoad
-from shellbench.problems.shell.question.places import Edge, Point
+from shellbench.problems.shell.question.loads import PointLoad
+from shellbench.problems.shell.question.places import Point
 from shellbench.problems.shell.records.portrait import ShellPortrait
 from shellbench.problems.shell.sheet.formats import ELEMENTS, writers
-from shellbench.problems.shell.sheet.statement import marked, statement, table
+from shellbench.problems.shell.sheet.statement import marked, statement
 from shellbench.problems.shell.sheet.units import in_system
 from shellbench.problems.shell.symmetry.symmetry import Part, part_of, whole_of
 from shellbench.protocol.sheet import Request, Sheet, Sketch
@@ -32,7 +30,7 @@ TAKES: frozenset[Beyond] = frozenset(
 )
 FIRST = range(8, 17)  # cells across the coarsest mesh: the first number with which all named points are nodes
 LADDER = (1, 2, 4)  # times as many cells across
-GRID, ARROWS, INSIDE = 33, 4, 0.1  # points of a sketch a side, arrows of a load, and how far these are from edges
+GRID, ROUGH = 33, (5, 5)  # points of a sketch a side; cells whose nodal forces are its arrows
 
 
 def why_no_sheet(case: Case) -> str | None:
@@ -82,21 +80,22 @@ def sheet(case: Case, request: Request) -> Sheet:
         for q in case.quantities
     )
     last = {f"{n[0]}x{n[1]}_{name}": steps[-1] for (n, name), steps in decks.items()}
-    words = statement(case, last, names, request.units, _files(last))
+    words = statement(last, names)
     return Sheet(case.name, case.title, words, files, answers, _sketch(case, part))
 
 
 def _steps(part: Part, counts: tuple[int, int], element: str) -> list[Deck]:
     """Return the decks of a mesh at all states of the case; InputError if a place lies on no node."""
     steps = [Deck.of(part, counts, ELEMENTS[element].shape, at=at) for at in part.whole.states]
-    for fold in part.case.surface.fold_lines:
-        place = (fold.at - part.lower[fold.axis]) / steps[0].grid.steps[fold.axis]
-        if abs(place - round(place)) > ON_NODE:
-            raise InputError(
-                f"field 'cells': a fold lies inside of {counts[0]} x {counts[1]} cells; choose other cells"
-            )
-    for deck in steps:
-        _ = deck.forces, deck.prescribed, deck.held  # so that bad cells are refused before anything is written
+    try:
+        for fold in part.case.surface.fold_lines:
+            place = (fold.at - part.lower[fold.axis]) / steps[0].grid.steps[fold.axis]
+            if abs(place - round(place)) > ON_NODE:
+                raise InputError(f"field 'cells': a fold crosses cells of {counts[0]} x {counts[1]}; choose others")
+        for deck in steps:
+            _ = deck.forces, deck.prescribed, deck.held  # so that bad cells are refused before anything is written
+    except InputError as error:
+        raise InputError(f"{part.whole.name}: {error}") from None
     return steps
 
 
@@ -123,44 +122,15 @@ def _ladder(part: Part) -> list[int]:
     return [first * times for times in LADDER]
 
 
-def _files(decks: dict[str, Deck]) -> list[str]:
-    """Return the lines of the statement on the files."""
-    case = next(iter(decks.values())).part.whole
-    empty = "" if marked(case) else " (`at` stays empty)"
-    rows = [
-        (
-            f"`{name}`",
-            f"{name.rpartition('_')[2]}; {ELEMENTS[name.rpartition('_')[2]].nastran}",
-            str(len(deck.nodes)),
-            str(len(deck.cells)),
-        )
-        for name, deck in decks.items()
-    ]
-    runs = ["- `.inp`: Abaqus and CalculiX, `ccx -i NAME`; displacements are in `NAME.dat`."]
-    runs.append(
-        "- `.bdf`: Nastran; MYSTRAN does not take it, as it has no large displacements."
-        if not case.linear
-        else "- `.bdf`: Nastran and MYSTRAN, `mystran NAME.bdf`; displacements are in `NAME.F06`."
-    )
-    return [
-        "## Files",
-        "",
-        *table(("name", "elements", "nodes", "cells"), rows),
-        *runs,
-        "- `.msh`: Gmsh 2.2 with physical groups. `.vtu`: with loads, supports and sets at the nodes.",
-        "- `_loads.csv`: nodal forces and moments.",
-        "",
-        f"Fill in `value` in `answers.csv`, a row for each mesh{empty}; `unknowns` and `seconds`"
-        " may stay empty. Take a copy of it for each element.",
-    ]
-
-
 def _sketch(case: Case, part: Part) -> Sketch:
     surface, domain = case.surface, case.surface.domain
     (low1, low2), (high1, high2) = part.lower, part.upper
     corners = np.array([(low1, low2), (high1, low2), (high1, high2), (low1, high2), (low1, low2)])
     share = np.linspace(0, 1, GRID)[:, None]
     sides = [start + share * (end - start) for start, end in pairwise(corners)]
+    plain = case.model_copy(update={"loads": tuple(load for load in case.loads if not isinstance(load, PointLoad))})
+    rough = Deck.of(whole_of(plain), ROUGH, at=case.states[-1])
+    spread = np.stack([rough.nodes, rough.forces[:, :3]], axis=1)
     named = {place.xi: name for name, place in case.places.items() if isinstance(place, Point) and name in case.points}
     return Sketch(
         scene=ShellPortrait(case).scene,
@@ -168,23 +138,5 @@ def _sketch(case: Case, part: Part) -> Sketch:
         position=surface.position(domain.grid(GRID, GRID)),
         part=surface.position(np.concatenate(sides)),
         points={name: surface.position(np.array(xi)) for xi, name in named.items()},
-        spread=np.array([*_arrows(case)]).reshape(-1, 2, 3),
+        spread=spread[np.abs(spread[:, 1]).max(axis=1) > 0],
     )
-
-
-def _arrows(case: Case) -> Iterator[Array]:
-    """Yield points (3,) and the vectors (3,) of loads over the area and along edges, as (2, 3)."""
-    domain, at = case.surface.domain, case.states[-1]
-    share = np.linspace(INSIDE, 1 - INSIDE, ARROWS)
-    low, size = np.asarray(domain.lower), np.asarray(domain.size)
-    inner = low + size * np.stack(np.meshgrid(share, share, indexing="ij"), axis=-1).reshape(-1, 2)
-    fields = [(inner, load_density(case, inner, at))]
-    for load in case.loads:
-        for name in load.on if isinstance(load, EdgeLoad) else ():
-            place = case.places[name]
-            if isinstance(place, Edge) and isinstance(load, EdgeLoad) and load.frame == "global":
-                points = place.samples(domain, ARROWS)
-                fields.append((points, case.evaluate(load.vector, points, at)[0, 0]))
-    for x, f in chain.from_iterable(zip(case.surface.position(p), v, strict=True) for p, v in fields):
-        if np.any(f):
-            yield np.stack([x, f])
