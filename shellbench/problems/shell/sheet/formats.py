@@ -195,9 +195,9 @@ def _nastran(decks: Sequence[Deck], element: Element, title: str) -> Iterator[st
     yield from (f"SOL {101 if linear else 106}", "CEND", f"TITLE = {title[:60]}", "DISPLACEMENT = ALL", "ESE = ALL")
     moves = any(np.any(step.prescribed) for step in decks)
     supports = dict(enumerate(decks, 1)) if moves else {1: deck}  # MYSTRAN takes one set
-    for number, _ in enumerate(decks, 1):
-        yield from (f"SUBCASE {number}", f"  SPC = {number if number in supports else 1}", f"  LOAD = {number}")
-        yield from [] if linear else ["  NLPARM = 1"]
+    for number in range(1, len(decks) + 1):
+        yield from (f"SUBCASE {number}", f"  SPC = {number if number in supports else 1}")
+        yield from [f"  LOAD = {number}"] * bool(np.any(decks[number - 1].forces)) + ["  NLPARM = 1"] * (not linear)
     yield from ("BEGIN BULK", "PARAM,POST,-1", f"PARAM,K6ROT,{K6ROT}")
     yield from [] if linear else ["PARAM,LGDISP,1", "NLPARM,1,10"]
     for name, nodes in deck.sets.items():

@@ -28,7 +28,12 @@ Array = NDArray[np.float64]
 TAKES: frozenset[Beyond] = frozenset(
     {"transverse shear", "supported parts", "local supports", "local loads", "kinks", "folds", "resultants"}
 )
-FIRST = range(8, 17)  # cells across the coarsest mesh: the first number with which all named points are nodes
+FIRST = (
+    *range(8, 17),
+    20,
+    24,
+    32,
+)  # cells across the coarsest mesh: the first number with which all named points are nodes
 LADDER = (1, 2, 4)  # times as many cells across
 GRID, ROUGH = 33, (5, 5)  # points of a sketch a side; cells whose nodal forces are its arrows
 

@@ -141,8 +141,8 @@ def _held(case: Case, support: Support, place: Place) -> tuple[str, str, str]:
         hard, soft = "hard: normals do not turn along the edge", "soft: normals are free to turn along the edge"
         remark += f"; {hard if turns else soft}"
     if support.motion is not None:
-        given = support.motion.model_dump(exclude_unset=True).items()
-        remark += f"; displacements are {', '.join(f'{key} {value}' for key, value in given)}"
+        given = support.motion.model_dump(exclude_unset=True, exclude={"kind"}).items()
+        remark += f"; moved, {support.motion.kind}: {', '.join(f'`{key} = {value}`' for key, value in given)}"
         return ", ".join(moves), " = ".join([*turns, "0"] if turns else ""), remark
     return " = ".join([*moves, "0"] if moves else ""), " = ".join([*turns, "0"] if turns else ""), remark
 
