@@ -70,13 +70,9 @@ def writers(decks: Sequence[Deck], element: str, title: str) -> dict[str, Callab
         A line for the heads of files.
     """
     of = ELEMENTS[element]
-
-    def text(lines: Iterable[str]) -> Callable[[Path], None]:
-        return lambda path: _write_lines(path, lines)
-
     return {
-        ".inp": text(_abaqus(decks, element, title)),
-        ".bdf": text(_nastran(decks, of, title)),
+        ".inp": lambda path: _write_lines(path, _abaqus(decks, element, title)),
+        ".bdf": lambda path: _write_lines(path, _nastran(decks, of, title)),
         ".msh": lambda path: _write_gmsh(path, decks[-1], of),
         ".vtu": lambda path: _write_vtu(path, decks[-1], of),
         "_loads.csv": lambda path: _write_loads(path, decks),

@@ -183,13 +183,13 @@ def _total(deck: Deck) -> Array:
 
 
 def _what(quantity: ShellQuantity) -> str:
-    """Return what a quantity is, and the data of its measurement."""
+    """Return the description of a quantity, and the data of its measurement."""
     kind = quantity.kind.replace("_", " ")
     said = quantity.description or kind + (" of the whole shell" if kind.endswith(WHOLE) else "")
     if isinstance(quantity, PlacedQuantity) and kind not in said:
         said = f"{kind}: {said}"
     for key, value in quantity.model_dump(exclude_none=True, exclude_defaults=True, exclude=NOT_TOLD).items():
-        words = str(value)
+        words = number(value) if isinstance(value, float) else str(value)
         if isinstance(value, tuple) and isinstance(value[0], tuple):
             words = ", ".join(map(vector, value))
         elif isinstance(value, tuple):

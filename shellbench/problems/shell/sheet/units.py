@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
@@ -22,11 +22,18 @@ SYSTEMS: Mapping[str, Units] = {  # by their units of length, force and stress
 
 @dataclass(frozen=True)
 class System:
-    """Names of units."""
+    """Names of units.
+
+    Attributes
+    ----------
+    own
+        True if the numbers of the case are in them as they are: units of its quantities stay.
+    """
 
     length: str
     force: str
     stress: str
+    own: bool = False
 
     def unit(self, length: int, force: int) -> str:
         """Return the unit of a dimension length**length force**force, such as "N mm"."""
@@ -39,10 +46,8 @@ class System:
 
     def of(self, case: Case, quantity: ShellQuantity) -> str:
         """Return the unit of a quantity of a case in these units."""
-        powers = quantity.dimension(case)
-        if powers == (0, 0) or (self.force, self.length, quantity.unit) == ("N", "m", "J"):
-            return quantity.unit
-        return self.unit(*powers)
+        length, force = quantity.dimension(case)
+        return quantity.unit if self.own or (length, force) == (0, 0) else self.unit(length, force)
 
 
 def in_system(case: Case, name: str) -> tuple[Case, System]:
@@ -57,14 +62,17 @@ def in_system(case: Case, name: str) -> tuple[Case, System]:
         raise InputError(f"--units: found '{name}'{did_you_mean(name, SYSTEMS)}; allowed are {', '.join(SYSTEMS)}")
     words = set(re.findall(r"\w+", case.units))
     old = Units(1e3 if "mm" in words else 1e-3 if "km" in words else 1.0, 1.0, case.units)  # of force: always newtons
-    new, system = SYSTEMS[name], System(*name.split("-"))
+    length, force, stress = name.split("-")
+    new, system = SYSTEMS[name], System(length, force, stress)
     ratio = Units(new.length / old.length, new.force / old.force, new.words)
     if (ratio.length, ratio.force) == (1.0, 1.0):
-        return case, system
+        return case, replace(system, own=True)
     try:
+        if any(quantity.factor != 1 for quantity in case.quantities):
+            raise InputError("a quantity has a factor, whose unit is not known")
         data = converted_data(case, ratio)
     except InputError as error:
-        raise InputError(f"{case.name}: it can't be given in {name}: {error}") from None
-    for quantity, asked in zip(data["quantities"], case.quantities, strict=True):
-        quantity["factor"] = asked.factor
+        raise InputError(f"{case.name} can't be given in {name}: {error}") from None
+    for quantity in data["quantities"]:
+        quantity.pop("factor", None)  # which would lead back to the old units
     return Case.model_validate(data | {"name": case.name}), system
