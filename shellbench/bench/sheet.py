@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from shellbench.bench.catalogue import catalog
@@ -24,7 +25,11 @@ def sheets_of(cases: Sequence[str], suites: Sequence[str], request: Request) -> 
     InputError
         If a case that is named has none, or no case of the suites has one.
     """
-    found = {case.name: _sheet(case, request) for case in map(catalog.find_case, cases)}
+    found = {}
+    for text in cases:
+        made = _sheet(catalog.find_case(text), request)
+        rows = ((text, *row[1:]) for row in made.answers)  # an own case is found by its file
+        found[made.name] = replace(made, answers=tuple(rows))
     notes = []
     for case in (case for suite in suites for case in catalog.cases_of(suite) if case.name not in found):
         try:

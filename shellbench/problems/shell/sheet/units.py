@@ -36,13 +36,11 @@ class System:
     own: bool = False
 
     def unit(self, length: int, force: int) -> str:
-        """Return the unit of a dimension length**length force**force, such as "N mm"."""
+        """Return the unit of a dimension length**length force**force, such as "N mm"; neither is above 1."""
+        over = f"/{self.length}" + (f"^{-length}" if length < -1 else "") if length < 0 else ""
         if not force:
-            return {0: "", 1: self.length}.get(length, f"{self.length}^{length}")
-        if length == -2:
-            return self.stress
-        over = f"/{self.length}" + (f"^{-length}" if length < -1 else "")
-        return f"{self.force} {self.length}" if length > 0 else self.force + (over if length else "")
+            return f"1{over}" if over else self.length
+        return self.stress if length == -2 else f"{self.force} {self.length}" if length > 0 else self.force + over
 
     def of(self, case: Case, quantity: ShellQuantity) -> str:
         """Return the unit of a quantity of a case in these units."""
