@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,6 @@ from shellbench.problems.shell.records.sampling import (
 )
 from shellbench.problems.shell.records.self_intersection import self_intersection_study
 from shellbench.problems.shell.records.series import series_of
-from shellbench.problems.shell.sheet.sheet import sheet
 from shellbench.problems.shell.variants.variants import TWINS, VARIANTS
 from shellbench.protocol.history import (
     FrameRateStep,
@@ -32,6 +32,7 @@ from shellbench.protocol.history import (
     StateEnergies,
 )
 from shellbench.protocol.sample import Sample
+from shellbench.protocol.sheet import Request, Sheet
 
 Values = Mapping[str, float]
 
@@ -115,6 +116,13 @@ def sample(solution: DisplacementField, points: int, at: float | None, title: st
         components=COMPONENTS,
         scalar=ENERGY_DENSITY,
     )
+
+
+def sheet(case: Case, request: Request) -> Sheet:
+    """Return the sheet of a case; see `shellbench.problems.shell.sheet.sheet`."""
+    # The name is computed, because sheets measure nothing and must not be part of the digest of records.
+    made: Sheet = import_module(f"{__package__}.sheet.sheet").sheet(case, request)
+    return made
 
 
 SHELL = Kind(
