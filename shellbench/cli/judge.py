@@ -37,11 +37,12 @@ def table(
     store: StoreOption = DEFAULT_STORE,
     format: Annotated[Format, typer.Option("--format", help="How to print it.")] = Format.text,
     suite: SuiteOption = None,
+    solver: SolverOption = None,
     wide: WideOption = False,
 ) -> None:
     """Print the headline values, the known values, the errors and the cost of each answer.
 
-    The table has all runs, each once; with --suite, all existing runs of this suite.
+    The table has all runs, each once; with --suite, all existing runs of this suite; with --solver, those of it.
 
     JSON is a list of objects, one for each case, solver, settings, seed and quantity; the other formats print the
     headline quantity of each case.
@@ -52,6 +53,7 @@ def table(
 
     check_filled(Store(store))
     rows, notes = compare.rows_and_notes(Store(store), tuple(suite or ()), tuple(cases or ()))
+    rows = [row for row in rows if not solver or row.solver in solver]
     warn(notes)
     if format is Format.json:
         typer.echo(compare.as_json(rows))

@@ -58,10 +58,18 @@ def _complete_names(incomplete: str) -> list[str]:
     return [*_complete_cases(incomplete), *_complete_suites(incomplete), *_complete_solvers(incomplete)]
 
 
+def _named_solvers(value: Any) -> Any:
+    """Return names of solvers, with a path to a file of one replaced by its name."""
+    from shellbench.bench.plugins.registry import FILE, find_solver
+
+    if isinstance(value, str):
+        return find_solver(value).name if value.endswith(FILE) else value
+    return value and [_named_solvers(one) for one in value]
+
+
 # Completions for the tabulator key (`shellbench --install-completion`).
-CASES, SUITES, SOLVERS, NAMES = (
-    {"autocompletion": complete} for complete in (_complete_cases, _complete_suites, _complete_solvers, _complete_names)
-)
+CASES, SUITES, NAMES = ({"autocompletion": one} for one in (_complete_cases, _complete_suites, _complete_names))
+SOLVERS: dict[str, Any] = {"autocompletion": _complete_solvers, "callback": _named_solvers}
 StoreOption = Annotated[Path, typer.Option("--store", metavar="DIR", help="Folder of the records.")]
 SuiteOption = Annotated[
     list[str] | None,
@@ -69,7 +77,12 @@ SuiteOption = Annotated[
 ]
 SolverOption = Annotated[
     list[str] | None,
-    typer.Option("--solver", metavar="NAME", help="Solver; may be repeated. See `shellbench list`.", **SOLVERS),
+    typer.Option(
+        "--solver",
+        metavar="NAME|PATH.toml",
+        help="Solver, or the file of one that is a command; may be repeated. See `shellbench list`.",
+        **SOLVERS,
+    ),
 ]
 SettingOption = Annotated[
     list[str] | None,

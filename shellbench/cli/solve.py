@@ -259,7 +259,9 @@ def _summary(plan: Plan, outcomes: list[Outcome]) -> int:
 
 
 def check_solver_command(
-    solver: Annotated[str, typer.Argument(metavar="NAME", help="Solver to check; see `shellbench list`.", **SOLVERS)],
+    solver: Annotated[
+        str, typer.Argument(metavar="NAME|PATH.toml", help="Solver to check; see `shellbench list`.", **SOLVERS)
+    ],
     cases: Annotated[
         list[str] | None,
         typer.Option("--case", metavar="CASE|PATH.toml", help="Case to solve; may be repeated. Default: a cheap one."),

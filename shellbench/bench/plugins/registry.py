@@ -5,6 +5,9 @@ A plug-in registers in the same way as built-in solvers::
 
     [project.entry-points."shellbench.solvers"]
     mine = "my_package.solver:MySolver"
+
+A solver may also be a command that a TOML file describes (`shellbench.protocol.program`). It has no entry point: it is
+known from when a user names its file, until the process ends.
 """
 
 from __future__ import annotations
@@ -19,10 +22,13 @@ from typing import Any, Literal
 
 from shellbench.errors import InputError
 from shellbench.problem import Solver
+from shellbench.protocol.program import Program
 from shellbench.protocol.spelling import did_you_mean
 
 GROUP = "shellbench.solvers"
 OWN = "shellbench"  # shellbench's package and distribution
+OF_FILES = "shellbench.solvers.external.solver:CommandSolver"  # the class of solvers that a file describes
+FILE, FILE_AFTER = ".toml", "?"  # end of such a file's name; the sign before its path in the place of the solver
 PARTS = ("name", "capabilities", "settings_type", "declines", "solve", "load")
 
 
@@ -35,9 +41,9 @@ class SolverEntry:
     name
         Name on the command line and in records.
     target
-        Its place, ``module:attribute``.
+        Its place, ``module:attribute``; of a solver that a file describes ``module:attribute?path``.
     distribution, version
-        The installed package that registers it.
+        The installed package that registers it; none, and its program's fingerprint, if a file describes it.
     """
 
     name: str
@@ -55,16 +61,32 @@ class SolverEntry:
         """True for a solver of shellbench itself, False for a plug-in."""
         return self.module.partition(".")[0] == OWN and self.distribution in ("", OWN)
 
+    @property
+    def file(self) -> Path | None:
+        """The file that describes it; None for a solver of a package."""
+        path = self.target.partition(FILE_AFTER)[2]
+        return Path(path) if path else None
+
+    @property
+    def version_of_code(self) -> tuple[str, ...]:
+        """Its version where that counts as its code: not for solvers of shellbench."""
+        if self.file is not None:
+            return (Program.read(self.file).fingerprint(self.file),)  # as it is now
+        return () if self.own else (f"{self.distribution} {self.version}",)
+
+
+_OF_FILES: dict[str, SolverEntry] = {}  # those that the user has named so far, by name
+
 
 def solver_entries() -> dict[str, SolverEntry]:
-    """Return all registered solvers by name.
+    """Return all registered solvers by name, and those of files that the user has named.
 
     Raises
     ------
     InputError
         If two packages register different solvers under one name.
     """
-    return registered(GROUP, "solver")
+    return registered(GROUP, "solver") | _OF_FILES
 
 
 def registered(group: str, what: str) -> dict[str, SolverEntry]:
@@ -84,13 +106,30 @@ def registered(group: str, what: str) -> dict[str, SolverEntry]:
 
 
 def find_solver(name: str) -> SolverEntry:
-    """Return the registered solver of this name; InputError, naming the known ones, if there is none."""
+    """Return the registered solver of this name; InputError, naming the known ones, if there is none.
+
+    The path to a file, which ends in .toml, stands for the solver that it describes.
+    """
+    if name.endswith(FILE):
+        return _solver_of_file(Path(name))
     entries = solver_entries()
     if name not in entries:
         refuse_without_package("solver", name)
         hint = did_you_mean(name, entries)
         raise InputError(f"unknown solver '{name}'{hint}: solvers are {', '.join(entries) or 'not installed'}")
     return entries[name]
+
+
+def _solver_of_file(path: Path) -> SolverEntry:
+    """Return the solver that a file describes, as its program is now, and make it known by its name."""
+    described = Program.read(path)
+    entry = SolverEntry(described.name, f"{OF_FILES}{FILE_AFTER}{path.resolve()}", "", described.fingerprint(path))
+    known = solver_entries().get(entry.name, entry)
+    if known.target != entry.target:
+        of = f"that of {known.file}" if known.file else "that of an installed solver"
+        raise InputError(f"{path}: field 'name': '{entry.name}' is {of} already; give another name")
+    _OF_FILES[entry.name] = entry
+    return entry
 
 
 def refuse_without_package(what: Literal["solver", "suite"], name: str) -> None:
@@ -115,7 +154,7 @@ def load(entry: SolverEntry, what: str, make: Callable[[Any], Any] = lambda foun
     InputError
         In one sentence with its name, if this raises an exception.
     """
-    module, _, attribute = entry.target.partition(":")
+    module, _, attribute = entry.target.partition(FILE_AFTER)[0].partition(":")
     try:
         found: Any = import_module(module.strip())
         for part in attribute.strip().split("."):
@@ -134,7 +173,11 @@ def load_solver(entry: SolverEntry) -> Solver:
     InputError
         If its module can't be imported for any reason, or its attribute is not a solver.
     """
-    solver: Solver = load(entry, "solver", lambda found: found() if isinstance(found, type) else found)
+
+    def make(found: Any) -> Any:
+        return found.of(entry.file) if entry.file else found() if isinstance(found, type) else found
+
+    solver: Solver = load(entry, "solver", make)
     missing = [part for part in PARTS if not hasattr(solver, part)]
     if missing:
         raise InputError(f"solver '{entry.name}' can't be used: {entry.target} has no {', '.join(missing)}")

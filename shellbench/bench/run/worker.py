@@ -166,7 +166,7 @@ def with_checkpoints(task: Task, solver: Solver, folder: Path) -> dict[str, Any]
 
 
 def peak_memory(idle: int) -> int | None:
-    """Return the largest resident memory of this process so far, bytes; None where that is not known.
+    """Return the largest resident memory of this process, or of a program it called; bytes, None if not known.
 
     The kernel updates the peak only from time to time, so it may be less than the idle measurement.
     """
@@ -174,7 +174,7 @@ def peak_memory(idle: int) -> int | None:
         import resource
     except ImportError:
         return None
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    peak = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return max(idle, int(peak if sys.platform == "darwin" else peak * 1024))
 
 

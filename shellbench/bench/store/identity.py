@@ -25,10 +25,9 @@ GATED_DTYPE = "float64"
 def current_source(entry: SolverEntry, kind: str = DEFAULT) -> str:
     """Return the digest of the solver's source, of its kind of problem, and of the code that measures it.
 
-    For a plug-in the digest includes the version.
+    For a plug-in the digest includes the version, for a command the fingerprint of its program.
     """
-    version = () if entry.own else (f"{entry.distribution} {entry.version}",)
-    return source_digest([entry.module, module_of(kind), MEASURING], *version)
+    return source_digest([entry.module, module_of(kind), MEASURING], *entry.version_of_code)
 
 
 def make_identity(case: Problem, entry: SolverEntry, settings: Settings) -> Identity:

@@ -8,7 +8,8 @@ displacements only: other quantities are declined.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import ClassVar
@@ -106,6 +107,15 @@ class MeshSolver(ShellSolver):
         """
         raise NotImplementedError
 
+    def solution_on(self, deck: Deck, settings: Settings) -> MeshSolution:
+        """Return the solution on a mesh; SolveFailure if nodes have no finite displacement."""
+        moved = np.asarray(self.solve_mesh(deck, settings), float)
+        if moved.shape != deck.nodes.shape or not np.all(np.isfinite(moved)):
+            counts = list(deck.grid.counts)
+            raise SolveFailure(f"the program gives no finite displacement for each node of {counts} cells")
+        energy = -deck.part.copies * float(np.sum(deck.forces[:, :3] * moved)) / 2
+        return MeshSolution(deck, deck.without_rigid(moved), energy=energy)
+
     def answer(
         self, case: Case, settings: MeshSettings, start: Solution | Path | None, progress: ProgressCallback
     ) -> MeshSolution:
@@ -126,18 +136,12 @@ class MeshSolver(ShellSolver):
                 raise InputError(f"field 'cells': found {list(counts)}, at most {MOST_CELLS} are possible")
             deck = Deck.of(part, counts, self.shape, settings.distortion, case.states[0])
             try:
-                moved = np.asarray(self.solve_mesh(deck, settings), float)
-                if moved.shape != deck.nodes.shape or not np.all(np.isfinite(moved)):
-                    raise SolveFailure(
-                        f"the program gives no finite displacement for each node of {list(counts)} cells"
-                    )
+                found = self.solution_on(deck, settings)
             except SolveFailure as failure:
                 raise SolveFailure(str(failure), partial=found) from None
-            work = part.copies * float(np.sum(deck.forces[:, :3] * moved))
-            found = MeshSolution(deck, deck.without_rigid(moved))
-            values = measure_all(found)
+            values = found.stated or measure_all(found)
             spent = time.perf_counter() - began
-            history.append(Step(len(history), spent, -work / 2, deck.unknowns, quantities=values))
+            history.append(Step(len(history), spent, found.energy, deck.unknowns, quantities=values))
             sizes.append(float(np.prod(counts)) ** -0.5)
             progress(Progress(len(history), len(settings.cells), f"{counts[0]} x {counts[1]} cells"))
         assert found is not None
@@ -170,7 +174,11 @@ class MeshSolution(ShellSolution):
     deck
         The solved part on its finest mesh.
     moved
-        (v, 3) displacements of the nodes, m.
+        (v, 3) displacements of the nodes, m; not finite if the program states values only.
+    energy
+        Total potential energy, J: minus half the work of the loads.
+    stated
+        Values by name of quantity, where the program states them itself.
     """
 
     formats: ClassVar[tuple[str | int, ...]] = ("mesh, format 1",)
@@ -178,6 +186,8 @@ class MeshSolution(ShellSolution):
 
     deck: Deck
     moved: Array
+    energy: float = 0.0
+    stated: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def case(self) -> Case:
@@ -210,7 +220,8 @@ class MeshSolution(ShellSolution):
         """Return the data of a file beside the case and the history."""
         grid = self.deck.grid
         words = {"counts": grid.counts, "shape": grid.shape, "distortion": grid.distortion}
-        return {**words, "whole": not self.deck.part.mirrors}, {"moved": self.moved}
+        more = {"whole": not self.deck.part.mirrors, "energy": self.energy, "stated": dict(self.stated)}
+        return {**words, **more}, {"moved": self.moved}
 
     @classmethod
     def restored(cls, case: Case, words: Words, arrays: Arrays) -> MeshSolution:
@@ -220,4 +231,4 @@ class MeshSolution(ShellSolution):
         deck = Deck.of(part, counts, words["shape"], float(words["distortion"]), case.states[0])
         if arrays["moved"].shape != deck.nodes.shape:
             raise ValueError("displacements do not fit the mesh")
-        return cls(deck, arrays["moved"])
+        return cls(deck, arrays["moved"], energy=float(words.get("energy", 0.0)), stated=words.get("stated", {}))

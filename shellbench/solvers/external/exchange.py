@@ -1,0 +1,204 @@
+"""Files between shellbench and a command: the mesh with all that holds and loads it, and the displacements of nodes.
+
+Nodes are numbered from 1 in all of them, and units are those of the case (SI). `docs/any_program.md` describes them.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.errors import SolveFailure, without_middle
+from shellbench.problems.shell.deck.cells import Shape
+from shellbench.problems.shell.deck.deck import Deck
+
+Array = NDArray[np.float64]
+MeshFormat = Literal["json", "tables", "vtu"]
+ResultFormat = Literal["csv", "dat", "vtu", "values"]
+
+FORMAT = ".12e"  # of numbers in tables: CalculiX reads 20 characters
+SAME = 1e-6  # of the mesh's size: how far a place in a result may lie from its node
+VTK_CELLS: dict[Shape, str] = {
+    "tri3": "triangle",
+    "tri6": "triangle6",
+    "quad4": "quad",
+    "quad8": "quad8",
+    "quad9": "quad9",
+}
+BETWEEN = re.compile(r"[\s,;]+")
+BEGINS_DISPLACEMENTS = "displacements"  # in the line above them in a file .dat of CalculiX
+
+
+def write_mesh(deck: Deck, format: MeshFormat, folder: Path) -> Path:
+    """Write a deck into a folder; return its file, or the folder of its tables."""
+    if format == "tables":
+        return _write_tables(deck, folder / "mesh")
+    path = folder / f"mesh.{format}"
+    if format == "vtu":
+        import meshio
+
+        data = {name: getattr(deck, name) for name in ("prescribed", "forces", "normals", "thickness")}
+        data["held"] = deck.held.astype(float)
+        meshio.Mesh(deck.nodes, [(VTK_CELLS[deck.grid.shape], deck.cells)], point_data=data).write(path)
+    else:
+        path.write_text(json.dumps(mesh_data(deck)), encoding="utf-8")
+    return path
+
+
+def mesh_data(deck: Deck) -> dict[str, Any]:
+    """Return a deck as JSON data; lists over nodes are in the order of their numbers."""
+    material = deck.part.case.material
+    return {
+        "case": deck.part.whole.name,
+        "theory": deck.part.whole.theory,
+        "shape": deck.grid.shape,
+        "cells_along": list(deck.grid.counts),
+        "material": {name: getattr(material, name) for name in ("youngs_modulus", "poissons_ratio", "thickness")},
+        "nodes": deck.nodes.tolist(),
+        "normals": deck.normals.tolist(),
+        "cells": (deck.cells + 1).tolist(),
+        "held": deck.held.tolist(),
+        "prescribed": deck.prescribed.tolist(),
+        "forces": deck.forces.tolist(),
+        "sets": {name: (nodes + 1).tolist() for name, nodes in deck.sets.items()},
+    }
+
+
+def _write_tables(deck: Deck, folder: Path) -> Path:
+    """Write tables without headings, in the order of Abaqus's data lines."""
+    folder.mkdir()
+    held = [(n + 1, c + 1, c + 1, float(deck.prescribed[n, c])) for n, c in np.argwhere(deck.held)]
+    loads = [(n + 1, c + 1, float(deck.forces[n, c])) for n, c in np.argwhere(deck.forces != 0)]
+    tables: dict[str, Sequence[Sequence[Any]]] = {
+        "nodes": [(n, *place) for n, place in enumerate(deck.nodes.tolist(), 1)],
+        "cells": [(n, *corners) for n, corners in enumerate((deck.cells + 1).tolist(), 1)],
+        "held": held,
+        "forces": loads,
+    }
+    for name, rows in tables.items():
+        lines = "".join(
+            ", ".join(f"{x:{FORMAT}}" if isinstance(x, float) else str(x) for x in row) + "\n" for row in rows
+        )
+        (folder / f"{name}.csv").write_text(lines, encoding="utf-8")
+    return folder
+
+
+def read_displacements(path: Path, format: ResultFormat, nodes: Array) -> Array:
+    """Return the displacements (v, 3) of the nodes (v, 3) that a program has written.
+
+    Raises
+    ------
+    SolveFailure
+        If the file is malformed, or if a node has no displacement, no finite one, or two.
+    """
+    if format == "vtu":
+        return _of_vtu(path, nodes)
+    rows = list(_rows(path, from_heading=format == "dat"))
+    widths = {len(numbers) for _, numbers in rows}
+    if format == "dat" or widths == {4}:
+        numbers = np.array([row[:4] for _, row in rows if len(row) >= 4]).reshape(-1, 4)
+        found, moved = numbers[:, 0] - 1, numbers[:, 1:]
+        if not np.all((found >= 0) & (found < len(nodes)) & (found == np.rint(found))):
+            raise SolveFailure(f"its result numbers a node that is none of 1 to {len(nodes)}")
+        return _at_nodes(found.astype(int), moved, len(nodes))
+    if widths == {6}:
+        numbers = np.array([row for _, row in rows])
+        return _at_places(numbers[:, :3], numbers[:, 3:], nodes)
+    raise SolveFailure("its result has neither 4 numbers in each line (node, ux, uy, uz) nor 6 (x, y, z, ux, uy, uz)")
+
+
+def read_values(path: Path, names: Sequence[str]) -> dict[str, float]:
+    """Return the values of quantities from lines "quantity, value"; SolveFailure if one is missing or not finite."""
+    found: dict[str, float] = {}
+    for number, line in enumerate(_text(path).splitlines(), 1):
+        entries = BETWEEN.split(line.strip())
+        if entries not in ([""], ["quantity", "value"]):
+            if len(entries) != 2 or entries[0] in found:
+                raise SolveFailure(f"line {number} of its result is no quantity and its value, or the second of one")
+            found[entries[0]] = _number(entries[1], number)
+    lacking = [name for name in names if not np.isfinite(found.get(name, np.nan))]
+    if lacking:
+        raise SolveFailure(f"its result has no finite value of {', '.join(lacking)}")
+    return {name: found[name] for name in names}
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise SolveFailure(f"its result can't be read ({error.strerror})") from None
+
+
+def _number(text: str, line: int) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise SolveFailure(f"line {line} of its result: found '{without_middle(text)}', which is no number") from None
+
+
+def _rows(path: Path, from_heading: bool) -> Iterator[tuple[int, list[float]]]:
+    """Yield numbers of lines and numbers in them; of a file with headings those after that of displacements."""
+    wanted = not from_heading
+    for number, line in enumerate(_text(path).splitlines(), 1):
+        entries = BETWEEN.split(line.strip(" \t,;"))
+        if entries == [""] or line.lstrip().startswith("#"):
+            continue
+        if from_heading and entries[0][0].isalpha():
+            wanted = entries[0] == BEGINS_DISPLACEMENTS
+        elif wanted and not (number == 1 and entries[-1] == "uz"):
+            yield number, [_number(entry, number) for entry in entries]
+
+
+def _of_vtu(path: Path, nodes: Array) -> Array:
+    import meshio
+
+    try:
+        mesh = meshio.read(path, file_format="vtu")
+    except (Exception, SystemExit) as error:  # its readers raise anything
+        raise SolveFailure(
+            f"its result is no file .vtu ({' '.join(str(error).split()) or type(error).__name__})"
+        ) from None
+    vectors = {name: np.asarray(data, float) for name, data in mesh.point_data.items() if data.shape[1:] == (3,)}
+    named = [name for name in vectors if name.lower() in {"u", "disp", "displacement", "displacements"}]
+    chosen = named if named else list(vectors)
+    if len(chosen) != 1:
+        raise SolveFailure(f"its result has no one field of displacements: vectors are {', '.join(vectors) or 'none'}")
+    return _at_places(np.asarray(mesh.points, float), vectors[chosen[0]], nodes)
+
+
+def _at_places(places: Array, moved: Array, nodes: Array) -> Array:
+    """Return displacements by node from those at places; SolveFailure if a place is no node, or a node is two."""
+    from scipy.spatial import cKDTree
+
+    if not np.all(np.isfinite(places)):
+        raise SolveFailure("its result has a place that is not finite")
+    slack = SAME * float(np.ptp(nodes, axis=0).max())
+    tree = cKDTree(nodes)
+    far, found = tree.query(places)
+    if np.any(far > slack):
+        where = ", ".join(f"{x:.6g}" for x in places[int(np.argmax(far))])
+        raise SolveFailure(f"its result has a place ({where}) at which the mesh has no node")
+    if tree.query_pairs(slack):
+        raise SolveFailure("nodes of the mesh share a place: results have to give their numbers")
+    return _at_nodes(found, moved, len(nodes))
+
+
+def _at_nodes(found: NDArray[np.int64], moved: Array, count: int) -> Array:
+    """Return displacements (count, 3) by node; SolveFailure if a node has none, two, or one that is not finite."""
+    times = np.bincount(found, minlength=count)
+    if np.any(times != 1):
+        node = int(np.argmax(times != 1))
+        many = "no displacement" if times[node] == 0 else f"{times[node]} displacements"
+        raise SolveFailure(f"its result has {np.count_nonzero(times)} of {count} nodes; node {node + 1} has {many}")
+    if not np.all(np.isfinite(moved)):
+        node = int(found[np.argmax(~np.isfinite(moved).all(axis=-1))])
+        raise SolveFailure(f"its result has a displacement that is not finite, at node {node + 1}")
+    ordered = np.empty((count, 3))
+    ordered[found] = moved
+    return ordered

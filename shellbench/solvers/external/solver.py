@@ -1,0 +1,205 @@
+"""A solver that is a command: it reads a mesh and writes the displacements of its nodes, or values of quantities.
+
+The command runs in a scratch folder of its own, once for each mesh of the ladder. It fails if it ends with another exit
+status than 0, takes longer than allowed, or leaves no whole result.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, ClassVar, Literal, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, create_model
+
+from shellbench.errors import InputError, SolveFailure
+from shellbench.problem import Capabilities
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.deck.cells import Shape
+from shellbench.problems.shell.deck.deck import Deck
+from shellbench.problems.shell.deck.solver import LADDER, MeshSettings, MeshSolution, MeshSolver
+from shellbench.protocol.program import Program
+from shellbench.protocol.schema import Flag, Positive
+from shellbench.solvers.external.exchange import MeshFormat, ResultFormat, read_displacements, read_values, write_mesh
+
+Array = NDArray[np.float64]
+T = TypeVar("T")
+PLACEHOLDER = re.compile(r"\{([a-z_0-9]+)\}")
+PATHS, COUNTS = ("case", "mesh", "out", "here"), ("cells", "cells_1", "cells_2")
+PLACES = (*PATHS, *COUNTS, "youngs_modulus", "poissons_ratio", "thickness")  # names of placeholders
+CASE, OUT = "case.json", "out"  # files in the scratch folder
+LAST = 65536  # bytes at the end of the output that are kept
+
+
+class CommandFile(Program):
+    """A file that describes a solver that is a command.
+
+    Attributes
+    ----------
+    label
+        What it is, in one line, such as "CalculiX 2.20, S8R".
+    theory
+        Of its elements: known values of this theory judge it.
+    cells
+        Of each mesh, from coarse to fine: cells across the shell, or along xi1 and xi2.
+    shape
+        Of the cells.
+    mesh
+        Format of {mesh}: one file of JSON, a folder of tables, or .vtu.
+    result
+        Format of {out}.
+    quantities
+        Kinds of the quantities that a file of values has; they name them as the case does.
+    moments
+        Whether nodes take moments.
+    symmetry
+        Whether only the part between planes of symmetry is meshed.
+    seconds
+        Longest time for one mesh.
+    """
+
+    label: str = Field("", max_length=100)
+    theory: Literal["kirchhoff-love-linear", "naghdi-linear"]
+    cells: tuple[int | tuple[int, int], ...] = Field(LADDER, min_length=1)
+    shape: Shape = "quad4"
+    mesh: MeshFormat = "json"
+    result: ResultFormat = "csv"
+    quantities: tuple[str, ...] = ("displacement", "largest_displacement")
+    moments: Flag = True
+    symmetry: Flag = True
+    seconds: Positive = 600.0
+
+
+class CommandSolver(MeshSolver):
+    """A solver that a file describes; `of` makes the one of a file.
+
+    Attributes
+    ----------
+    path, described
+        The file and its content.
+    """
+
+    path: ClassVar[Path]
+    described: ClassVar[CommandFile]
+
+    @classmethod
+    def of(cls, path: Path) -> CommandSolver:
+        """Return the solver of a file; InputError if it is malformed."""
+        found = CommandFile.read(path)
+        assert isinstance(found, CommandFile)
+        fields = MeshSettings.model_fields
+        settings: Any = {
+            name: (fields[name].rebuild_annotation(), Field(value, description=fields[name].description))
+            for name, value in (("cells", found.cells), ("symmetry", found.symmetry))
+        }
+        attributes = {
+            "path": path,
+            "described": found,
+            "name": found.name,
+            "capabilities": Capabilities((found.theory,), found.label or f"the command {found.command.split()[0]}"),
+            "settings_type": create_model("CommandSettings", __base__=MeshSettings, **settings),
+            "shape": found.shape,
+            "moments": found.moments,
+        }
+        for name in PLACEHOLDER.findall(" ".join(found.arguments(path))):
+            if name not in PLACES:
+                known = ", ".join(f"{{{one}}}" for one in PLACES)
+                raise InputError(f"{path}: field 'command': {{{name}}} is not known here: known are {known}")
+        solver: CommandSolver = type(cls.__name__, (cls,), attributes)()
+        return solver
+
+    def command(self, deck: Deck, mesh: Path, folder: Path) -> list[str]:
+        """Return the list of arguments with placeholders filled in."""
+        material, counts = deck.part.case.material, deck.grid.counts
+        paths = (folder / CASE, mesh, folder / OUT, self.path.resolve().parent)
+        numbers = (min(counts), *counts, material.youngs_modulus, material.poissons_ratio, material.thickness)
+        texts = dict(zip(PLACES, map(str, (*paths, *numbers)), strict=True))
+        arguments = self.described.arguments(self.path)
+        return [PLACEHOLDER.sub(lambda found: texts[found[1]], part) for part in arguments]
+
+    def solve_mesh(self, deck: Deck, settings: Any) -> Array:
+        """Return the displacements (v, 3) that the command gives on a mesh, m."""
+        return self._result(deck, lambda out: read_displacements(out, self.described.result, deck.nodes))
+
+    def solution_on(self, deck: Deck, settings: Any) -> MeshSolution:
+        """Return the solution on a mesh; one without a field if the command gives values only."""
+        if self.described.result != "values":
+            return super().solution_on(deck, settings)
+        quantities = self._asked(deck.part.whole)
+        stated = self._result(deck, lambda out: read_values(out, quantities))
+        return MeshSolution(deck, np.full_like(deck.nodes, np.nan), stated=stated)
+
+    def declines_quantity(self, case: Case, quantity: Any) -> str | None:
+        """Return the reason that it can't give a quantity of a case that it takes, as one clause, or None if it can."""
+        if self.described.result != "values":
+            return super().declines_quantity(case, quantity)
+        return None if quantity.kind in self.described.quantities else "its file names no quantity of this kind"
+
+    def _asked(self, case: Case) -> tuple[str, ...]:
+        return tuple(q.name for q in case.quantities if q.kind in self.described.quantities)
+
+    def _result(self, deck: Deck, read: Callable[[Path], T]) -> T:
+        """Return what a function reads from the result of the command on a mesh; SolveFailure."""
+        where = f"on {deck.grid.counts[0]} x {deck.grid.counts[1]} cells"
+        with tempfile.TemporaryDirectory(prefix="shellbench-", ignore_cleanup_errors=True) as scratch:
+            folder = Path(scratch).resolve()
+            case = deck.part.whole
+            (folder / CASE).write_text(json.dumps({**case.data(), "name": case.name}), encoding="utf-8")
+            mesh = write_mesh(deck, self.described.mesh, folder)
+            last = self._called(self.command(deck, mesh, folder), folder, where)
+            if not (folder / OUT).is_file():
+                raise SolveFailure(f"the program leaves no result {where}{last}")
+            try:
+                return read(folder / OUT)
+            except SolveFailure as failure:
+                raise SolveFailure(f"the program's result can't be used {where}: {failure}{last}") from None
+
+    def _called(self, command: list[str], folder: Path, where: str) -> str:
+        """Run a command in a folder; return its last line as a clause.
+
+        Raises
+        ------
+        SolveFailure
+            If it does not end in time, or not with exit status 0.
+        InputError
+            If it can't be started.
+        """
+        with tempfile.TemporaryFile() as output:
+            try:
+                process = subprocess.Popen(
+                    command,
+                    stdin=subprocess.DEVNULL,
+                    stdout=output,
+                    stderr=subprocess.STDOUT,
+                    cwd=folder,
+                    start_new_session=True,  # so that all that it starts can be ended with it
+                )
+            except OSError as error:
+                raise InputError(f"{self.path}: field 'command': can't be started ({error.strerror})") from None
+            try:
+                status = process.wait(self.described.seconds)
+                ended = f"ended with exit status {status}" if status > 0 else f"was ended by signal {-status}"
+            except subprocess.TimeoutExpired:
+                status, ended = 1, f"did not end within {self.described.seconds:g} s"
+            finally:
+                with contextlib.suppress(ProcessLookupError, PermissionError):
+                    os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+            output.seek(max(0, output.seek(0, os.SEEK_END) - LAST))
+            text = output.read().decode(errors="replace").strip()
+        last = "".join(c if c.isprintable() else " " for c in text.splitlines()[-1])[:300].strip() if text else ""
+        last = f": {last}" if last else ""
+        if status:
+            print(text, file=sys.stderr)  # into the log of the run
+            raise SolveFailure(f"the program {ended} {where}{last}")
+        return last
