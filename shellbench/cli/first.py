@@ -109,13 +109,29 @@ def new_case(
 
 def new_solver(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the solver: small letters, digits, - and _.")],
+    command: Annotated[
+        bool, typer.Option("--command", help="A solver that is a command in any language, instead of a package.")
+    ] = False,
 ) -> None:
     """Write a package with a solver of your own into the folder NAME: a plate by a double sine series, ready to run.
 
-    Replace its mechanics by yours and keep the rest. The README of the folder lists the files of both.
-    """
-    from shellbench.bench.catalogue.templates import write_solver
+    Replace its mechanics by yours and keep the rest. The README of the folder lists the files of both. With --command
+    the folder has a file NAME.toml that describes a command, and a script around CalculiX that it calls.
 
+    Examples
+    --------
+        shellbench new-solver mine
+
+        shellbench new-solver --command mine && shellbench run scordelis_lo@naghdi_soft --solver mine/mine.toml
+    """
+    from shellbench.bench.catalogue.templates import write_command, write_solver
+
+    if command:
+        path = write_command(name, Path())
+        typer.echo(f"{path} is written, and beside it the script that it calls. What next:")
+        typer.echo(f"  shellbench run scordelis_lo@naghdi_soft --solver {path}   needs the program ccx (CalculiX)")
+        typer.echo(f"  shellbench table --solver {path}                          its answer beside the known value")
+        return
     folder = write_solver(name, Path())
     typer.echo(f"{folder}/ is written. What next:")
     typer.echo(f'  python -m pip install --editable "{folder}[test]"')

@@ -18,6 +18,7 @@ from shellbench.protocol.spelling import did_you_mean
 CASE = "hyperbolic_paraboloid.toml"
 SOLVER = "solver_template"
 NAME, PACKAGE, CLASS = "plate-series", "plate_series", "PlateSeriesSolver"  # names in the template
+COMMAND, COMMAND_NAME = "command_template", "my-command"  # folder and name of the template of a command
 CASE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,79}")
 SOLVER_NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 SUITES = re.compile(r"^suites\s*=\s*\[.*?\][^\n]*\n", re.MULTILINE | re.DOTALL)
@@ -96,18 +97,10 @@ def write_solver(name: str, folder: Path) -> Path:
     InputError
         If the name can't be one, is taken, or the folder is there already.
     """
-    name, package = name.replace("_", "-"), name.replace("-", "_")
-    if not SOLVER_NAME.fullmatch(name) or keyword.iskeyword(package):
-        raise InputError(
-            f"'{name}' can't be the name of a solver: it takes small letters, digits, - and _, as my-solver"
-        )
-    if name in solver_entries():
-        raise InputError(f"a solver '{name}' is installed already: choose another name")
+    target = _new_folder(name, folder)
+    name, package = target.name, target.name.replace("-", "_")
     if find_spec(package) is not None:
         raise InputError(f"a Python package '{package}' is installed already: choose another name")
-    target = folder / name
-    if target.exists():
-        raise InputError(f"{target} is there already: nothing is overwritten")
     title = "".join(part.capitalize() for part in name.split("-"))
     names = {CLASS: f"{title}Solver", PACKAGE: package, NAME: name}
     with said_plainly(folder, "folder"):
@@ -116,6 +109,36 @@ def write_solver(name: str, folder: Path) -> Path:
         for path in [path for path in target.rglob("*") if path.is_file()]:
             path.write_text(_renamed(path.read_text(encoding="utf-8"), names), encoding="utf-8")
     return target
+
+
+def write_command(name: str, folder: Path) -> Path:
+    """Write a file that describes a command as a solver, with an example, into a folder of this name; return the file.
+
+    Raises
+    ------
+    InputError
+        As `write_solver`.
+    """
+    target = _new_folder(name, folder)
+    with said_plainly(folder, "folder"):
+        shutil.copytree(catalog.data_folder("examples") / COMMAND, target, ignore=UNWANTED)
+        path = (target / "command.toml").rename(target / f"{target.name}.toml")
+        path.write_text(_renamed(path.read_text(encoding="utf-8"), {COMMAND_NAME: target.name}), encoding="utf-8")
+    return path
+
+
+def _new_folder(name: str, folder: Path) -> Path:
+    """Return the folder for a new solver of this name, not made yet; InputError if the name can't be one or is taken."""
+    name = name.replace("_", "-")
+    if not SOLVER_NAME.fullmatch(name) or keyword.iskeyword(name.replace("-", "_")):
+        raise InputError(
+            f"'{name}' can't be the name of a solver: it takes small letters, digits, - and _, as my-solver"
+        )
+    if name in solver_entries():
+        raise InputError(f"a solver '{name}' is installed already: choose another name")
+    if (folder / name).exists():
+        raise InputError(f"{folder / name} is there already: nothing is overwritten")
+    return folder / name
 
 
 def _renamed(text: str, names: dict[str, str]) -> str:
