@@ -69,7 +69,7 @@ class Program(Model):
         found = shutil.which(str(here / program) if "/" in program else program)
         if found is None:
             raise InputError(f"{path}: field '{field}': there is no program '{program}'")
-        return [str(Path(found).resolve()), *(str(here / part) if (here / part).is_file() else part for part in rest)]
+        return [str(Path(found).absolute()), *(str(here / part) if (here / part).is_file() else part for part in rest)]
 
     def fingerprint(self, path: Path) -> str:
         """Return hexadecimal digits that change with the program; InputError if a part of it is missing."""
