@@ -31,7 +31,7 @@ from rich.console import Console
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.judge.compare import as_json, rows_and_notes
 from shellbench.bench.judge.row import Row
-from shellbench.bench.plugins.registry import find_solver, load_solver
+from shellbench.bench.plugins.registry import find_solver, load_solver, name_of
 from shellbench.bench.run import local
 from shellbench.bench.run.display import Silent, display
 from shellbench.bench.run.execute import execute
@@ -51,7 +51,7 @@ STORE = "reports/runs"  # as on the command line
 def run(
     *cases: str | Path,
     suites: Sequence[str] = (),
-    solvers: Sequence[str] = (),
+    solvers: Sequence[str | Path] = (),
     settings: Mapping[str, Mapping[str, Any]] | None = None,
     seeds: Sequence[int] = (),
     device: Literal["cpu", "cuda"] = "cpu",
@@ -69,7 +69,7 @@ def run(
     cases
         Names of cases or paths to case files.
     suites, solvers, seeds
-        See ``--suite``, ``--solver`` and ``--seed``.
+        See ``--suite``, ``--solver`` (names, or files of commands) and ``--seed``.
     settings
         By solver: ``{"fem": {"tolerance": 1e-6}}``.
     store
@@ -89,8 +89,8 @@ def run(
     InputError
         If a name is unknown, a file malformed or a setting invalid, or if every solver declines.
     """
-    where, named = Store(Path(store)), tuple(map(str, cases))
-    request = Request(named, tuple(suites), tuple(solvers), settings or {}, tuple(seeds), device, threads)
+    where, named, names = Store(Path(store)), tuple(map(str, cases)), tuple(map(name_of, solvers))
+    request = Request(named, tuple(suites), names, settings or {}, tuple(seeds), device, threads)
     each = threads or environment.threads()
     runs = local.LocalProcesses(jobs or max(1, environment.cores() // each), each, timeout)
     with closing(runs) as executor:
@@ -104,7 +104,7 @@ def run(
                 execute(plan.tasks, where, observer, executor, since)
     rows, notes = rows_and_notes(where, suites, named)
     _warn(*notes)
-    return _frame([row for row in rows if not solvers or row.solver in solvers])
+    return _frame([row for row in rows if not names or row.solver in names])
 
 
 def table(*cases: str | Path, suites: Sequence[str] = (), store: str | Path = STORE) -> pd.DataFrame:

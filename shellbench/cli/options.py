@@ -60,11 +60,9 @@ def _complete_names(incomplete: str) -> list[str]:
 
 def _named_solvers(value: Any) -> Any:
     """Return names of solvers, with a path to a file of one replaced by its name."""
-    from shellbench.bench.plugins.registry import FILE, find_solver
+    from shellbench.bench.plugins.registry import name_of
 
-    if isinstance(value, str):
-        return find_solver(value).name if value.endswith(FILE) else value
-    return value and [_named_solvers(one) for one in value]
+    return name_of(value) if isinstance(value, str) else value and list(map(name_of, value))
 
 
 # Completions for the tabulator key (`shellbench --install-completion`).

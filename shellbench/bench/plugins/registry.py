@@ -120,6 +120,11 @@ def find_solver(name: str) -> SolverEntry:
     return entries[name]
 
 
+def name_of(text: str | Path) -> str:
+    """Return the name of a solver that a user has named, or of which the user has given the file; InputError."""
+    return find_solver(str(text)).name if str(text).endswith(FILE) else str(text)
+
+
 def _solver_of_file(path: Path) -> SolverEntry:
     """Return the solver that a file describes, as its program is now, and make it known by its name."""
     described = Program.read(path)
