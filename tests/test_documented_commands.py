@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import typer
 
+from shellbench.bench.plugins import registry
 from shellbench.cli import app
 
 ROOT = Path(__file__).parents[1]
@@ -26,6 +27,11 @@ CHOICE = re.compile(r"(\.\w+)(\|\.\w+)+")  # FILE.npz|.obj|.vtu
 BESIDE = re.compile(
     r"\s{2,}(?!-)\S.*|(?<=[^\"])\s*[#;&|](?=[^\"]*(?:\"[^\"]*\"[^\"]*)*$).*"
 )  # words beside a command, or another command
+
+
+@pytest.fixture(autouse=True)
+def _files_of_solvers_are_names(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(registry, "name_of", str)
 
 
 def shown(page: str) -> list[str]:

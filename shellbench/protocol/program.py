@@ -8,13 +8,14 @@ answered by an old record. A program is started from a list of arguments, never 
 from __future__ import annotations
 
 import hashlib
+import os
 import shlex
 import shutil
 import subprocess
 import time
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Self
 
 from pydantic import Field, ValidationError
 
@@ -24,7 +25,17 @@ from shellbench.protocol.schema import Model, one_sentence, read_toml
 NAME_PATTERN = r"^[a-z][a-z0-9]*([-_][a-z0-9]+)*$"
 PATIENCE = 30.0  # seconds for a program to print its version
 FRESH = 5.0  # seconds for which it is not asked again, since a plan has many runs; each run asks it anew
+CALLERS_PATH = "SHELLBENCH_CALLERS_PYTHONPATH"  # where shellbench's processes keep the user's PYTHONPATH
 DIGITS = 16  # of a fingerprint
+
+
+def callers_environment() -> dict[str, str]:
+    """Return the environment of the user: shellbench's own processes have another path to Python's modules."""
+    found = dict(os.environ)
+    if (path := found.pop(CALLERS_PATH, None)) is not None:
+        found.pop("PYTHONPATH", None)
+        found |= {"PYTHONPATH": path} if path else {}
+    return found
 
 
 class Program(Model):
@@ -49,7 +60,7 @@ class Program(Model):
     files: tuple[str, ...] = ()
 
     @classmethod
-    def read(cls, path: Path) -> Program:
+    def read(cls, path: Path) -> Self:
         """Read what a class describes of a file, without fields of its subclasses; InputError."""
         data = read_toml(path)
         data.setdefault("name", path.stem.lower())
@@ -85,7 +96,7 @@ class Program(Model):
         return hashlib.sha256("\n".join([*parts, self.version_words(path)]).encode()).hexdigest()[:DIGITS]
 
     def version_words(self, path: Path) -> str:
-        """Return what the program prints about its version; InputError if it prints nothing."""
+        """Return the words of the program about its version; InputError if it prints nothing."""
         try:
             return _printed(tuple(self.arguments(path, "version")), path.resolve().parent, time.monotonic() // FRESH)
         except InputError as error:
@@ -94,12 +105,10 @@ class Program(Model):
 
 @lru_cache(maxsize=16)
 def _printed(command: tuple[str, ...], folder: Path, period: float) -> str:
-    """Return what a command prints, on one line, once for each period; InputError as a clause."""
-    out, merged, nothing = subprocess.PIPE, subprocess.STDOUT, subprocess.DEVNULL
+    """Return the output of a command on one line, asked once for each period; InputError as a clause."""
+    out, merged, env = subprocess.PIPE, subprocess.STDOUT, callers_environment()
     try:
-        done = subprocess.run(
-            command, stdin=nothing, stdout=out, stderr=merged, cwd=folder, timeout=PATIENCE, check=False
-        )
+        done = subprocess.run(command, input=b"", stdout=out, stderr=merged, cwd=folder, env=env, timeout=PATIENCE)
     except subprocess.TimeoutExpired:
         raise InputError(f"did not end within {PATIENCE:g} s") from None
     except OSError as error:

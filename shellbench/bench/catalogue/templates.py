@@ -128,7 +128,7 @@ def write_command(name: str, folder: Path) -> Path:
 
 
 def _new_folder(name: str, folder: Path) -> Path:
-    """Return the folder for a new solver of this name, not made yet; InputError if the name can't be one or is taken."""
+    """Return the folder, not made yet, of a new solver; InputError if the name can't be one or is taken."""
     name = name.replace("_", "-")
     if not SOLVER_NAME.fullmatch(name) or keyword.iskeyword(name.replace("-", "_")):
         raise InputError(

@@ -15,6 +15,8 @@ from typing import IO, Any
 
 import psutil
 
+from shellbench.protocol.program import CALLERS_PATH
+
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 READ = 65536  # bytes at once
 COMPUTES = 0.05  # share of one processor from which a process counts as computing, and not as waiting for something
@@ -69,6 +71,7 @@ class SolverProcess:
         limits = dict.fromkeys(THREAD_LIMITS, str(threads))
         waiting = {"OMP_WAIT_POLICY": "passive"}  # spinning threads would slow other runs
         path = os.pathsep.join(p or os.curdir for p in sys.path)
+        callers = {CALLERS_PATH: os.environ.get("PYTHONPATH", "")}  # for programs that a solver calls
         errors = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
         held, lifeline = os.pipe()
         try:
@@ -76,7 +79,7 @@ class SolverProcess:
                 [sys.executable, "-m", "shellbench.bench.plugins.keeper", str(held), module, *arguments],
                 stdout=streams.pop("stdout", errors),
                 stderr=errors,
-                env={**KEPT_MEMORY, **os.environ, **limits, **waiting, "PYTHONPATH": path},
+                env={**KEPT_MEMORY, **callers, **os.environ, **limits, **waiting, "PYTHONPATH": path},
                 start_new_session=True,  # only this process gets interrupts from the terminal, and it ends the program
                 pass_fds=(held, *streams.pop("pass_fds", ())),
                 **streams,

@@ -15,22 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.errors import SolveFailure, without_middle
-from shellbench.problems.shell.deck.cells import Shape
+from shellbench.problems.shell.deck.cells import PLACES
 from shellbench.problems.shell.deck.deck import Deck
 
 Array = NDArray[np.float64]
 MeshFormat = Literal["json", "tables", "vtu"]
 ResultFormat = Literal["csv", "dat", "vtu", "values"]
 
-FORMAT = ".12e"  # of numbers in tables: CalculiX reads 20 characters
+NUMBER = "%.12e"  # format in tables: CalculiX reads 20 characters
 SAME = 1e-6  # of the mesh's size: how far a place in a result may lie from its node
-VTK_CELLS: dict[Shape, str] = {
-    "tri3": "triangle",
-    "tri6": "triangle6",
-    "quad4": "quad",
-    "quad8": "quad8",
-    "quad9": "quad9",
-}
+VTK_CELLS = dict(zip(PLACES, ("triangle", "triangle6", "quad", "quad8", "quad9"), strict=True))  # in meshio's words
 BETWEEN = re.compile(r"[\s,;]+")
 BEGINS_DISPLACEMENTS = "displacements"  # in the line above them in a file .dat of CalculiX
 
@@ -73,19 +67,16 @@ def mesh_data(deck: Deck) -> dict[str, Any]:
 def _write_tables(deck: Deck, folder: Path) -> Path:
     """Write tables without headings, in the order of Abaqus's data lines."""
     folder.mkdir()
-    held = [(n + 1, c + 1, c + 1, float(deck.prescribed[n, c])) for n, c in np.argwhere(deck.held)]
-    loads = [(n + 1, c + 1, float(deck.forces[n, c])) for n, c in np.argwhere(deck.forces != 0)]
-    tables: dict[str, Sequence[Sequence[Any]]] = {
-        "nodes": [(n, *place) for n, place in enumerate(deck.nodes.tolist(), 1)],
-        "cells": [(n, *corners) for n, corners in enumerate((deck.cells + 1).tolist(), 1)],
-        "held": held,
-        "forces": loads,
+    (n, c), (m, d) = np.nonzero(deck.held), np.nonzero(deck.forces)
+    tables = {
+        "nodes": [np.arange(1, len(deck.nodes) + 1), *deck.nodes.T],
+        "cells": [np.arange(1, len(deck.cells) + 1), *(deck.cells.T + 1)],
+        "held": [n + 1, c + 1, c + 1, deck.prescribed[n, c]],
+        "forces": [m + 1, d + 1, deck.forces[m, d]],
     }
-    for name, rows in tables.items():
-        lines = "".join(
-            ", ".join(f"{x:{FORMAT}}" if isinstance(x, float) else str(x) for x in row) + "\n" for row in rows
-        )
-        (folder / f"{name}.csv").write_text(lines, encoding="utf-8")
+    for name, columns in tables.items():
+        formats = [NUMBER if column.dtype.kind == "f" else "%d" for column in columns]
+        np.savetxt(folder / f"{name}.csv", np.column_stack(columns), fmt=formats, delimiter=", ")
     return folder
 
 

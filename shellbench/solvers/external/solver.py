@@ -28,7 +28,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.deck.cells import Shape
 from shellbench.problems.shell.deck.deck import Deck
 from shellbench.problems.shell.deck.solver import LADDER, MeshSettings, MeshSolution, MeshSolver
-from shellbench.protocol.program import Program
+from shellbench.protocol.program import Program, callers_environment
 from shellbench.protocol.schema import Flag, Positive
 from shellbench.solvers.external.exchange import MeshFormat, ResultFormat, read_displacements, read_values, write_mesh
 
@@ -68,7 +68,7 @@ class CommandFile(Program):
         Longest time for one mesh.
     """
 
-    label: str = Field("", max_length=100)
+    label: str = Field("", max_length=100, pattern=r"^[^\n\r]*$")
     theory: Literal["kirchhoff-love-linear", "naghdi-linear"]
     cells: tuple[int | tuple[int, int], ...] = Field(LADDER, min_length=1)
     shape: Shape = "quad4"
@@ -96,7 +96,6 @@ class CommandSolver(MeshSolver):
     def of(cls, path: Path) -> CommandSolver:
         """Return the solver of a file; InputError if it is malformed."""
         found = CommandFile.read(path)
-        assert isinstance(found, CommandFile)
         fields = MeshSettings.model_fields
         settings: Any = {
             name: (fields[name].rebuild_annotation(), Field(value, description=fields[name].description))
@@ -149,7 +148,7 @@ class CommandSolver(MeshSolver):
         return tuple(q.name for q in case.quantities if q.kind in self.described.quantities)
 
     def _result(self, deck: Deck, read: Callable[[Path], T]) -> T:
-        """Return what a function reads from the result of the command on a mesh; SolveFailure."""
+        """Return the result of the command on a mesh, read by a function; SolveFailure."""
         where = f"on {deck.grid.counts[0]} x {deck.grid.counts[1]} cells"
         with tempfile.TemporaryDirectory(prefix="shellbench-", ignore_cleanup_errors=True) as scratch:
             folder = Path(scratch).resolve()
@@ -182,6 +181,7 @@ class CommandSolver(MeshSolver):
                     stdout=output,
                     stderr=subprocess.STDOUT,
                     cwd=folder,
+                    env=callers_environment(),
                     start_new_session=True,  # so that all that it starts can be ended with it
                 )
             except OSError as error:
