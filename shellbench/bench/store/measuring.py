@@ -81,11 +81,11 @@ def values_of(solution: Solution, case: Problem) -> tuple[dict[str, Measured], d
     """Return the finite values of the case's quantities, and the reasons for missing values (empty: not finite)."""
     values: dict[str, Measured] = {}
     lost: dict[str, str] = {}
-    stated: Mapping[str, float] = getattr(solution, "stated", {})  # by programs that give no field
+    given: Mapping[str, float] = getattr(solution, "given", {})  # by programs that give no field
     for quantity in case.quantities:
         name = quantity.name
         try:
-            value = finite_or_none(stated[name] if name in stated else quantity.measure(solution))
+            value = finite_or_none(given[name] if name in given else quantity.measure(solution))
             if value is None:
                 lost[name] = ""
                 continue

@@ -29,23 +29,23 @@ BETWEEN = re.compile(r"[\s,;]+")
 BEGINS_DISPLACEMENTS = "displacements"  # in the line above them in a file .dat of CalculiX
 
 
-def write_mesh(deck: Deck, format: MeshFormat, folder: Path) -> Path:
-    """Write a deck into a folder; return its file, or the folder of its tables."""
+def write_mesh(deck: Deck, held: NDArray[np.bool_], format: MeshFormat, folder: Path) -> Path:
+    """Write a deck with what is held (v, 6) into a folder; return its file, or the folder of its tables."""
     if format == "tables":
-        return _write_tables(deck, folder / "mesh")
+        return _write_tables(deck, held, folder / "mesh")
     path = folder / f"mesh.{format}"
     if format == "vtu":
         import meshio
 
         data = {name: getattr(deck, name) for name in ("prescribed", "forces", "normals", "thickness")}
-        data["held"] = deck.held.astype(float)
+        data["held"] = held.astype(float)
         meshio.Mesh(deck.nodes, [(VTK_CELLS[deck.grid.shape], deck.cells)], point_data=data).write(path)
     else:
-        path.write_text(json.dumps(mesh_data(deck)), encoding="utf-8")
+        path.write_text(json.dumps(_mesh_data(deck, held)), encoding="utf-8")
     return path
 
 
-def mesh_data(deck: Deck) -> dict[str, Any]:
+def _mesh_data(deck: Deck, held: NDArray[np.bool_]) -> dict[str, Any]:
     """Return a deck as JSON data; lists over nodes are in the order of their numbers."""
     material = deck.part.case.material
     return {
@@ -57,17 +57,17 @@ def mesh_data(deck: Deck) -> dict[str, Any]:
         "nodes": deck.nodes.tolist(),
         "normals": deck.normals.tolist(),
         "cells": (deck.cells + 1).tolist(),
-        "held": deck.held.tolist(),
+        "held": held.tolist(),
         "prescribed": deck.prescribed.tolist(),
         "forces": deck.forces.tolist(),
         "sets": {name: (nodes + 1).tolist() for name, nodes in deck.sets.items()},
     }
 
 
-def _write_tables(deck: Deck, folder: Path) -> Path:
+def _write_tables(deck: Deck, held: NDArray[np.bool_], folder: Path) -> Path:
     """Write tables without headings, in the order of Abaqus's data lines."""
     folder.mkdir()
-    (n, c), (m, d) = np.nonzero(deck.held), np.nonzero(deck.forces)
+    (n, c), (m, d) = np.nonzero(held), np.nonzero(deck.forces)
     tables = {
         "nodes": [np.arange(1, len(deck.nodes) + 1), *deck.nodes.T],
         "cells": [np.arange(1, len(deck.cells) + 1), *(deck.cells.T + 1)],

@@ -62,6 +62,8 @@ class CommandFile(Program):
         Kinds of the quantities that a file of values has; they name them as the case does.
     moments
         Whether nodes take moments.
+    drilling
+        Whether supports hold the rotation of nodes about the normal.
     symmetry
         Whether only the part between planes of symmetry is meshed.
     seconds
@@ -76,6 +78,7 @@ class CommandFile(Program):
     result: ResultFormat = "csv"
     quantities: tuple[str, ...] = ("displacement", "largest_displacement")
     moments: Flag = True
+    drilling: Flag = True
     symmetry: Flag = True
     seconds: Positive = 600.0
 
@@ -135,8 +138,8 @@ class CommandSolver(MeshSolver):
         if self.described.result != "values":
             return super().solution_on(deck, settings)
         quantities = self._asked(deck.part.whole)
-        stated = self._result(deck, lambda out: read_values(out, quantities))
-        return MeshSolution(deck, np.full_like(deck.nodes, np.nan), stated=stated)
+        given = self._result(deck, lambda out: read_values(out, quantities))
+        return MeshSolution(deck, np.full_like(deck.nodes, np.nan), given=given)
 
     def declines_quantity(self, case: Case, quantity: Any) -> str | None:
         """Return the reason that it can't give a quantity of a case that it takes, as one clause, or None if it can."""
@@ -154,7 +157,8 @@ class CommandSolver(MeshSolver):
             folder = Path(scratch).resolve()
             case = deck.part.whole
             (folder / CASE).write_text(json.dumps({**case.data(), "name": case.name}), encoding="utf-8")
-            mesh = write_mesh(deck, self.described.mesh, folder)
+            held = deck.held if self.described.drilling else deck.held_without_drilling
+            mesh = write_mesh(deck, held, self.described.mesh, folder)
             last = self._called(self.command(deck, mesh, folder), folder, where)
             if not (folder / OUT).is_file():
                 raise SolveFailure(f"the program leaves no result {where}{last}")

@@ -19,6 +19,8 @@ from shellbench.problems.shell.symmetry.symmetry import Part
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+IN_SPAN = 1 - 1e-6  # part of the normal along held axes, from which they span it
+
 
 @dataclass(frozen=True)
 class Deck:
@@ -69,6 +71,18 @@ class Deck:
         """
         mask = nodal.held(self.part.case, self.grid)
         mask.ravel()[nodal.loose(self.part.case, self.grid, mask)[1]] = True
+        return mask
+
+    @cached_property
+    def held_without_drilling(self) -> NDArray[np.bool_]:
+        """(v, 6) as `held`, without rotations about the normal, which many shell elements do not have.
+
+        Where the held axes span the normal, one of them depends on the others: the nearest to the normal is left out.
+        """
+        mask = self.held.copy()
+        along = np.where(mask[:, 3:], np.abs(self.normals), 0.0)
+        spanned = np.flatnonzero(np.linalg.norm(along, axis=1) > IN_SPAN)
+        mask[spanned, 3 + along[spanned].argmax(axis=1)] = False
         return mask
 
     @cached_property

@@ -139,7 +139,7 @@ class MeshSolver(ShellSolver):
                 found = self.solution_on(deck, settings)
             except SolveFailure as failure:
                 raise SolveFailure(str(failure), partial=found) from None
-            values = found.stated or measure_all(found)
+            values = found.given or measure_all(found)
             spent = time.perf_counter() - began
             history.append(Step(len(history), spent, found.energy, deck.unknowns, quantities=values))
             sizes.append(float(np.prod(counts)) ** -0.5)
@@ -174,11 +174,11 @@ class MeshSolution(ShellSolution):
     deck
         The solved part on its finest mesh.
     moved
-        (v, 3) displacements of the nodes, m; not finite if the program states values only.
+        (v, 3) displacements of the nodes, m; not finite if the program gives values only.
     energy
         Total potential energy, J: minus half the work of the loads.
-    stated
-        Values by name of quantity, where the program states them itself.
+    given
+        Values by name of quantity, where the program gives no field but these.
     """
 
     formats: ClassVar[tuple[str | int, ...]] = ("mesh, format 1",)
@@ -187,7 +187,7 @@ class MeshSolution(ShellSolution):
     deck: Deck
     moved: Array
     energy: float = 0.0
-    stated: Mapping[str, float] = field(default_factory=dict)
+    given: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def case(self) -> Case:
@@ -220,7 +220,7 @@ class MeshSolution(ShellSolution):
         """Return the data of a file beside the case and the history."""
         grid = self.deck.grid
         words = {"counts": grid.counts, "shape": grid.shape, "distortion": grid.distortion}
-        more = {"whole": not self.deck.part.mirrors, "energy": self.energy, "stated": dict(self.stated)}
+        more = {"whole": not self.deck.part.mirrors, "energy": self.energy, "given": dict(self.given)}
         return {**words, **more}, {"moved": self.moved}
 
     @classmethod
@@ -231,4 +231,4 @@ class MeshSolution(ShellSolution):
         deck = Deck.of(part, counts, words["shape"], float(words["distortion"]), case.states[0])
         if arrays["moved"].shape != deck.nodes.shape:
             raise ValueError("displacements do not fit the mesh")
-        return cls(deck, arrays["moved"], energy=float(words.get("energy", 0.0)), stated=words.get("stated", {}))
+        return cls(deck, arrays["moved"], energy=float(words.get("energy", 0.0)), given=words.get("given", {}))
