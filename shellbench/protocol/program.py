@@ -47,7 +47,7 @@ class Program(Model):
         In tables and records: small letters, digits, - and _; that of the file if not given.
     command
         The command with its arguments, as typed. The program is looked for in PATH, or from the file's folder if it has
-        a slash. An argument that is a file seen from that folder is passed with its whole path.
+        a slash. {here} is that folder. An argument that is a file seen from it is passed with its whole path.
     version
         A command that prints the program's version, and does not print a date.
     files
@@ -55,8 +55,8 @@ class Program(Model):
     """
 
     name: Annotated[str, Field(pattern=NAME_PATTERN, max_length=60)]
-    command: Annotated[str, Field(min_length=1)]
-    version: Annotated[str, Field(min_length=1)]
+    command: Annotated[str, Field(pattern=r"\S")]
+    version: Annotated[str, Field(pattern=r"\S")]
     files: tuple[str, ...] = ()
 
     @classmethod
@@ -72,11 +72,11 @@ class Program(Model):
 
     def arguments(self, path: Path, field: str = "command") -> list[str]:
         """Return the list of arguments of a command; InputError if the program is not there."""
+        here = path.resolve().parent
         try:
-            program, *rest = shlex.split(str(getattr(self, field)))
+            program, *rest = (part.replace("{here}", str(here)) for part in shlex.split(str(getattr(self, field))))
         except ValueError as error:
             raise InputError(f"{path}: field '{field}': {str(error).lower()}") from None
-        here = path.resolve().parent
         found = shutil.which(str(here / program) if "/" in program else program)
         if found is None:
             raise InputError(f"{path}: field '{field}': there is no program '{program}'")

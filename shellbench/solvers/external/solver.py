@@ -35,8 +35,11 @@ from shellbench.solvers.external.exchange import MeshFormat, ResultFormat, read_
 Array = NDArray[np.float64]
 T = TypeVar("T")
 PLACEHOLDER = re.compile(r"\{([a-z_0-9]+)\}")
-PATHS, COUNTS = ("case", "mesh", "out", "here"), ("cells", "cells_1", "cells_2")
-PLACES = (*PATHS, *COUNTS, "youngs_modulus", "poissons_ratio", "thickness")  # names of placeholders
+PLACES = (  # names of placeholders
+    *("case", "mesh", "out"),
+    *("cells", "cells_1", "cells_2"),
+    *("youngs_modulus", "poissons_ratio", "thickness"),
+)
 CASE, OUT = "case.json", "out"  # files in the scratch folder
 LAST = 65536  # bytes at the end of the output that are kept
 
@@ -123,9 +126,9 @@ class CommandSolver(MeshSolver):
     def command(self, deck: Deck, mesh: Path, folder: Path) -> list[str]:
         """Return the list of arguments with placeholders filled in."""
         material, counts = deck.part.case.material, deck.grid.counts
-        paths = (folder / CASE, mesh, folder / OUT, self.path.resolve().parent)
-        numbers = (min(counts), *counts, material.youngs_modulus, material.poissons_ratio, material.thickness)
-        texts = dict(zip(PLACES, map(str, (*paths, *numbers)), strict=True))
+        found = (folder / CASE, mesh, folder / OUT, min(counts), *counts)
+        numbers = (material.youngs_modulus, material.poissons_ratio, material.thickness)
+        texts = dict(zip(PLACES, map(str, (*found, *numbers)), strict=True))
         arguments = self.described.arguments(self.path)
         return [PLACEHOLDER.sub(lambda found: texts[found[1]], part) for part in arguments]
 

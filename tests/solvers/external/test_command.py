@@ -177,7 +177,7 @@ def test_a_changed_program_is_never_answered_by_an_old_record_and_no_gate_passes
     data, about = tmp_path / "data.txt", tmp_path / "about.txt"
     data.write_text("1")
     about.write_text("1.0")
-    fields = {"files": ["data.*"], "version": "cat about.txt", "symmetry": False}
+    fields = {"files": ["data.*"], "version": "sh -c 'cat {here}/about.txt'", "symmetry": False}
     path = write(GOOD.replace(" * 4 +", " +") + WRITE["node"], **fields)
     changes = (
         lambda: (tmp_path / "mine.py").write_text(
