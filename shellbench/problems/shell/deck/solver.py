@@ -38,6 +38,7 @@ from shellbench.problems.shell.question.loads import MomentLoad, PointLoad
 from shellbench.problems.shell.solution import Arrays, ShellSolution, ShellSolver, Words
 from shellbench.problems.shell.symmetry.symmetry import part_of, whole_of
 from shellbench.protocol.limit import limit_of
+from shellbench.protocol.schema import Flag
 
 Array = NDArray[np.float64]
 OF_DISPLACEMENTS = (DisplacementQuantity, PositionQuantity, CentreOfMass, LargestDisplacement, FieldError)
@@ -53,7 +54,7 @@ class MeshSettings(Settings):
         min_length=1,
         description="of each mesh, from coarse to fine: cells across the part, or along xi1 and xi2",
     )
-    symmetry: bool = Field(True, description="whether to solve only the part that planes of symmetry leave")
+    symmetry: Flag = Field(True, description="whether to solve only the part that planes of symmetry leave")
     distortion: float = Field(0.0, ge=0, le=0.3, description="by which inner nodes are moved at random, in cells")
 
 
