@@ -17,11 +17,13 @@ from numpy.typing import NDArray
 from shellbench.errors import SolveFailure, without_middle
 from shellbench.problems.shell.deck.cells import PLACES
 from shellbench.problems.shell.deck.deck import Deck
+from shellbench.problems.shell.sheet.formats import ELEMENTS, writers
 
 Array = NDArray[np.float64]
-MeshFormat = Literal["json", "tables", "vtu"]
+MeshFormat = Literal["json", "tables", "vtu", "inp", "bdf", "msh"]
 ResultFormat = Literal["csv", "dat", "vtu", "values"]
 
+DECKS = ("inp", "bdf", "msh")  # formats as `shellbench sheet` writes them
 NUMBER = "%.12e"  # format in tables: CalculiX reads 20 characters
 SAME = 1e-6  # of the mesh's size: how far a place in a result may lie from its node
 VTK_CELLS = dict(zip(PLACES, ("triangle", "triangle6", "quad", "quad8", "quad9"), strict=True))  # in meshio's words
@@ -34,7 +36,10 @@ def write_mesh(deck: Deck, held: NDArray[np.bool_], format: MeshFormat, folder: 
     if format == "tables":
         return _write_tables(deck, held, folder / "mesh")
     path = folder / f"mesh.{format}"
-    if format == "vtu":
+    if format in DECKS:
+        element = next(name for name, one in ELEMENTS.items() if one.shape == deck.grid.shape)
+        writers([deck], element, deck.part.whole.name)[f".{format}"](path)
+    elif format == "vtu":
         import meshio
 
         data = {name: getattr(deck, name) for name in ("prescribed", "forces", "normals", "thickness")}

@@ -28,9 +28,17 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.deck.cells import Shape
 from shellbench.problems.shell.deck.deck import Deck
 from shellbench.problems.shell.deck.solver import LADDER, MeshSettings, MeshSolution, MeshSolver
+from shellbench.problems.shell.sheet.formats import ELEMENTS
 from shellbench.protocol.program import Program, callers_environment
 from shellbench.protocol.schema import Flag, Positive
-from shellbench.solvers.external.exchange import MeshFormat, ResultFormat, read_displacements, read_values, write_mesh
+from shellbench.solvers.external.exchange import (
+    DECKS,
+    MeshFormat,
+    ResultFormat,
+    read_displacements,
+    read_values,
+    write_mesh,
+)
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -58,7 +66,7 @@ class CommandFile(Program):
     shape
         Of the cells.
     mesh
-        Format of {mesh}: one file of JSON, a folder of tables, or .vtu.
+        Format of {mesh}: one file of JSON, a folder of tables, or a deck as `shellbench sheet` writes it.
     result
         Format of {out}.
     quantities
@@ -116,6 +124,9 @@ class CommandSolver(MeshSolver):
             "shape": found.shape,
             "moments": found.moments,
         }
+        shapes = sorted({element.shape for element in ELEMENTS.values()})
+        if found.mesh in DECKS and found.shape not in shapes:
+            raise InputError(f"{path}: field 'shape': cells of meshes .{found.mesh} are {', '.join(shapes)}")
         for name in PLACEHOLDER.findall(" ".join(found.arguments(path))):
             if name not in PLACES:
                 known = ", ".join(f"{{{one}}}" for one in PLACES)

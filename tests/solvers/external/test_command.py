@@ -155,6 +155,7 @@ def test_a_failure_on_a_finer_mesh_keeps_the_answer_before(write):
             "field 'theory': found 'thick', but it must be 'kirchhoff-love-linear' or 'naghdi-linear'",
         ),
         ({"resul": "csv"}, "field 'resul' is not known here (did you mean result?)"),
+        ({"mesh": "inp", "shape": "quad9"}, "field 'shape': cells of meshes .inp are quad4, quad8, tri3, tri6"),
         ({"cells": []}, "field 'cells': found [], but it must be of at least 1 entry"),
     ],
 )
@@ -238,6 +239,11 @@ def test_the_example_solves_the_roof_by_calculix(tmp_path, monkeypatch):
     answer = solver.solve(roof, solver.settings_type(cells=(8, 16)))
     limit = catalog.known_values(roof.name).judge(roof.primary.name, roof.theory).value
     assert roof.primary.measure(answer) == pytest.approx(limit, rel=1e-3)
+    (tmp_path / "deck.toml").write_text(re.sub('"tables"', '"inp"', path.read_text().replace("my-ccx", "deck")))
+    (tmp_path / "solve.sh").write_text('ccx -i "${1%.inp}" && cp "${1%.inp}.dat" "$2"')
+    other = registry.load_solver(registry.find_solver(str(tmp_path / "deck.toml")))
+    same = other.solve(roof, other.settings_type(cells=(8, 16)))
+    assert roof.primary.measure(same) == pytest.approx(roof.primary.measure(answer), rel=1e-5)
     registry._OF_FILES.clear()
     with pytest.raises(InputError, match="is there already"):
         templates.write_command("my-ccx", tmp_path)

@@ -50,7 +50,6 @@ ELEMENTS: Mapping[str, Element] = {  # by their names in Abaqus and CalculiX
 }
 K6ROT = "100."  # stiffness of rotations about the normal: on flat cells of a curved shell, 0 gives no limit
 PER_LINE = 8  # numbers
-IN_SPAN = 1 - 1e-6  # share of a unit vector in the space of held axes from which it lies there
 ABAQUS = "** in Abaqus: "  # before lines that CalculiX must not read
 SMALLEST_LOAD = 1e-14  # of the largest, which is rounding
 FIRST_STEP = 0.1  # of a step at large displacements
@@ -118,11 +117,7 @@ def _turns(deck: Deck) -> NDArray[np.bool_]:
     CalculiX makes solids of shells, and rotations of their nodes are mean rotations of points on the normal. Where the
     held axes span the normal, one of them depends on the others, and the axis nearest to the normal is left out.
     """
-    held = deck.held[:, 3:].copy()
-    part = np.where(held, np.abs(deck.normals), 0.0)
-    spanned = np.flatnonzero(np.linalg.norm(part, axis=1) > IN_SPAN)
-    held[spanned, part[spanned].argmax(axis=1)] = False
-    return held
+    return deck.held_without_drilling[:, 3:]
 
 
 def _abaqus(decks: Sequence[Deck], element: str, title: str) -> Iterator[str]:
