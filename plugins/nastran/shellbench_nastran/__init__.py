@@ -1,0 +1,1 @@
+"""Shell elements of MYSTRAN, a free Nastran, answer the cases."""
