@@ -49,7 +49,15 @@ def deck(shell, element, n, hard, parameters, snorm, drilling):
     youngs, nu, h, place, normal, held, turning, load, area, watched, component = shell(n)
     number = {(i, j): 1 + i * (n + 1) + j for i in range(n + 1) for j in range(n + 1)}
     thin, triangles = element.endswith("K"), element.startswith("CTRIA")
-    lines = ["SOL 1", "CEND", "DISPLACEMENT = ALL", "SPC = 1", *(["MPC = 1"] if drilling else []), "LOAD = 1", "BEGIN BULK"]
+    lines = [
+        "SOL 1",
+        "CEND",
+        "DISPLACEMENT = ALL",
+        "SPC = 1",
+        *(["MPC = 1"] if drilling else []),
+        "LOAD = 1",
+        "BEGIN BULK",
+    ]
     lines += [f"PARAM   {name:<8}{value}" for name, value in parameters]
     lines += [f"MAT1*   {1:16d}{youngs:16.9E}{'':16}{nu:16.9E}", "*"]
     lines += [f"PSHELL* {1:16d}{1:16d}{h:16.9E}{1:16d}", f"*       {'':16}{'' if thin else 1:>16}"]
@@ -58,7 +66,7 @@ def deck(shell, element, n, hard, parameters, snorm, drilling):
     for i in range(n):
         for j in range(n):
             corners = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
-            for loop in ([corners[:3], [corners[0], *corners[2:]]] if triangles else [corners]):
+            for loop in [corners[:3], [corners[0], *corners[2:]]] if triangles else [corners]:
                 cell += 1
                 lines.append(f"{element:8}{cell:8d}{1:8d}" + "".join(f"{number[ij]:8d}" for ij in loop))
                 for ij in loop:
@@ -68,7 +76,10 @@ def deck(shell, element, n, hard, parameters, snorm, drilling):
         lines += [f"GRID*   {at:16d}{'':16}{x:16.9E}{y:16.9E}", f"*       {z:16.9E}"]
         if snorm:
             lines.append(f"SNORM   {at:8d}{0:8d}" + "".join(f"{c:8.5f}" for c in normal(i / n, j / n)))
-        lines += [f"FORCE*  {1:16d}{at:16d}{0:16d}{force[i, j]:16.9E}", "*       " + "".join(f"{c:16.9E}" for c in load)]
+        lines += [
+            f"FORCE*  {1:16d}{at:16d}{0:16d}{force[i, j]:16.9E}",
+            "*       " + "".join(f"{c:16.9E}" for c in load),
+        ]
         components = held.get((i, j), "")
         if hard and turning and "1" in components:
             components += turning
@@ -105,9 +116,13 @@ def main(shell, element, *words):
     sizes = [int(word) for word in words if word.isdigit()]
     parameters = [word.split("=") for word in words if "=" in word]
     for n in sizes:
-        text, at, component = deck(globals()[shell], element, n, "hard" in words, parameters, "snorm" in words, "held" in words)
+        text, at, component = deck(
+            globals()[shell], element, n, "hard" in words, parameters, "snorm" in words, "held" in words
+        )
         value, seconds = deflection(text, at, component)
-        print(f"{shell} {element} {' '.join(w for w in words if not w.isdigit()):24} n = {n:3d}: {value:.7f}  {seconds:.2f} s")
+        print(
+            f"{shell} {element} {' '.join(w for w in words if not w.isdigit()):24} n = {n:3d}: {value:.7f}  {seconds:.2f} s"
+        )
 
 
 if __name__ == "__main__":

@@ -30,7 +30,9 @@ def _short(name: str, *values: object) -> str:
     """Return an entry in short fields, eight to a line."""
     lines = [values[k : k + 8] for k in range(0, len(values), 8)]
     heads = [name, *("" for _ in lines[1:])]
-    return "\n".join(f"{head:<8}" + "".join(_field(v, 8) for v in line) for head, line in zip(heads, lines, strict=True))
+    return "\n".join(
+        f"{head:<8}" + "".join(_field(v, 8) for v in line) for head, line in zip(heads, lines, strict=True)
+    )
 
 
 def _vectors(name: str, vectors: ArrayLike) -> Iterable[str]:

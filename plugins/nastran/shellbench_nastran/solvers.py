@@ -37,7 +37,9 @@ class DrillingSettings(EngineSettings):
 class NormalSettings(EngineSettings):
     """Settings of elements whose directors may be given."""
 
-    normals: bool = Field(True, description="SNORM: directors along the surface's normals; else each element has its own")
+    normals: bool = Field(
+        True, description="SNORM: directors along the surface's normals; else each element has its own"
+    )
     plus: bool = Field(True, description="MITC4+, whose membrane strains are interpolated too; else MITC4")
 
 

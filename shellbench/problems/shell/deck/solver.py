@@ -96,8 +96,8 @@ class MeshSolver(ShellSolver):
             return None
         return "this solver knows the displacements of nodes only"
 
-    def solve_mesh(self, deck: Deck, settings: Settings) -> Array:
-        """Return the displacements (v, 3) of the nodes, m.
+    def solve_mesh(self, deck: Deck, settings: Settings) -> Array | tuple[Array, int]:
+        """Return the displacements (v, 3) of the nodes, m, and the number of unknowns if it is not the deck's.
 
         Raises
         ------
@@ -110,12 +110,14 @@ class MeshSolver(ShellSolver):
 
     def solution_on(self, deck: Deck, settings: Settings) -> MeshSolution:
         """Return the solution on a mesh; SolveFailure if nodes have no finite displacement."""
-        moved = np.asarray(self.solve_mesh(deck, settings), float)
+        told = self.solve_mesh(deck, settings)
+        solved, unknowns = told if isinstance(told, tuple) else (told, None)
+        moved = np.asarray(solved, float)
         if moved.shape != deck.nodes.shape or not np.all(np.isfinite(moved)):
             counts = list(deck.grid.counts)
             raise SolveFailure(f"the program gives no finite displacement for each node of {counts} cells")
         energy = -deck.part.copies * float(np.sum(deck.forces[:, :3] * moved)) / 2
-        return MeshSolution(deck, deck.without_rigid(moved), energy=energy)
+        return MeshSolution(deck, deck.without_rigid(moved), energy=energy, unknowns=unknowns)
 
     def answer(
         self, case: Case, settings: MeshSettings, start: Solution | Path | None, progress: ProgressCallback
@@ -142,7 +144,7 @@ class MeshSolver(ShellSolver):
                 raise SolveFailure(str(failure), partial=found) from None
             values = found.given or measure_all(found)
             spent = time.perf_counter() - began
-            history.append(Step(len(history), spent, found.energy, deck.unknowns, quantities=values))
+            history.append(Step(len(history), spent, found.energy, found.parameters, quantities=values))
             sizes.append(float(np.prod(counts)) ** -0.5)
             progress(Progress(len(history), len(settings.cells), f"{counts[0]} x {counts[1]} cells"))
         assert found is not None
@@ -180,6 +182,8 @@ class MeshSolution(ShellSolution):
         Total potential energy, J: minus half the work of the loads.
     given
         Values by name of quantity, where the program gives no field but these.
+    unknowns
+        Numbers that were solved for, if not the deck's displacements and rotations.
     """
 
     formats: ClassVar[tuple[str | int, ...]] = ("mesh, format 1",)
@@ -189,6 +193,7 @@ class MeshSolution(ShellSolution):
     moved: Array
     energy: float = 0.0
     given: Mapping[str, float] = field(default_factory=dict)
+    unknowns: int | None = None
 
     @property
     def case(self) -> Case:
@@ -197,8 +202,8 @@ class MeshSolution(ShellSolution):
 
     @property
     def parameters(self) -> int:
-        """Displacements and rotations that were solved for."""
-        return self.deck.unknowns
+        """Numbers that were solved for."""
+        return self.deck.unknowns if self.unknowns is None else self.unknowns
 
     @cached_property
     def _seamed(self) -> Array:
@@ -222,6 +227,7 @@ class MeshSolution(ShellSolution):
         grid = self.deck.grid
         words = {"counts": grid.counts, "shape": grid.shape, "distortion": grid.distortion}
         more = {"whole": not self.deck.part.mirrors, "energy": self.energy, "given": dict(self.given)}
+        more["unknowns"] = self.unknowns
         return {**words, **more}, {"moved": self.moved}
 
     @classmethod
@@ -232,4 +238,5 @@ class MeshSolution(ShellSolution):
         deck = Deck.of(part, counts, words["shape"], float(words["distortion"]), case.states[0])
         if arrays["moved"].shape != deck.nodes.shape:
             raise ValueError("displacements do not fit the mesh")
-        return cls(deck, arrays["moved"], energy=float(words.get("energy", 0.0)), given=words.get("given", {}))
+        energy, given = float(words.get("energy", 0.0)), words.get("given", {})
+        return cls(deck, arrays["moved"], energy=energy, given=given, unknowns=words.get("unknowns"))

@@ -1,0 +1,1 @@
+"""Curved high-order shell elements of NGSolve answer the cases."""
