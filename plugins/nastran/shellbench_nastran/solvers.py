@@ -1,9 +1,10 @@
 """The shell elements of MYSTRAN: what each is, and how it is used.
 
-Flat elements meet at angles on a curved shell. Theirs have no stiffness against turning about their normal. Moments then
+Flat elements meet at angles on a curved shell. MYSTRAN's have no stiffness against turning about their normal: moments
 leak from one element into that free rotation of the next. Springs on it (K6ROT) lead to ground in version 18.0: they
-resist rigid motions, and the answer depends on them (MYSTRAN's pull request 175, its manual, section 6.2). The manual
-offers QUAD4 and TRIA3. TRIA3K and QUAD4K "exist in the solver", neither documented nor validated.
+resist rigid motions, and the answer depends on them (MYSTRAN's pull request 175; its manual, section 6.2). Version 19
+has other springs (pull request 251). The remedy in version 18.0 is QUAD4TYP MITC4+ with the surface's normals (SNORM).
+The manual offers CQUAD4, CTRIA3 and CQUAD8, and calls CTRIA3K and CQUAD4K legacy elements.
 """
 
 from __future__ import annotations
@@ -73,7 +74,7 @@ class Quad4K(Element):
 
 
 class Tria3K(Element):
-    """Discrete Kirchhoff triangle (DKT) with a membrane of constant strain; a legacy element, not supported any more."""
+    """Discrete Kirchhoff triangle (DKT) with a constant-strain membrane; a legacy element, not supported any more."""
 
     name: ClassVar[str] = "mystran-ctria3k"
     capabilities: ClassVar[Capabilities] = Capabilities(

@@ -23,7 +23,7 @@ NORMAL = specialcf.normal(3)
 
 
 def roof():
-    """Return a map from the unit square, E, nu, h, load, held sides by component, sides that can't turn, and a point."""
+    """Return a map of the unit square, E, nu, h, load, held sides by component, sides that can't turn, and a point."""
 
     def place(s, t, _):
         return 25 * math.sin(HALF * (2 * s - 1)), 25 * math.cos(HALF * (2 * s - 1)), 50 * (t - 0.5)
@@ -99,8 +99,7 @@ if __name__ == "__main__":
     for cells in (4, 8, 16):
         begin = time.perf_counter()
         value, unknowns = solve(globals()[sys.argv[1]], cells, "shear" in sys.argv, "hard" in sys.argv)
-        print(
-            f"{' '.join(sys.argv[1:])}, n = {cells:2d}: {value:.8f}, {unknowns} unknowns, {time.perf_counter() - begin:.2f} s"
-        )
+        spent = time.perf_counter() - begin
+        print(f"{' '.join(sys.argv[1:])}, n = {cells:2d}: {value:.8f}, {unknowns} unknowns, {spent:.2f} s")
     sys.stdout.flush()
     os._exit(0)  # NGSolve 6.2.2608 crashes while Python frees its objects

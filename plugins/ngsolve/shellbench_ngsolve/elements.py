@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import netgen.meshing as netgen
@@ -63,7 +64,7 @@ class CurvedMesh:
             made.SetCD2Name(number + 1, name)
             if not grid.closed[axis]:
                 nodes = grid.edge(axis, bool(last))
-                for a, b in zip(nodes, nodes[1:], strict=False):
+                for a, b in pairwise(nodes):
                     made.Add(netgen.Element1D([points[a], points[b]], index=number + 1))
         return ngsolve.Mesh(made)
 
@@ -148,7 +149,7 @@ class CurvedMesh:
                     total[dofs] += shapes.T @ (lengths[:, None] * density)
 
     def at_nodes(self, values: Array, deck: Deck) -> Array:
-        """Return a displacement (v, 3) at the nodes of a deck of the same cells with six nodes, from (m, 3) unknowns."""
+        """Return a displacement (v, 3) at the nodes of a deck with these cells of six nodes, from (m, 3) unknowns."""
         result = np.empty((len(deck.nodes), 3))
         middles = {(k, (k + 1) % 3): 3 + k for k in range(3)}
         for number, (dofs, corners, shapes) in enumerate(self.triangles(np.concatenate([CORNERS, MIDDLES]))):

@@ -36,7 +36,7 @@ class NGSolveSettings(MeshSettings):
     cells: tuple[int | tuple[int, int], ...] = Field(
         (4, 8, 16),
         min_length=1,
-        description="of each mesh, from coarse to fine: squares, of two triangles, across the part, or along xi1 and xi2",
+        description="of each mesh, from coarse to fine: squares of two triangles across the part, or along xi1 and xi2",
     )
     degree: int = Field(DEGREE, ge=2, le=6, description="of the displacement and of the surface; moments have one less")
     engine: str = Field(default_factory=installed, description="the engine and its version; the installed one")
@@ -67,7 +67,7 @@ class HHJ(MeshSolver):
         return super().declines(case) or ("a support moves, which this solver does not take" if moved else None)
 
     def solve_mesh(self, deck: Deck, settings: Settings) -> tuple[NDArray[np.float64], int]:
-        """Return the displacements (v, 3) of the nodes, m, and the number of unknowns; SolveFailure if NGSolve fails."""
+        """Return displacements (v, 3) of the nodes, m, and the number of unknowns; SolveFailure if NGSolve fails."""
         from shellbench_ngsolve.solving import solve
 
         assert isinstance(settings, NGSolveSettings)

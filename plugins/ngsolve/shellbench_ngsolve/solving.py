@@ -4,7 +4,8 @@ Thin shells (HHJ): displacement u, continuous; bending moments m, whose part m_n
 which a variable on the sides (the rotation about a side) enforces; membrane strains interpolated into Regge's space
 against locking. Shells with shear (TDNNS) add the shear g, tangentially continuous: normals turn by grad u - g.
 
-    h/2 |R eps(u)|^2_C - 6/h^3 |m|^2_(1/C) + m : (hess u . n - grad g) - sides m_nn ((grad u)_(n,nn) - g_nn - a) + k G h/2 |g|^2
+    h/2 |R eps(u)|^2_C - 6/h^3 |m|^2_(1/C) + m : (hess u . n - grad g)
+        - sides m_cc (n . grad u . c - g . c - a . c) + k G h/2 |g|^2,   c the direction across a side
 """
 
 from __future__ import annotations
