@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.deck.deck import Deck
+from shellbench.problems.shell.question.places import Edge
 from shellbench_ngsolve.elements import SIDES, CurvedMesh
 
 SHEAR_FACTOR = 5 / 6
@@ -33,16 +34,16 @@ def held_sides(deck: Deck) -> tuple[dict[str, list[int]], set[str], set[str]]:
     for number, name in enumerate(SIDES):
         axis, last = divmod(number, 2)
         if not deck.grid.closed[axis]:
-            inner = deck.held[deck.grid.edge(axis, bool(last))[1:-1]].all(axis=0)
-            components[name] = [c for c in range(3) if inner[c]]
+            inner = deck.grid.edge(axis, bool(last))[1:-1]
+            components[name] = [c for c in range(3) if bool(deck.held[inner, c].all())]
     for support, place in case.supported_places():
-        side = f"xi{place.axis + 1}_{place.side}" if hasattr(place, "axis") else None
-        if side is None:
+        if not isinstance(place, Edge):
             continue
+        side = f"xi{place.axis + 1}_{place.side}"
         if support.clamped or support.symmetry is not None:
             still.add(side)
         number = SIDES.index(side)
-        turned = deck.held[deck.grid.edge(number // 2, bool(number % 2))[1:-1], 3:].all(axis=0).sum()
+        turned = int(np.sum(np.all(deck.held[deck.grid.edge(number // 2, bool(number % 2))[1:-1], 3:], axis=0)))
         if support.symmetry is None and turned > (1 if support.clamped else 0):
             hard.add(side)
     return components, still, hard
