@@ -59,13 +59,11 @@ def test_a_distorted_mesh_stretches_evenly_and_bends_to_an_arc(solver):
     np.testing.assert_allclose(found[:, 2], bent, atol=DIGITS * bent.max())
 
 
-@pytest.mark.parametrize("solver", ALL, ids=lambda solver: solver.name)
+@pytest.mark.parametrize("solver", ALL[:-1], ids=lambda solver: solver.name)  # the deck has corner nodes only
 def test_the_roof_is_that_of_the_deck_written_by_hand(solver):
     suffix = "" if solver in THIN else "@naghdi_soft"
     case = shellbench.case(f"scordelis_lo{suffix}")
     deck, found = moved(solver, case, (8, 8))
-    if solver.entry == "CQUAD8":
-        pytest.skip("the deck written by hand has corner nodes only")
     mitc = isinstance(solver, solvers.Mitc4)
     given = ([("QUAD4TYP", "MITC4+")], mitc) if mitc else ([], False)
     text, at, component = BY_HAND["deck"](BY_HAND["roof"], solver.entry, 8, False, *given, False)

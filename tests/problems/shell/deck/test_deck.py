@@ -97,6 +97,8 @@ def test_the_ladder_finds_limit_and_rate_and_its_uncertainty_covers_the_error(tm
     read = MeshSolution.load(answer.save(tmp_path / "a"))
     points = plate.surface.domain.grid(7, 5)
     np.testing.assert_array_equal(read.displacement(points), answer.displacement(points))
+    own = type("Own", (Wavy,), {"solve_mesh": lambda self, *asked: (Wavy.solve_mesh(self, *asked), 7)})()
+    assert own.solve(plate, MeshSettings(cells=(4,))).parameters == 7 != answer.parameters == read.parameters
     with pytest.raises(SolveFailure, match="memory") as failed:
         type("Small", (Wavy,), {"fails_from": 16})().solve(plate, MeshSettings())
     assert failed.value.partial.parameters > 0
