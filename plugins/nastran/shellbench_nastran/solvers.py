@@ -20,7 +20,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.deck.cells import Shape
 from shellbench.problems.shell.deck.deck import Deck
 from shellbench.problems.shell.deck.solver import MeshSolver
-from shellbench.protocol.schema import Finite
+from shellbench.protocol.schema import Finite, Flag
 from shellbench_nastran.bulk_data import bulk_data
 from shellbench_nastran.program import EngineSettings, displacements, program
 
@@ -41,7 +41,7 @@ class NormalSettings(EngineSettings):
     normals: bool = Field(
         True, description="SNORM: directors along the surface's normals; else each element has its own"
     )
-    plus: bool = Field(True, description="MITC4+, whose membrane strains are interpolated too; else MITC4")
+    plus: Flag = Field(True, description="MITC4+, which interpolates membrane strains too; else MITC4")
 
 
 class Element(MeshSolver):
