@@ -124,7 +124,7 @@ def _made_again(
     code = {(record.identity.source, record.case_name) for record in pack.records}
     copied = {record.run_id for record in pack.records}
     same = [r for r in mine if (r.identity.source, r.case_name) in code and r.run_id not in copied and not r.own_case]
-    same = [record for record in same if record.identity.solver == pack.manifest.solver]
+    same = [r for r in same if r.identity.solver == pack.manifest.solver and r.stated is None]
     own_rows, _ = _rows(same)
     if not own_rows:
         return {}, ()

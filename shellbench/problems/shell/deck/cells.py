@@ -99,12 +99,8 @@ class Mesh:
                     left = beyond[lost] > NEAR
                     there, by = self._place(candidates[left], points[lost[left]])
                     better = by < beyond[lost[left]]
-                    numbers = lost[left][better]
-                    cell[numbers], places[numbers], beyond[numbers] = (
-                        candidates[left][better],
-                        there[better],
-                        by[better],
-                    )
+                    of = lost[left][better]
+                    cell[of], places[of], beyond[of] = candidates[left][better], there[better], by[better]
             asked = count
         return cell, places, np.where(beyond > NEAR, beyond, 0.0)
 

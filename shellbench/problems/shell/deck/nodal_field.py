@@ -13,6 +13,7 @@ import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +28,9 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.deck.cells import Mesh, Shape, shapes_at
 from shellbench.problems.shell.deck.solver import OF_DISPLACEMENTS
 from shellbench.problems.shell.mesh.other import LINES, meshio_mesh
-from shellbench.problems.shell.posed.rigid import RIGID_MOTIONS, rigid_modes
+from shellbench.problems.shell.posed.rigid import rigid_modes
 from shellbench.problems.shell.quantities.quantities import PointQuantity
+from shellbench.problems.shell.question.conditions import RIGID_MOTIONS
 from shellbench.problems.shell.question.places import Point
 from shellbench.problems.shell.question.surface import Surface
 from shellbench.problems.shell.symmetry.symmetry import Part, part_of
@@ -73,7 +75,7 @@ def measure_nodes(case: Case, path: Path, factor: float) -> NodalValues:
         raise InputError(f"{path}: case '{case.name}' asks for no displacement: fill in answers.csv instead")
     try:
         positions, moved, cells = _read(path)
-        found = NodalField.on(case, factor * positions, factor * moved, cells)
+        found: Any = NodalField.on(case, factor * positions, factor * moved, cells)
         values = {quantity.name: quantity.measure(found) * quantity.factor for quantity in asked}
         points = {q.name: q.coordinates(found) for q in asked if isinstance(q, PointQuantity)}
     except InputError as error:
@@ -94,9 +96,7 @@ def _read(path: Path) -> tuple[Array, Array, Cells]:
         named = [name for name in arrays if name.lower() in NAMES]
         chosen = list(arrays) if len(arrays) == 1 else named
         if len(chosen) != 1:
-            raise InputError(
-                f"field 'PointData': found {', '.join(arrays) or 'no vectors'}; name one array displacement"
-            )
+            raise InputError(f"field 'PointData': found {', '.join(arrays) or 'no vectors'}; call one displacement")
         blocks = [block for block in mesh.cells if block.type not in LINES]
         for block in blocks:
             if block.type not in SHAPES:
@@ -139,7 +139,7 @@ def coordinates_on(surface: Surface, positions: Array) -> tuple[Array, Array]:
         step, xi = np.abs((there - xi) / domain.size), there
         if np.minimum(step, np.where(domain.periodic, 1 - step, step)).max() < NEAR:
             break
-    return xi, np.linalg.norm(surface.position(xi) - positions, axis=-1)
+    return xi, np.asarray(np.linalg.norm(surface.position(xi) - positions, axis=-1))
 
 
 @dataclass(frozen=True)
@@ -165,12 +165,15 @@ class NodalField:
 
     @classmethod
     def on(cls, case: Case, positions: Array, moved: Array, cells: Cells) -> NodalField:
-        """Make the field of nodes (n, 3) and displacements (n, 3); InputError, as a clause, if they are not the shell's.
+        """Make the field of displacements (n, 3) of nodes (n, 3); without cells the nodes are triangulated.
 
-        Without cells the nodes are triangulated.
+        Raises
+        ------
+        InputError
+            As a clause, if the nodes do not lie on the shell.
         """
         used = np.unique(np.concatenate([own.ravel() for _, own in cells])) if cells else np.arange(len(positions))
-        if not (0 <= used[0] and used[-1] < len(positions)):
+        if used[0] < 0 or used[-1] >= len(positions):
             raise InputError("a cell names a node that is not there")
         xi, part = np.zeros((len(positions), 2)), part_of(case)
         xi[used], distance = coordinates_on(case.surface, positions[used])
@@ -190,9 +193,7 @@ class NodalField:
         if not case.remove_rigid_motions:
             return found
         points, weights = case.area_rule
-        motions = rigid_modes(case.surface, points)[0, 0][
-            ..., [RIGID_MOTIONS.index(m) for m in case.remove_rigid_motions]
-        ]
+        motions = found._motions(points)
         weighted = motions * weights[:, None, None]
         left = np.einsum("nca,ncb->ab", weighted, motions)
         return replace(found, rigid=np.linalg.solve(left, np.einsum("nca,nc->a", weighted, found.displacement(points))))
@@ -211,16 +212,18 @@ class NodalField:
     def _images(self, points: Array) -> Iterator[tuple[Array, Array]]:
         """Yield points (n, 2), then their images, with the factors (n, 3) from a displacement there to theirs."""
         domain, folded = self.case.surface.domain, self.part.fold(points)
-        turns = [
-            (0.0, size, -size) if closed else (0.0,) for size, closed in zip(domain.size, domain.periodic, strict=True)
-        ]
+        turns = [(0.0, size, -size) if domain.periodic[axis] else (0.0,) for axis, size in enumerate(domain.size)]
         for mirrors in [None, *self.part.images()]:
             at, signs = (points, np.ones((len(points), 3))) if mirrors is None else (folded.points, folded.signs)
             for mirror in mirrors or ():
                 at, signs = mirror.image(at), signs * mirror.signs
-            for first in turns[0]:
-                for second in turns[1]:
-                    yield at + [first, second], signs
+            for turn in product(*turns):
+                yield at + np.array(turn), signs
+
+    def _motions(self, points: Array) -> Array:
+        """Return the rigid motions (n, 3, k) that the case removes."""
+        numbers = [RIGID_MOTIONS.index(name) for name in self.case.remove_rigid_motions]
+        return rigid_modes(self.case.surface, points)[0, 0][..., numbers]
 
     def displacement(self, points: Array, at: float | None = None) -> Array:
         """Return the displacement (..., 3) at points (..., 2); InputError, as a clause, if the mesh lacks one."""
@@ -228,27 +231,21 @@ class NodalField:
         found = np.full((len(xi), 3), np.nan)
         for images, signs in self._images(xi):
             for mesh, moved in self.blocks:
-                slack = OUTSIDE * np.ptp(mesh.xi, axis=0) / np.sqrt(len(mesh.cells))
-                near = np.all(
-                    (images >= mesh.xi.min(axis=0) - slack) & (images <= mesh.xi.max(axis=0) + slack), axis=-1
-                )
+                low, high = mesh.xi.min(axis=0), mesh.xi.max(axis=0)
+                slack = OUTSIDE * (high - low) / np.sqrt(len(mesh.cells))
+                near = np.all((images >= low - slack) & (images <= high + slack), axis=-1)
                 asked = np.flatnonzero(near & np.isnan(found[:, 0]))
-                if len(asked):
-                    cell, places, beyond = mesh.locate(images[asked])
-                    within = asked[beyond <= OUTSIDE], beyond <= OUTSIDE
-                    shares = shapes_at(mesh.shape, places[within[1]])[0]
-                    between = np.einsum("nk,nkc->nc", shares, moved[mesh.cells[cell[within[1]]]])
-                    found[within[0]] = signs[within[0]] * between
+                cell, places, beyond = mesh.locate(images[asked])
+                shares = np.where(beyond[:, None] <= OUTSIDE, shapes_at(mesh.shape, places)[0], np.nan)
+                found[asked] = signs[asked] * np.einsum("nk,nkc->nc", shares, moved[mesh.cells[cell]])
         if np.isnan(found).any():
             lost = int(np.argmax(np.isnan(found[:, 0])))
-            names = [
-                name for name, p in self.case.places.items() if isinstance(p, Point) and np.allclose(p.xi, xi[lost])
-            ]
+            named = [place for place in self.case.places.values() if isinstance(place, Point)]
+            names = [place.name for place in named if np.allclose(place.xi, xi[lost])]
             x = ", ".join(f"{c:.6g}" for c in self.case.surface.position(xi[lost]))
             raise InputError(f"{f'point {names[0]!r}' if names else 'the point'} at ({x}) lies outside of the mesh")
         if len(self.rigid):
-            numbers = [RIGID_MOTIONS.index(name) for name in self.case.remove_rigid_motions]
-            found -= rigid_modes(self.case.surface, xi)[0, 0][..., numbers] @ self.rigid
+            found -= self._motions(xi) @ self.rigid
         return found.reshape((*np.shape(points)[:-1], 3))
 
     @cached_property
@@ -261,7 +258,7 @@ class NodalField:
         """Return the distance (n,) of the nearest node from each point (n, 2), or from an image of it."""
         surface = self.case.surface
         images = [surface.domain.wrap(at) for at, _ in self._images(points)]
-        return np.min([self._tree.query(surface.position(at))[0] for at in images], axis=0)
+        return np.asarray(np.min([self._tree.query(surface.position(at))[0] for at in images], axis=0))
 
 
 def _one_shape(part: Part, xi: Array, shape: Shape, cells: Integers) -> tuple[Mesh, Integers]:
