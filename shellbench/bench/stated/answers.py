@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import cast
+from typing import TypeAlias, cast
 
 import pandas as pd
 
@@ -26,7 +26,7 @@ COLUMNS = ("case", "quantity", "at", "value", "unit")
 MORE = ("cells", "unknowns", "seconds")
 LARGEST_CSV = 20_000_000  # bytes
 SAME_MARK = 1e-6  # relative difference of two marks of one state
-Source = Path | pd.DataFrame
+Source: TypeAlias = Path | pd.DataFrame
 
 
 @dataclass(frozen=True)

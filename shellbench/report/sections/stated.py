@@ -46,14 +46,9 @@ def _lines(one: Judged) -> Iterator[dict[str, Any]]:
     last = one.rows[-1]
     common = {"block": heading(last), "case": last.case, "quantity": last.quantity, "unit": last.unit}
     for name in one.nearest:
-        value = one.known[name]
-        mark = "*" if name == one.judge else ""
-        yield common | {
-            "kind": "known",
-            "name": f"{name}{mark}",
-            "value": value.value,
-            "uncertainty": value.uncertainty,
-        }
+        value, mark = one.known[name], "*" if name == one.judge else ""
+        more = {"name": f"{name}{mark}", "value": value.value, "uncertainty": value.uncertainty}
+        yield common | {"kind": "known"} | more
     for row, answer in zip(one.rows, one.answers, strict=True):
         name = "one mesh" if answer.size is None else f"{answer.cells} cells" if answer.cells else "mesh"
         found = {name: getattr(answer, name) for name in ("cells", "unknowns", "seconds")}
@@ -92,11 +87,8 @@ def _number(value: float, doubt: float | None) -> str:
 
 def tends_to(one: Judged) -> str:
     """Return the sentence that names the limit that the values tend to, beside all known ones."""
-    known = [
-        f"the {name} is {_number(value.value, value.uncertainty)}"
-        for name in one.nearest
-        for value in (one.known[name],)
-    ]
+    listed = [(name, one.known[name]) for name in one.nearest]
+    known = [f"the {name} is {_number(value.value, value.uncertainty)}" for name, value in listed]
     if one.limit is None:
         return f"one mesh shows no limit: {'; '.join(known)}"
     value, doubt = one.limit.value, one.limit.uncertainty

@@ -74,7 +74,7 @@ def measure_nodes(case: Case, path: Path, factor: float) -> NodalValues:
     if not asked:
         raise InputError(f"{path}: case '{case.name}' asks for no displacement: fill in answers.csv instead")
     try:
-        positions, moved, cells = _read(path)
+        positions, moved, cells = read_nodes(path)
         found: Any = NodalField.on(case, factor * positions, factor * moved, cells)
         values = {quantity.name: quantity.measure(found) * quantity.factor for quantity in asked}
         points = {q.name: q.coordinates(found) for q in asked if isinstance(q, PointQuantity)}
@@ -87,7 +87,7 @@ def measure_nodes(case: Case, path: Path, factor: float) -> NodalValues:
 Cells = list[tuple[Shape, Integers]]
 
 
-def _read(path: Path) -> tuple[Array, Array, Cells]:
+def read_nodes(path: Path) -> tuple[Array, Array, Cells]:
     """Return positions (n, 3), displacements (n, 3), and cells by shape; none of a CSV file."""
     content = read_file(path, LARGEST_FILE)
     if path.suffix == ".vtu":
