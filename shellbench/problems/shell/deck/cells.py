@@ -121,7 +121,8 @@ class Mesh:
             beyond = [-places.min(axis=-1), places.max(axis=-1) - 1]
             if self.shape.startswith("tri"):
                 beyond.append(places.sum(axis=-1) - 1)
-            return places, np.nan_to_num(np.max(beyond, axis=0), nan=np.inf)
+            ended = np.abs(step).max(axis=-1) < NEAR**0.5  # from far off it may not
+            return places, np.where(ended, np.max(beyond, axis=0), np.inf)
 
     def interpolate(self, values: Array, points: Array) -> Array:
         """Return values (n, ...) at points (n, 2) from those of the nodes (m, ...)."""

@@ -110,7 +110,7 @@ def read_nodes(path: Path) -> tuple[Array, Array, Cells]:
         try:
             table = pd.read_csv(io.BytesIO(content), dtype=str, skipinitialspace=True)
         except (ValueError, pd.errors.ParserError) as error:
-            raise InputError(f"it is no CSV ({without_middle(str(error))})") from None
+            raise InputError(f"it is no CSV ({without_middle(' '.join(str(error).split()))})") from None
         if lacking := [name for name in COLUMNS if name not in table]:
             raise InputError(f"line 1, field '{lacking[0]}': not found; the columns are {', '.join(COLUMNS)}")
         data, cells, first = table[COLUMNS].apply(pd.to_numeric, errors="coerce").to_numpy(float), [], 2
@@ -229,14 +229,15 @@ class NodalField:
         """Return the displacement (..., 3) at points (..., 2); InputError, as a clause, if the mesh lacks one."""
         xi = np.asarray(points, float).reshape(-1, 2)
         found = np.full((len(xi), 3), np.nan)
-        for images, signs in self._images(xi):
+        # A point that no image has inside may lie beside a boundary that the file's digits moved.
+        for beside, (images, signs) in product((SAME, OUTSIDE), list(self._images(xi))):
             for mesh, moved in self.blocks:
                 low, high = mesh.xi.min(axis=0), mesh.xi.max(axis=0)
-                slack = OUTSIDE * (high - low) / np.sqrt(len(mesh.cells))
+                slack = beside * (high - low) / np.sqrt(len(mesh.cells))
                 near = np.all((images >= low - slack) & (images <= high + slack), axis=-1)
                 asked = np.flatnonzero(near & np.isnan(found[:, 0]))
                 cell, places, beyond = mesh.locate(images[asked])
-                shares = np.where(beyond[:, None] <= OUTSIDE, shapes_at(mesh.shape, places)[0], np.nan)
+                shares = np.where(beyond[:, None] <= beside, shapes_at(mesh.shape, places)[0], np.nan)
                 found[asked] = signs[asked] * np.einsum("nk,nkc->nc", shares, moved[mesh.cells[cell]])
         if np.isnan(found).any():
             lost = int(np.argmax(np.isnan(found[:, 0])))
