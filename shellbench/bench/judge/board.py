@@ -1,6 +1,6 @@
 """A board: packs of many solvers in one table, with each value compared with today's known value.
 
-A board has no manual entries. Values, seconds and bytes come from packed records. Errors and verdicts are computed
+Stated results are marked in their names. Values, seconds and bytes come from packed records. Errors and verdicts are computed
 from today's known values. A value is *re-measured* if the keeper of the board has a run of the same code and settings
 that is no worse.
 """
