@@ -1,8 +1,8 @@
 """A board: packs of many solvers in one table, with each value compared with today's known value.
 
-Stated results are marked in their names. Values, seconds and bytes come from packed records. Errors and verdicts are computed
-from today's known values. A value is *re-measured* if the keeper of the board has a run of the same code and settings
-that is no worse.
+Values, seconds and bytes come from packed records, stated results among them, whose names say so. Errors and verdicts
+are computed from today's known values. A value is *re-measured* if the keeper of the board has a run of the same code
+and settings that is no worse.
 """
 
 from __future__ import annotations

@@ -20,11 +20,11 @@ from shellbench.bench.stated.units import factor_between, length_factor
 from shellbench.errors import InputError, without_middle
 from shellbench.files import read_file
 from shellbench.problem import NodalValues, Problem
+from shellbench.protocol.sheet import ANSWERS
 from shellbench.protocol.spelling import did_you_mean
 
-COLUMNS = ("case", "quantity", "at", "value", "unit")
-MORE = ("cells", "unknowns", "seconds")
-LARGEST_CSV = 20_000_000  # bytes
+COLUMNS, MORE = ANSWERS[:5], ANSWERS[5:]
+LARGEST_FILE = 1_000_000_000  # bytes
 SAME_MARK = 1e-6  # relative difference of two marks of one state
 Source: TypeAlias = Path | pd.DataFrame
 
@@ -94,13 +94,9 @@ def read_sources(sources: Sequence[Source], case: str | None, units: str | None)
     remarks: list[str] = []
     for number, source in enumerate(sources, 1):
         name = source.name if isinstance(source, Path) else f"table {number}"
-        nodal, content = isinstance(source, Path) and source.suffix == ".vtu", b""
-        if isinstance(source, Path) and nodal:
-            digest = _digest(source)
-        else:
-            content = source.to_csv(index=False).encode() if isinstance(source, pd.DataFrame) else _content(source)
-            digest = hashlib.sha256(content).hexdigest()
-            nodal = b"ux" in content.split(b"\n", 1)[0]
+        content = _content(source)
+        digest = hashlib.sha256(content).hexdigest()
+        nodal = name.endswith(".vtu") or b"ux" in content.split(b"\n", 1)[0]
         if files.setdefault(name, digest) != digest:
             raise InputError(f"{source}: another file is called {name} too")
         if not nodal:
@@ -125,19 +121,13 @@ def _measured(case: Problem, path: Path, factor: float) -> NodalValues:
     return cast(NodalValues, getattr(import_module(module), function)(case, path, factor))
 
 
-def _content(path: Path) -> bytes:
+def _content(source: Source) -> bytes:
+    if isinstance(source, pd.DataFrame):
+        return source.to_csv(index=False).encode()
     try:
-        return read_file(path, LARGEST_CSV)
+        return read_file(source, LARGEST_FILE)
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
-
-
-def _digest(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise InputError(f"{path}: it can't be read ({error.strerror})") from None
+        raise InputError(f"{source}: {error}") from None
 
 
 def _rows(name: str, content: bytes, given: Problem | None) -> Iterator[Answer]:
