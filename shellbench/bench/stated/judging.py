@@ -119,9 +119,9 @@ def judge_answers(read: Read, author: Author, theory: str | None = None) -> Judg
         found = {}
         for name, ladder in ladders.items():
             rows = tuple(_row(asked, name, answer, author, read) for answer in ladder)
-            known = {words.get(of, of): value for of, value in _known(theories, name).items()}
-            found[name] = Judged(rows, ladder, known, words.get(chosen, chosen), limits[name])
-        records.append(_record(asked, [one.answers[-1] for one in found.values()], limits, author, read, chosen))
+            known = {words.get(of, f"{of} value"): value for of, value in _known(theories, name).items()}
+            found[name] = Judged(rows, ladder, known, words.get(chosen, f"{chosen} value"), limits[name])
+        records.append(_record(asked, [one.answers[-1] for one in found.values()], limits, author, read, theory or ""))
         judged += found.values()
         warnings += [words for one in found.values() for words in _doubts(one)]
         lacking = [q.name for q in case.quantities if q.name not in ladders and _known(theories, q.name)]
