@@ -123,7 +123,7 @@ def _measured(case: Problem, path: Path, factor: float) -> NodalValues:
 
 def _content(source: Source) -> bytes:
     if isinstance(source, pd.DataFrame):
-        return source.to_csv(index=False).encode()
+        return bytes(source.to_csv(index=False), "utf-8")
     try:
         return read_file(source, LARGEST_FILE)
     except InputError as error:
