@@ -1,6 +1,7 @@
 """shellbench: validation and benchmarks for thin-shell solvers, neural and classical.
 
-`shellbench.run` solves cases and `shellbench.table` returns earlier runs, both as a pandas DataFrame.
+`shellbench.run` solves cases, `shellbench.table` returns earlier runs, and `shellbench.judge` compares results of other
+programs with known values: each returns a pandas DataFrame.
 `shellbench.case`, `shellbench.solve` and `shellbench.picture` return one case, its answer, and its picture; see
 `shellbench.interface`, which is imported at the first use of one of them.
 """
@@ -9,7 +10,7 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-ASKED = ("Picture", "case", "picture", "run", "solve", "table")
+ASKED = ("Picture", "case", "judge", "picture", "run", "solve", "table")
 __all__ = ["__version__", *ASKED]
 
 try:

@@ -36,11 +36,14 @@ from shellbench.bench.run import local
 from shellbench.bench.run.display import Silent, display
 from shellbench.bench.run.execute import execute
 from shellbench.bench.run.plan import Request, make_plan
+from shellbench.bench.stated.answers import read_sources
+from shellbench.bench.stated.judging import Author, judge_answers
 from shellbench.bench.store import environment
 from shellbench.bench.store.store import Store
 from shellbench.errors import InputError
 from shellbench.problem import Problem, Solution, answerable, why_declined
 from shellbench.protocol.schema import one_sentence
+from shellbench.report.sections import stated
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -118,6 +121,34 @@ def table(*cases: str | Path, suites: Sequence[str] = (), store: str | Path = ST
     rows, notes = rows_and_notes(Store(Path(store)), suites, tuple(map(str, cases)))
     _warn(*notes)
     return _frame(rows)
+
+
+def judge(
+    results: str | Path | pd.DataFrame | Sequence[str | Path | pd.DataFrame],
+    case: str | None = None,
+    *,
+    units: str | None = None,
+    theory: str | None = None,
+) -> pd.DataFrame:
+    """Return the table of ``shellbench judge``: values of any program beside known values, and their limit.
+
+    Parameters
+    ----------
+    results
+        Paths of answers.csv or of nodal results, or tables with the columns of answers.csv; one, or one for each mesh.
+    case, units, theory
+        See ``--case``, ``--units`` and ``--theory``.
+
+    Raises
+    ------
+    InputError
+        In one sentence with file, line and field.
+    """
+    listed = [results] if isinstance(results, str | Path | pd.DataFrame) else list(results)
+    sources = [one if isinstance(one, pd.DataFrame) else Path(one) for one in listed]
+    found = judge_answers(read_sources(sources, case, units), Author(), theory)
+    _warn(*found.warnings)
+    return stated.table(found.judged).data
 
 
 def case(name: str | Path) -> Problem:

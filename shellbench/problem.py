@@ -8,7 +8,7 @@ definitions are in `shellbench.protocol`, one module each.
 
 from __future__ import annotations
 
-from shellbench.protocol.kind import Account, Kind, Variant
+from shellbench.protocol.kind import Account, Kind, NodalValues, Variant
 from shellbench.protocol.problem import VARIANT, CaseName, Problem
 from shellbench.protocol.quantity import FULL, Quantity
 from shellbench.protocol.solution import FIELDS, NumberFormat, Progress, ProgressCallback, Solution, Step
@@ -32,6 +32,7 @@ __all__ = [
     "CaseName",
     "Device",
     "Kind",
+    "NodalValues",
     "NumberFormat",
     "Problem",
     "Progress",

@@ -34,7 +34,7 @@ BELOW = {  # what a layer may import beside itself
 }
 ROOMS = {  # of a package, from the lowest up; what stands at its root is a room of its own
     "": ("errors", "files", "disk", "protocol", "problem", "problems", "solvers", "bench", "report", "interface"),
-    "bench": ("plugins", "catalogue", "sheet", "store", "run", "judge"),
+    "bench": ("plugins", "catalogue", "sheet", "store", "run", "judge", "stated"),
     "report": ("data", "figures", "sections", "studies", "page"),
     "problems.shell": (
         *("question", "mesh", "field", "quantities", "posed", "case", "variants", "symmetry"),
@@ -117,8 +117,8 @@ def is_module(name: str) -> bool:
 
 
 def test_only_solvers_need_a_solver_library():
-    # between values, the nearest place or triangles, or least squares of a mesh
-    looking_up = ("load_curve", "body", "self_intersection", "spline")
+    # between values, the nearest place, cells or triangles, or least squares of a mesh
+    looking_up = ("load_curve", "body", "self_intersection", "spline", "cells", "nodal_field")
     for path in (path for path in MODULES if layer(path) != SOLVERS):
         refused = HEAVY - ({"scipy"} if layer(path) == "report" or path.stem in looking_up else set())
         found = {name for name in imports(path) if name.split(".")[0] in refused}

@@ -58,7 +58,7 @@ def test_bad_input_is_the_same_sentence_as_on_the_command_line(tmp_path: Path) -
 def test_all_public_names_are_listed_and_documented() -> None:
     page = (Path(__file__).parents[1] / "docs/api.md").read_text(encoding="utf-8")
     names = [name for name in dir(shellbench) if not name.startswith("_")]
-    assert names == ["Picture", "case", "picture", "run", "solve", "table"]
+    assert names == ["Picture", "case", "judge", "picture", "run", "solve", "table"]
     assert [name for name in names if f"::: shellbench.interface.{name}\n" not in page] == []
 
 

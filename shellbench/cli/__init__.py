@@ -25,6 +25,7 @@ from shellbench.cli.passport import passport_command
 from shellbench.cli.share import board, pack
 from shellbench.cli.sheet import sheet
 from shellbench.cli.solve import check_solver_command, list_command, run
+from shellbench.cli.stated import judge_command
 from shellbench.errors import InputError, Interrupted, ShellbenchError, without_middle
 
 __all__ = ["app", "main"]
@@ -76,6 +77,7 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "list": list_command,
     "run": run,
     "table": table,
+    "judge": judge_command,
     "gate": gate_command,
     "compare": compare_command,
     "baseline": baseline_command,

@@ -33,12 +33,11 @@ def pack(
     --------
         shellbench pack mine --suite obstacle_course --install "python -m pip install mine==1.2"
     """
-    from shellbench.bench.plugins.registry import find_solver
-    from shellbench.bench.store.pack import SUFFIX, write_pack
+    from shellbench.bench.store.pack import SUFFIX, entry_of, write_pack
     from shellbench.bench.store.store import Store
     from shellbench.errors import InputError
 
-    entry = find_solver(solver)
+    entry = entry_of(Store(store), solver)
     file = out or Path(f"{entry.name}-{entry.version}{SUFFIX}")
     if file.suffix != SUFFIX:
         raise InputError(f"--out: found {str(file)!r}, but a pack is a file *{SUFFIX}")
@@ -46,7 +45,7 @@ def pack(
     warn(notes)
     runs = len(manifest.runs)
     typer.echo(
-        f"written to {file}: {runs} run{'' if runs == 1 else 's'} of {solver} {manifest.version}\n"
+        f"written to {file}: {runs} run{'' if runs == 1 else 's'} of {manifest.solver} {manifest.version}\n"
         f"install:  {manifest.install or 'not stated; --install COMMAND states it'}\n"
         f"checksum: {manifest.checksum}"
     )

@@ -37,6 +37,30 @@ class Variant:
 
 
 @dataclass(frozen=True)
+class NodalValues:
+    """Values that were measured from nodal results of another program.
+
+    Attributes
+    ----------
+    values
+        By name of quantity, in its unit.
+    nearest
+        By name of quantity at points: distance of the nearest node from the farthest of its points, in the case's unit
+        of length.
+    cells, nodes
+        Numbers of the mesh.
+    share
+        Share of the shell that the mesh covers; the rest follows by symmetry.
+    """
+
+    values: Mapping[str, float]
+    nearest: Mapping[str, float]
+    cells: int
+    nodes: int
+    share: float
+
+
+@dataclass(frozen=True)
 class Kind:
     """A kind of problem, the target of its entry point.
 
@@ -66,6 +90,12 @@ class Kind:
     sheet
         Takes a problem and a request; returns its sheet, for a person with another program. It may raise InputError.
         None if no program with meshes solves such problems.
+    nodes
+        Function, as ``module:name``, that measures nodal results: takes a problem, a file and the factor from lengths
+        in the file to those of the problem; returns `NodalValues`. Empty if there are none. It is named, not imported,
+        so that a change of it leaves all records of solvers valid.
+    limits
+        Names of the limits that other programs may tend to, by theory of a problem and by twin.
     headline, headlines
         Name of its headline quantities, for the heading of their table; other names by unit.
     exam, quick
@@ -82,6 +112,8 @@ class Kind:
     sample: Callable[[Any, int, float | None, str], Sample] | None = None
     from_file: Callable[[Path, Path], str] | None = None
     sheet: Callable[[Any, Request], Sheet] | None = None
+    nodes: str = ""
+    limits: Mapping[str, str] = field(default_factory=dict)
     headline: str = "Headline figures"
     headlines: Mapping[str, str] = field(default_factory=dict)
     exam: tuple[str, ...] = ()

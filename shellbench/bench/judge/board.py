@@ -1,8 +1,8 @@
 """A board: packs of many solvers in one table, with each value compared with today's known value.
 
-A board has no manual entries. Values, seconds and bytes come from packed records. Errors and verdicts are computed
-from today's known values. A value is *re-measured* if the keeper of the board has a run of the same code and settings
-that is no worse.
+Values, seconds and bytes come from packed records, stated results among them, whose names say so. Errors and verdicts
+are computed from today's known values. A value is *re-measured* if the keeper of the board has a run of the same code
+and settings that is no worse.
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ def _made_again(
     code = {(record.identity.source, record.case_name) for record in pack.records}
     copied = {record.run_id for record in pack.records}
     same = [r for r in mine if (r.identity.source, r.case_name) in code and r.run_id not in copied and not r.own_case]
-    same = [record for record in same if record.identity.solver == pack.manifest.solver]
+    same = [r for r in same if r.identity.solver == pack.manifest.solver and r.stated is None]
     own_rows, _ = _rows(same)
     if not own_rows:
         return {}, ()

@@ -150,6 +150,11 @@ def _grade(solver: str, rows: Sequence[Row], unchecked: str) -> Grade:
     )
 
 
+def class_of(row: Row, sizes: Sequence[float] = CLASSES) -> float | None:
+    """Return the first class that a row's value reaches, tightest first; None if it reaches none."""
+    return next((size for size in sizes if _holds(row, size)), None)
+
+
 def _holds(row: Row, size: float) -> bool:
     allowed = _allowed(row, size)
     return allowed is not None and row.held_to(allowed).why_short(allowed.largest) is None

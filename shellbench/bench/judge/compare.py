@@ -253,6 +253,8 @@ def row_of(run: CurrentRun, quantity: Quantity) -> Row:
     measured = record.values.get(quantity.name)
     gap = record.diagnostics.get("energy_gap")
     declined = record.declined.get(quantity.name)
+    remarks = (*(one.words for one in record.self_intersection), run.case.remark)
+    remarks += (record.stated.words,) if record.stated else ()
     row = Row(
         **_about_quantity(run.case, quantity) | _about_run(record, run.case, run.declared_by),
         value=measured.value if measured else None,
@@ -263,8 +265,8 @@ def row_of(run: CurrentRun, quantity: Quantity) -> Row:
         energy_gap=float(gap) if isinstance(gap, int | float) else None,
         status="declined" if declined else record.status,
         reason=f"the solver declines the quantity: {declined}" if declined else record.reason,
-        remark="; ".join(filter(None, (*(one.words for one in record.self_intersection), run.case.remark))),
-        seconds=record.seconds,
+        remark="; ".join(filter(None, remarks)),
+        seconds=None if record.stated else record.seconds,
         peak_memory_bytes=record.peak_memory_bytes,
         idle_memory_bytes=record.idle_memory_bytes,
         parameters=record.parameters,
@@ -276,7 +278,11 @@ def row_of(run: CurrentRun, quantity: Quantity) -> Row:
     known = values_of_file(run.case) if record.own_case else catalog.known_values(record.case_name)
     row = with_known_values(row, known, run.case, quantity)
     allowed = allowed_by_file(run.case, quantity) if record.own_case else _frozen_tolerance(row)
-    return row if run.overrides or allowed is None else row.judged(allowed, ours=row.solver in catalog.tolerances())
+    return (
+        row
+        if run.overrides or allowed is None or row.stated
+        else row.judged(allowed, ours=row.solver in catalog.tolerances())
+    )
 
 
 def _frozen_tolerance(row: Row) -> Tolerance | None:
@@ -339,7 +345,7 @@ def with_mutual_differences(found: Iterable[Row]) -> list[Row]:
     listed = list(found)
     peers: dict[tuple[object, ...], list[Row]] = {}
     for row in listed:
-        if row.default_settings and row.status == "ok" and row.value is not None:
+        if row.default_settings and row.status == "ok" and row.value is not None and not row.stated:
             peers.setdefault(_question(row), []).append(row)
     # One solver agrees with itself: a comparison needs answers of two.
     yardsticks = {

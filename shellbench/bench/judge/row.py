@@ -11,7 +11,7 @@ from pydantic import Field
 
 from shellbench.bench.catalogue.reference import Tolerance
 from shellbench.bench.store.identity import GATED_DTYPE
-from shellbench.bench.store.record import NOT_SETTLED
+from shellbench.bench.store.record import NOT_SETTLED, STATED
 from shellbench.problem import VARIANT
 from shellbench.protocol.schema import Model
 
@@ -152,6 +152,11 @@ class Row(Model):
     def variant(self) -> str | None:
         """Name of the variant; None for the case as declared."""
         return self.case.partition(VARIANT)[2] or None
+
+    @property
+    def stated(self) -> bool:
+        """True for a value that shellbench did not compute."""
+        return self.solver.endswith(STATED)
 
     @property
     def gated(self) -> bool:

@@ -91,12 +91,14 @@ class CurrentRun:
 
     @property
     def absent(self) -> str:
-        """The solver or engine that is not installed, in words."""
+        """The solver or engine that is not installed, or that stated the values, in words."""
         identity = self.record.identity
+        if self.record.stated is not None:
+            return f"'{identity.solver}' was not computed here"
         engine = engine_distribution(identity.settings)
         if engine is not None and engine_version(engine) is None:
-            return f"{engine}, the engine of solver '{identity.solver}',"
-        return f"solver '{identity.solver}'"
+            return f"{engine}, the engine of solver '{identity.solver}', is not installed"
+        return f"solver '{identity.solver}' is not installed"
 
 
 @dataclass(frozen=True)
@@ -124,7 +126,7 @@ class CurrentRuns:
         counted = (f"{count} stored {_runs(count)} left out: {reason}" for reason, count in sorted(reasons.items()))
         absent = Counter(run.absent for run in self.runs if not run.installed)
         taken = (
-            f"{name} is not installed: {count} stored {_runs(count)} shown as recorded, and no gate takes them"
+            f"{name}: {count} stored {_runs(count)} shown as recorded, and no gate takes them"
             for name, count in sorted(absent.items())
         )
         return (*self.damaged, *counted, *taken)
@@ -188,6 +190,7 @@ def current_runs(contents: Contents, *, any_code: bool = False) -> CurrentRuns:
     runs: dict[tuple[object, ...], CurrentRun] = {}
     for record in newest(contents).values():
         identity = record.identity
+        stated = record.stated is not None
         if record.sequence is None:
             stale[record.run_id] = (record, UNSEALED)
             continue
@@ -201,7 +204,7 @@ def current_runs(contents: Contents, *, any_code: bool = False) -> CurrentRuns:
         if identity.case != wanted or case.digest() != identity.case:
             stale[record.run_id] = (record, "the case has changed since")
         # The digest of a solver that is not installed is assumed to be the same.
-        elif sources.get((identity.solver, case.kind), identity.source) != identity.source:
+        elif not stated and sources.get((identity.solver, case.kind), identity.source) != identity.source:
             stale[record.run_id] = (record, "the solver has changed since")
         elif not any_code and (changed := _changed_engine(identity.settings)) is not None:
             stale[record.run_id] = (record, changed)
@@ -210,7 +213,8 @@ def current_runs(contents: Contents, *, any_code: bool = False) -> CurrentRuns:
             key = (record.own_case, record.case_name, identity.solver, repr(settings), identity.seed)
             # An answer of another device is valid only if no CPU has answered.
             if key not in runs or runs[key].record.identity.device != "cpu" or identity.device == "cpu":
-                installed = (identity.solver, case.kind) in sources and not _lacks_engine(identity.settings)
+                installed = not stated and (identity.solver, case.kind) in sources
+                installed = installed and not _lacks_engine(identity.settings)
                 runs[key] = CurrentRun(record, case, overrides_of(record), declared_by(record, case), installed)
     return CurrentRuns(tuple(runs.values()), stale, contents.damaged)
 

@@ -21,10 +21,10 @@ from pydantic import Field, ValidationError
 
 from shellbench import __version__
 from shellbench.bench.catalogue import catalog
-from shellbench.bench.plugins.registry import SolverEntry, find_solver
+from shellbench.bench.plugins.registry import SolverEntry, find_solver, solver_entries
 from shellbench.bench.store.conformance import Conformance, read_conformance, why_unchecked
 from shellbench.bench.store.current import CurrentRun, current_runs, overrides_of
-from shellbench.bench.store.record import LARGEST_RECORD, Digest, Plain, Record, Time, document, read_document
+from shellbench.bench.store.record import LARGEST_RECORD, STATED, Digest, Plain, Record, Time, document, read_document
 from shellbench.bench.store.store import Store
 from shellbench.errors import InputError
 from shellbench.files import check_file
@@ -130,7 +130,8 @@ def write_pack(
     InputError
         If there is nothing to pack, or the file can't be written.
     """
-    entry = find_solver(solver)
+    entry = entry_of(store, solver)
+    solver = entry.name
     for name in suites:
         catalog.find_suite(name)
     contents = store.read()
@@ -148,7 +149,7 @@ def write_pack(
     sources = {record.identity.source for record in sent}
     checked = [one for one in noted.found if one.solver == solver and one.source in sources]
     notes += noted.damaged
-    if why := why_unchecked(solver, sent, checked):
+    if (why := why_unchecked(solver, sent, checked)) and sent[0].stated is None:
         notes.append(f"not checked: {why} (`shellbench check-solver {solver}` makes the checks)")
     manifest = _manifest(entry, sent, packed, install or _install(entry), checked)
     try:
@@ -161,8 +162,16 @@ def write_pack(
     return manifest, tuple(notes)
 
 
+def entry_of(store: Store, name: str) -> SolverEntry:
+    """Return the solver of this name, or the stated results of a store, whose version is their program."""
+    stated = [record.stated for record in store.read().records if record.identity.solver in (name, f"{name}{STATED}")]
+    if name in solver_entries() or not stated or stated[-1] is None:
+        return find_solver(name)
+    return SolverEntry(f"{name.removesuffix(STATED)}{STATED}", "", "stated", stated[-1].program or "unknown program")
+
+
 def _can_be_sent(run: CurrentRun) -> bool:
-    return run.installed and not run.record.own_case
+    return (run.installed or run.record.stated is not None) and not run.record.own_case
 
 
 def _add(archive: zipfile.ZipFile, name: str, data: bytes) -> None:

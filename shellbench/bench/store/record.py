@@ -11,9 +11,9 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime
 from functools import lru_cache
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import AfterValidator, Field, ValidationError
+from pydantic import AfterValidator, Field, ValidationError, model_validator
 from pydantic_core import from_json, to_json
 
 from shellbench.bench.plugins.kinds import kind_of
@@ -36,6 +36,7 @@ from shellbench.protocol.picture import Portrait
 from shellbench.protocol.schema import LARGEST, Model, one_sentence
 
 SEAL = "seal"  # the key in the document of a record; no field of the record itself
+STATED: Final = " (stated)"  # ends the name under which stated values are recorded
 LONGEST_REASON = 4000  # characters
 LARGEST_RECORD = 20_000_000  # bytes: an hour's motion with all its steps takes a few per cent of it
 Status = Literal["ok", "not settled", "failed", "timeout"]
@@ -140,8 +141,38 @@ class Environment(Model):
     git_dirty: bool | None = None
 
 
+class Stated(Model):
+    """Origin of values that shellbench did not compute.
+
+    Attributes
+    ----------
+    program, element, theory
+        As the person says who states them; may be empty.
+    files
+        SHA-256 of the files that they come from, by name.
+    cells, unknowns, seconds
+        Of the finest mesh, if stated. No table ranks such seconds: nobody knows the machine.
+    """
+
+    program: str = ""
+    element: str = ""
+    theory: str = ""
+    files: dict[str, Digest]
+    cells: Count | None = None
+    unknowns: Count | None = None
+    seconds: Seconds | None = None
+
+    @property
+    def words(self) -> str:
+        """The origin in one clause."""
+        files = ", ".join(f"{name} (SHA-256 {digest[:8]})" for name, digest in self.files.items())
+        what = ", ".join(filter(None, (self.program, self.element, self.theory)))
+        took = f"; {self.seconds:g} s on a machine that nobody knows" if self.seconds is not None else ""
+        return f"stated, not computed here: {f'{what}; ' if what else ''}from {files}{took}"
+
+
 class Record(Model):
-    """The record of one run.
+    """The record of one run, or of stated values.
 
     Attributes
     ----------
@@ -189,6 +220,9 @@ class Record(Model):
         The solution in its solver's own format, beside the record.
     checksums
         SHA-256 of these two files by name; none for older records.
+    stated
+        Origin of values that shellbench did not compute; None for a run. The solver's name then ends in `STATED`, and
+        the identity's source is the checksum of their files.
     """
 
     schema_version: Literal[1] = 1
@@ -223,6 +257,13 @@ class Record(Model):
     fields_file: FileName | None = None
     solution_file: FileName | None = None
     checksums: dict[str, Digest] = Field(default_factory=dict)
+    stated: Stated | None = None
+
+    @model_validator(mode="after")
+    def _says_what_is_stated(self) -> Self:
+        if (self.stated is not None) != self.identity.solver.endswith(STATED):
+            raise ValueError(f"names of stated results, and only these, end in '{STATED}'")
+        return self
 
     @property
     def order(self) -> tuple[int, float, str]:
@@ -293,7 +334,8 @@ def readable(record: Record) -> Record:
     except (InputError, ValueError, RecursionError) as error:
         bare = {name: getattr(record, name) for name, field in Record.model_fields.items() if field.is_required()}
         why = record.reason or f"what the solver left can't be recorded: {' '.join(str(error).split())}"
-        kept = {"sequence": record.sequence, "own_case": record.own_case, "defaults": record.defaults}
+        kept: dict[str, Any] = {"sequence": record.sequence, "own_case": record.own_case, "defaults": record.defaults}
+        kept |= {"stated": record.stated}
         return Record(**bare | kept | {"status": "failed", "reason": shortened(why)})
     return record
 

@@ -54,6 +54,13 @@ HEADLINES = {
     "rad": "Angles",
 }
 """Names of headline values that are no displacements, by unit."""
+LIMITS = {
+    "kirchhoff-love-linear": "thin limit",
+    "kirchhoff-love-nonlinear": "thin limit at finite strain",
+    "naghdi-linear": "shear-flexible limit",
+    "naghdi": "shear-flexible limit with hard supports",
+    "naghdi_soft": "shear-flexible limit with soft supports",
+}
 ENERGY_DENSITY = "strain_energy_density"
 ENERGY_PARTS = ("membrane_energy_density", "bending_energy_density")
 
@@ -138,6 +145,8 @@ SHELL = Kind(
     sample=sample,
     from_file=case_of_mesh,
     sheet=sheet,
+    nodes="shellbench.problems.shell.deck.nodal_field:measure_nodes",
+    limits=LIMITS,
     exam=("obstacle_course", "verification", "variants", "shapes", "nonlinear"),
     quick=("quick",),
 )

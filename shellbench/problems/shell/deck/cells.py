@@ -35,6 +35,7 @@ POWERS: dict[Shape, list[tuple[int, int]]] = {  # of the monomials s^i t^j that 
     "quad9": [(0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 1), (1, 2), (2, 2)],
 }
 STEPS, NEAR = 12, 1e-12  # of Newton's method for the place of a point in its cell, and where it ends
+CANDIDATES = (8, 64)  # cells in which a point is looked for, those with the nearest middles first
 
 
 def corners_of(shape: Shape) -> int:
@@ -73,52 +74,55 @@ class Mesh:
     shape: Shape
 
     @cached_property
-    def _triangles(self) -> tuple[Any, Integers]:
-        """A finder of the corner triangles, and the cell of each."""
-        from matplotlib.tri import Triangulation
+    def _finder(self) -> tuple[Any, Array]:
+        """A finder of the nearest middles of cells, and the size (2,) of a cell, in which it measures."""
+        from scipy.spatial import cKDTree
 
-        corners = self.cells[:, : corners_of(self.shape)]
-        halves = [corners[:, :3]] + ([corners[:, [0, 2, 3]]] if corners.shape[1] == 4 else [])
-        triangles = np.concatenate(halves)
-        side = self.xi[triangles]
-        one, other = side[:, 1] - side[:, 0], side[:, 2] - side[:, 0]
-        flat = np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]) <= NEAR * np.ptp(self.xi, axis=0).prod()
-        kept = np.flatnonzero(~flat)
-        size = np.ptp(self.xi, axis=0)
-        first, second = ((self.xi - self.xi.min(axis=0)) / size).T
-        mesh = Triangulation(first, second, triangles[kept])
-        return mesh.get_trifinder(), np.tile(np.arange(len(self.cells)), len(halves))[kept]
+        corners = self.xi[self.cells[:, : corners_of(self.shape)]]
+        size = np.ptp(corners, axis=1).mean(axis=0)
+        return cKDTree(corners.mean(axis=1) / size), size
 
     def locate(self, points: Array) -> tuple[Integers, Array, Array]:
         """Return the cell (n,) of each point (n, 2), its place (n, 2) there, and by how much it lies outside (n,).
 
         Outside is measured in the unit cell: 0 for points in their cell.
         """
-        finder, owners = self._triangles
-        lower, size = self.xi.min(axis=0), np.ptp(self.xi, axis=0)
-        scaled = (points - lower) / size
-        found = np.asarray(finder(*scaled.T))
-        cell = np.where(found >= 0, owners[found], -1)
-        for lost in np.flatnonzero(cell < 0):  # on the boundary, or outside: the cell with the nearest middle
-            middles = self._middles
-            cell[lost] = np.argmin(np.sum(((middles - points[lost]) / size) ** 2, axis=-1))
-        corners = self.xi[self.cells[cell]]
-        places = np.full((len(points), 2), 1 / 3 if self.shape.startswith("tri") else 1 / 2)
-        for _ in range(STEPS):
-            values, slopes = shapes_at(self.shape, places)
-            missing = points - np.einsum("nk,nkc->nc", values, corners)
-            step = np.linalg.solve(np.einsum("nkd,nkc->ncd", slopes, corners), missing[..., None])[..., 0]
-            places = places + np.clip(step, -1, 1)
-            if np.abs(step).max(initial=0.0) < NEAR:
-                break
-        beyond = [-places.min(axis=-1), places.max(axis=-1) - 1]
-        if self.shape.startswith("tri"):
-            beyond.append(places.sum(axis=-1) - 1)
-        return cell, places, np.maximum(np.max(beyond, axis=0), 0.0)
+        # The cell is looked for among those with the nearest middles; more of them where cells are of unequal sizes.
+        finder, size = self._finder
+        cell, places = np.zeros(len(points), np.int64), np.zeros((len(points), 2))
+        beyond, asked = np.full(len(points), np.inf), 0
+        for count in CANDIDATES:
+            lost = np.flatnonzero(beyond > NEAR)
+            if len(lost):
+                near = finder.query(points[lost] / size, k=np.arange(1, min(count, len(self.cells)) + 1))[1]
+                for candidates in near.T[asked:]:
+                    left = beyond[lost] > NEAR
+                    there, by = self._place(candidates[left], points[lost[left]])
+                    better = by < beyond[lost[left]]
+                    of = lost[left][better]
+                    cell[of], places[of], beyond[of] = candidates[left][better], there[better], by[better]
+            asked = count
+        return cell, places, np.where(beyond > NEAR, beyond, 0.0)
 
-    @cached_property
-    def _middles(self) -> Array:
-        return np.asarray(self.xi[self.cells[:, : corners_of(self.shape)]].mean(axis=1))
+    def _place(self, cell: Integers, points: Array) -> tuple[Array, Array]:
+        """Return the places (n, 2) of points in these cells, by Newton's method, and by how much they lie outside."""
+        nodes = self.xi[self.cells[cell]]
+        places = np.full((len(points), 2), 1 / 3 if self.shape.startswith("tri") else 1 / 2)
+        with np.errstate(all="ignore"):
+            for _ in range(STEPS):
+                values, slopes = shapes_at(self.shape, places)
+                missing = points - np.einsum("nk,nkc->nc", values, nodes)
+                (a, c), (b, d) = np.einsum("nkd,nkc->dcn", slopes, nodes)
+                step = np.stack([d * missing[:, 0] - b * missing[:, 1], a * missing[:, 1] - c * missing[:, 0]], axis=-1)
+                step /= (a * d - b * c)[:, None]
+                places = places + np.clip(step, -1, 1)
+                if not np.abs(step).max(initial=0.0) >= NEAR:
+                    break
+            beyond = [-places.min(axis=-1), places.max(axis=-1) - 1]
+            if self.shape.startswith("tri"):
+                beyond.append(places.sum(axis=-1) - 1)
+            ended = np.abs(step).max(axis=-1) < NEAR**0.5  # from far off it may not
+            return places, np.where(ended, np.max(beyond, axis=0), np.inf)
 
     def interpolate(self, values: Array, points: Array) -> Array:
         """Return values (n, ...) at points (n, 2) from those of the nodes (m, ...)."""

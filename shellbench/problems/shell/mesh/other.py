@@ -46,7 +46,7 @@ def read_other(content: bytes, suffix: str) -> tuple[Array, Array, list[list[int
     InputError
         As a clause without the file's name.
     """
-    mesh = _meshio_mesh(content, suffix)
+    mesh = meshio_mesh(content, suffix)
     points = np.asarray(mesh.points, float)
     if points.ndim != 2 or points.shape[1] not in (2, 3) or not len(points):
         raise InputError("it has no points of two or three coordinates")
@@ -54,7 +54,7 @@ def read_other(content: bytes, suffix: str) -> tuple[Array, Array, list[list[int
     return np.pad(points, ((0, 0), (0, 3 - points.shape[1]))), _texture(mesh.point_data, len(points), suffix), faces
 
 
-def _meshio_mesh(content: bytes, suffix: str) -> Any:
+def meshio_mesh(content: bytes, suffix: str) -> Any:
     """Return the mesh that meshio reads, without its printing, and without its exit from the program on an error."""
     import meshio
 
