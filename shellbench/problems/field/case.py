@@ -2,8 +2,8 @@
 
 A file has one of these tables. `[match]` is a function that a field is fitted to. `[cloth]` weighs losses of local
 structures; a field minimises their mean over the square. Beside `[match]`, `[cloth]` only defines the measured losses.
-`[density]` is a probability by cells, from which points are drawn. `[body]` is a ball: one that a cloth touches, or one
-of vertices whose distance is asked.
+`[density]` is a probability by cells, from which points are drawn. `[body]` is a ball, a torus or a prism that a cloth
+touches, or a ball of vertices whose distance is asked.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from shellbench.problem import Problem
-from shellbench.problems.field.body import Ball
+from shellbench.problems.field.body import Ball, Body
 from shellbench.problems.field.formulas import Formulas, evaluated
 from shellbench.problems.field.quantities import BODY, CLOTH, DENSITY, FIT, Axis, Edge, FieldQuantity, Point
 from shellbench.problems.field.structure import WIDEST, lattice
@@ -127,7 +127,7 @@ class FieldCase(Problem):
     density
         A probability from which points are drawn.
     body
-        A ball: an obstacle of the cloth, or one of vertices whose distance is asked.
+        An obstacle of the cloth (a ball, unless its `kind` says otherwise), or a ball of vertices whose distance is asked.
     quantities
         Quantities asked of every answer; exactly one is primary.
     """
@@ -140,7 +140,7 @@ class FieldCase(Problem):
     training: Training | None = None
     pins: tuple[Pin, ...] = ()
     density: Density | None = None
-    body: Ball | None = None
+    body: Body | None = None
     quantities: Annotated[tuple[FieldQuantity, ...], Field(min_length=1)]
 
     @property
@@ -156,11 +156,18 @@ class FieldCase(Problem):
             found["pins"] = [{key: value for key, value in pin.items() if value} for pin in found["pins"]]
         if self.cloth and not self.cloth.past_edges:  # so that digests of cases without this field stay as they were
             del found["cloth"]["past_edges"]
+        if isinstance(self.body, Ball):  # the kind that bodies had before others existed
+            del found["body"]["kind"]
         return found
 
     def rest(self, points: Array) -> Array:
         """Return places (n, 3) of points (n, 2) without displacement, m."""
         return evaluated(self.cloth.rest if self.cloth else ("u", "v", 0.0), points)
+
+    @field_validator("body", mode="before")
+    @classmethod
+    def _is_a_ball(cls, body: Any) -> Any:
+        return {"kind": "ball"} | body if isinstance(body, dict) else body
 
     @model_validator(mode="after")
     def _parts_fit(self) -> Self:
@@ -196,7 +203,7 @@ class FieldCase(Problem):
                 raise ValueError("a body and a positive 'cloth.collision' go together")
         elif self.cloth and self.cloth.collision:
             raise ValueError("field 'cloth.collision' must be 0 with theory 'fit'")
-        elif self.body is not None and self.body.vertices is None:
+        elif self.body is not None and self.body.is_exact:
             raise ValueError("theory 'nearest-vertex' needs 'body.vertices'")
         self._check_density()
         self._check_formulas()

@@ -195,9 +195,8 @@ class Mesh:
         depth, normal = distance[met], normal[met]
         weight = (2 * CORNERS * self.cloth.collision * self.share[met])[:, None]
         outer = normal[:, :, None] * normal[:, None, :]
-        if not convex and self.case.body.vertices is None:
-            across = depth / (depth + self.case.body.radius)
-            outer = outer + across[:, None, None] * (np.eye(3) - outer)
+        if not convex and self.case.body.is_exact:
+            outer = outer + depth[:, None, None] * self.case.body.curvature(places[met])
         return met[:, None], (weight * depth[:, None] * normal)[:, None], weight[:, :, None] * outer
 
     def span(self) -> tuple[Sparse, Array]:

@@ -19,7 +19,7 @@ from torch.nn.functional import embedding_bag
 
 from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
-from shellbench.problems.field.body import Ball
+from shellbench.problems.field.body import Body
 from shellbench.problems.field.case import FieldCase
 from shellbench.problems.field.formulas import evaluated
 from shellbench.problems.field.structure import EDGES, MIDDLE, OUTER, TURN, corners, lattice
@@ -255,7 +255,7 @@ class Losses:
         return torch.as_tensor(found)
 
 
-def depths(places: Tensor, body: Ball) -> Tensor:
+def depths(places: Tensor, body: Body) -> Tensor:
     """Return the collision loss (n,) of structures (n, 6, 3): squares of depths, along normals at the places."""
     distance, normal = body.contact(places.detach().cpu().numpy().reshape(-1, 3).astype(float))
     flat = places.reshape(-1, 3)

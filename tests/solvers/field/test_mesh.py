@@ -57,7 +57,7 @@ def test_unknowns_of_a_grid_are_symmetric_and_meet_the_pinned_point():
 
 def test_what_is_not_symmetric_has_no_maps_but_one():
     data = {key: value for key, value in DRAPE.data().items() if key != "name"}
-    turned = FieldCase.model_validate(data | {"name": "turned", "body": data["body"] | {"centre": [0.4, 0.5, -0.202]}})
+    turned = FieldCase.model_validate(data | {"name": "turned", "body": data["body"] | {"centre": [0.4, 0.55, -0.202]}})
     assert len(maps(turned)) == 1
     points, weights = fold_orbits(RANDOM.random((5, 2)), np.ones(5), maps(turned))
     assert weights.sum() == 5 == len(points)
