@@ -58,7 +58,7 @@ class Solid(Model):
 
 
 def along_axes(apart: Array, moves: Array) -> tuple[Array, Array, Array]:
-    """Return lengths (n,) of vectors (n, 3) from a core, their directions (n, 3), and Hessians (n, 3, 3) of the lengths.
+    """Return lengths (n,) of vectors (n, 3) from a core, their directions (n, 3), and their Hessians (n, 3, 3).
 
     `moves` (n, 3) is zero along axes in which the nearest point of the core moves along with a place.
     """
@@ -159,7 +159,7 @@ class Prism(Solid):
         return self
 
     def from_core(self, places: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the data of `Solid.from_core` about the sharp prism; axes are those of the nearest side, and upward."""
+        """Return the data of `Solid.from_core` about the sharp prism; axes are those of the nearest side."""
         sector = 2 * math.pi / self.corners
         inner = self.radius * math.cos(sector / 2) - self.rounding  # from the axis to a side of the core
         angle = np.arctan2(places[:, 1], places[:, 0])

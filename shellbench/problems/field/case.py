@@ -127,7 +127,7 @@ class FieldCase(Problem):
     density
         A probability from which points are drawn.
     body
-        An obstacle of the cloth (a ball, unless its `kind` says otherwise), or a ball of vertices whose distance is asked.
+        An obstacle of the cloth, a ball unless `kind` says otherwise; or a ball of vertices whose distance is asked.
     quantities
         Quantities asked of every answer; exactly one is primary.
     """

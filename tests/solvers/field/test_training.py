@@ -11,9 +11,10 @@ from shellbench.bench.catalogue import catalog
 from shellbench.problems.field.case import FieldCase
 from shellbench.problems.field.structure import bend, corners, lattice, strain
 from shellbench.solvers.field.field import LayeredField
+from shellbench.solvers.field.losses import Losses
 from shellbench.solvers.field.sampling import Cells, jittered, positive, relaxed, relaxed_on_a_line
 from shellbench.solvers.field.solver import MlpSolver, PrintedGridSolver
-from shellbench.solvers.field.training import Adam, Choice, Losses, Sampler, Weights, sampled
+from shellbench.solvers.field.training import Adam, Choice, Sampler, Weights, sampled
 
 RANDOM = np.random.default_rng(9)
 POINTS = RANDOM.random((30, 2))
@@ -65,7 +66,7 @@ def test_losses_of_tensors_are_those_of_the_kind():
 
     heights = case.rest(POINTS)[:, 2] + field.displacement(POINTS)[:, 2]
     exact = 0.5 * strain(*of(3)) + 0.3 * bend(of(6)[0]) + 2.0 * 0.1 * heights
-    asked = Losses(case, weights, POINTS, angles)
+    asked = Losses(case, weights.tensor, POINTS, angles)
     assert asked.weighted(weights.displacement(asked.places)).numpy() == pytest.approx(exact, rel=1e-10)
 
 
@@ -79,7 +80,7 @@ def test_slopes_of_a_drape_are_limits_of_differences(activation, pinned):
     weights = Weights(replace(own, form={**own.form, "pinned": pinned}))
     angles = np.random.default_rng(20).random(len(POINTS))
     weights.tensors["grid_0"] += 0.1 * torch.rand(weights.tensors["grid_0"].shape)
-    asked = Losses(case, weights, POINTS, angles)
+    asked = Losses(case, weights.tensor, POINTS, angles)
 
     def loss():
         return 1e3 * asked.weighted(weights.displacement(asked.places)).sum()
