@@ -22,7 +22,7 @@ JUDGES = {
     "field_empty_row": closed.field_empty_row,
     "field_lloyd": closed.field_lloyd,
     "field_ball": closed.field_ball,
-    "field_drape": drape.by_triangles,
+    **{name: partial(drape.by_triangles, name) for name in drape.BODIES},
     **{name: partial(sheet, side) for name, side in SIDES.items()},
 }
 SECOND_FORMS = {
@@ -39,6 +39,6 @@ SECOND_FORMS = {
     "field_empty_row": closed.field_empty_row_by_counting,
     "field_lloyd": closed.field_lloyd_by_modes,
     "field_ball": closed.field_ball_by_regions,
-    "field_drape": drape.by_differences,
+    **{name: partial(drape.by_differences, name) for name in drape.BODIES},
     **{name: partial(sheet_by_ritz, side) for name, side in SIDES.items()},
 }

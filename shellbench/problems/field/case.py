@@ -8,6 +8,7 @@ touches, or a ball of vertices whose distance is asked.
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -17,13 +18,14 @@ from pydantic import Field, field_validator, model_validator
 from shellbench.problem import Problem
 from shellbench.problems.field.body import Ball, Body
 from shellbench.problems.field.formulas import Formulas, evaluated
-from shellbench.problems.field.quantities import BODY, CLOTH, DENSITY, FIT, Axis, Edge, FieldQuantity, Point
+from shellbench.problems.field.quantities import BODY, CLOTH, DENSITY, FIT, RIM, Axis, Edge, FieldQuantity, Point
 from shellbench.problems.field.structure import WIDEST, lattice
 from shellbench.protocol.schema import Finite, Flag, Model, Positive
 
 Array = NDArray[np.float64]
 NotNegative = Annotated[Finite, Field(ge=0)]
 LOOKED_AT = 50  # cells along a side at whose midpoints formulas must be finite
+MIDDLE = np.array([0.5, 0.5])
 LARGEST_DENSITY = 1000  # rows and columns of a density
 
 
@@ -59,10 +61,27 @@ class Cloth(Model):
         return {name: getattr(self, name) for name in ("strain", "bend", "gravity", "collision")}
 
 
+class Disc(Model):
+    """A mask: the cloth is the disc within the unit square, and is held at its rim."""
+
+    radius: Annotated[Finite, Field(gt=0, le=0.5)] = Field(description="of the disc, about the middle of the square")
+
+    def level(self, points: Array) -> Array:
+        """Return 1 - (r / R)^2 (n,) at points (n, 2): 1 in the middle, 0 on the rim, negative outside."""
+        return np.asarray(1 - np.sum((points - MIDDLE) ** 2, axis=-1) / self.radius**2)
+
+    def moved_in(self, points: Array, margin: float) -> Array:
+        """Return points (n, 2), those nearer to the rim than a margin moved straight inward."""
+        apart = points - MIDDLE
+        far = np.linalg.norm(apart, axis=-1, keepdims=True)
+        most = max(self.radius - margin, 0.0)
+        return np.asarray(np.where(far > most, MIDDLE + apart * most / np.maximum(far, most), points))
+
+
 class Pin(Model):
     """Edges and points whose displacement is given."""
 
-    on: tuple[Edge, ...] = Field((), description="edges")
+    on: tuple[Edge | Literal["rim"], ...] = Field((), description="edges; 'rim' is that of a disc")
     at: tuple[Point, ...] = Field((), description="points (u, v)")
     displacement: Formulas = Field((0.0, 0.0, 0.0), description="m: numbers, or formulas of u and v")
 
@@ -122,6 +141,8 @@ class FieldCase(Problem):
         encoding, the multi-resolution grid with its decoder, or the vertices of a mesh.
     training
         Limits of a training.
+    disc
+        A disc to which the cloth is cut.
     pins
         Edges and points whose displacement is given.
     density
@@ -138,6 +159,7 @@ class FieldCase(Problem):
     cloth: Cloth | None = None
     network: Literal["plain", "positional", "grid", "vertices"] | None = None
     training: Training | None = None
+    disc: Disc | None = None
     pins: tuple[Pin, ...] = ()
     density: Density | None = None
     body: Body | None = None
@@ -150,7 +172,7 @@ class FieldCase(Problem):
 
     def physics(self) -> dict[str, Any]:
         """Return all data that an answer depends on, without tables that the file does not have."""
-        tables = ("match", "cloth", "network", "training", "pins", "density", "body")
+        tables = ("match", "cloth", "network", "training", "disc", "pins", "density", "body")
         found = {key: value for key, value in super().physics().items() if value or key not in tables}
         if self.pins:  # a pin of edges has no points, and the other way round
             found["pins"] = [{key: value for key, value in pin.items() if value} for pin in found["pins"]]
@@ -159,6 +181,16 @@ class FieldCase(Problem):
         if isinstance(self.body, Ball):  # the kind that bodies had before others existed
             del found["body"]["kind"]
         return found
+
+    def within(self, points: Array) -> Array:
+        """Return those of points (n, 2) that are cloth."""
+        return points if self.disc is None else points[self.disc.level(points) > 0]
+
+    def about(self, points: Array) -> Array:
+        """Return places (n, 2) of structures for points (n, 2): on a disc so that their middle triangles fit."""
+        if self.disc is None or self.cloth is None or self.cloth.past_edges:
+            return points
+        return self.disc.moved_in(points, self.cloth.side / math.sqrt(3))
 
     def rest(self, points: Array) -> Array:
         """Return places (n, 3) of points (n, 2) without displacement, m."""
@@ -205,9 +237,23 @@ class FieldCase(Problem):
             raise ValueError("field 'cloth.collision' must be 0 with theory 'fit'")
         elif self.body is not None and self.body.is_exact:
             raise ValueError("theory 'nearest-vertex' needs 'body.vertices'")
+        self._check_disc()
         self._check_density()
         self._check_formulas()
         return self
+
+    def _check_disc(self) -> None:
+        """Refuse a disc that is not held at its whole rim alone, and a rim without a disc."""
+        rims = [pin for pin in self.pins if RIM in pin.on]
+        if self.disc is None and rims:
+            raise ValueError("only a disc has a rim: the table 'disc' is missing")
+        if self.disc is None:
+            return
+        still = all(value in (0.0, "0") for pin in self.pins for value in pin.displacement)
+        if self.theory != "local-structures" or self.body or len(rims) != 1 or not still or self.pins[0].on != (RIM,):
+            raise ValueError("a disc is a cloth without a body, held where it is by one pin on its 'rim'")
+        if len(self.pins) > 1 or self.pins[0].at:
+            raise ValueError("a disc has no pins beside the one on its 'rim'")
 
     def _check_density(self) -> None:
         if self.density is None:

@@ -16,6 +16,7 @@ Share = Annotated[Finite, Field(ge=0, le=1)]
 Point = tuple[Share, Share]
 Axis = Literal["x", "y", "z"]
 Edge = Literal["u_min", "u_max", "v_min", "v_max"]
+RIM = "rim"
 AXES = "xyz"
 ALONG = 200  # points along an edge
 FINE = 1000  # of a lattice along a side, at most
@@ -80,7 +81,8 @@ class MeanLoss(Quantity):
 
     def measure(self, solution: Any) -> float:
         """Return the mean, without unit."""
-        losses, cloth = solution.losses(lattice(self.lattice), self.turns), solution.case.cloth
+        points = solution.case.within(lattice(self.lattice))
+        losses, cloth = solution.losses(points, self.turns), solution.case.cloth
         found = weighted(losses, cloth.weights) if self.kind == "energy" else losses[self.kind]
         return float(np.mean(found))
 

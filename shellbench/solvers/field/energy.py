@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bmat, csr_matrix
+from scipy.sparse import bmat, csr_matrix, diags
 
 from shellbench.problems.field.body import Body
 from shellbench.problems.field.case import Cloth, FieldCase
@@ -69,6 +69,8 @@ class Batch:
                 window[axis], numbers[:, :, axis] - low[:, None, axis, None], values.reshape(count, many, -1), 2
             )
         splines = window[0][..., :, None] * window[1][..., None, :]
+        if case.disc:
+            splines *= case.disc.level(at)[..., None, None]
         rest = case.rest(at.reshape(-1, 2)).reshape(count, many, 3)
         return cls(side, width, low, splines.reshape(count, many, width**2), rest)
 
@@ -153,12 +155,15 @@ class Sampled:
         assert cloth is not None
         angles: Array = np.arange(len(points), dtype=float) * GOLDEN_TURN % TURN
 
+        about = case.about(points)
+
         def of_corners(count: int) -> Batch:
-            return Batch.of(case, cells, degree, corners(points, angles, cloth.side, count, cloth.past_edges))
+            return Batch.of(case, cells, degree, corners(about, angles, cloth.side, count, cloth.past_edges))
 
         triangles = of_corners(3) if cloth.strain else None
         stars = of_corners(6) if cloth.bend or cloth.collision else None
         middles, heights = matrix(points, cells, degree), case.rest(points)[:, 2]
+        middles = diags(case.disc.level(points)) @ middles if case.disc else middles
         return cls(cloth, case.body, triangles, stars, middles, heights, weights)
 
     @property

@@ -282,9 +282,12 @@ def train_field(
         sampler,
         settings.every or max(1, epochs // LOOKS),
         settings.settled,
+        case.disc,
     )
-    if (case.match or choice.samples < FEWEST_NODES) and sampler.kind == "mesh":
-        raise InputError(f"{case.name}: a mesh has losses of a cloth, and {FEWEST_NODES} nodes along a side or more")
+    if (case.match or case.disc or choice.samples < FEWEST_NODES) and sampler.kind == "mesh":
+        raise InputError(
+            f"{case.name}: a mesh has losses of a square cloth, and {FEWEST_NODES} nodes along a side or more"
+        )
     if settings.settled is not None and (case.match or WINDOW % choice.every):
         raise InputError(f"{case.name}: a cloth can settle, where {WINDOW} epochs are a multiple of 'every'")
     return train(case, choice, tell)

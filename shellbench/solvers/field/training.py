@@ -19,7 +19,7 @@ from torch.nn.functional import embedding_bag
 
 from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
-from shellbench.problems.field.case import FieldCase
+from shellbench.problems.field.case import Disc, FieldCase
 from shellbench.problems.field.structure import TURN, lattice, weighted
 from shellbench.solvers.field.basis import local
 from shellbench.solvers.field.field import OMEGA, LayeredField, encode, free_factor, pin_shares
@@ -61,6 +61,7 @@ class Choice:
     sampler: Sampler
     every: int
     settled: float | None = None
+    disc: Disc | None = None
 
 
 class Weights:
@@ -116,7 +117,7 @@ class Weights:
             if number < form["layers"] - 1:
                 self._activate(found, number)
         mask = [axis not in form["confined"] for axis in "xyz"]
-        self.factor = self.tensor(free_factor(points, form["held"])[:, None] * np.array(mask))
+        self.factor = self.tensor(free_factor(points, form["held"], self.choice.disc)[:, None] * np.array(mask))
         found = found * self.factor
         if self.pinned is not None:
             self.shares = shares
@@ -247,11 +248,16 @@ def train(case: FieldCase, choice: Choice, progress: ProgressCallback) -> Layere
         if choice.sampler.kind == "adaptive" and epoch:
             asked = Losses(case, weights.tensor, middles, TURN * random.random(size**2))
             fresh = asked.weighted(weights.displacement(asked.places)).cpu().numpy()
+            if case.disc:
+                fresh[case.disc.level(middles) <= 0] = fresh.min()
             cells = cells.mixed(positive(fresh.astype(float)).reshape(size, size), choice.sampler.kept)
         if mesh:
             asked, points, ones = mesh, mesh.points, np.ones(len(mesh.points))
         else:
             points, ones = sampled(choice, cells, random)
+            if case.disc:
+                inside = case.disc.level(points) > 0
+                points, ones = points[inside], ones[inside]
             asked = Losses(case, weights.tensor, points, TURN * random.random(len(points)))
         displacement = weights.displacement(asked.places).requires_grad_()
         loss = (asked.weighted(displacement) * weights.tensor(ones)).sum()
@@ -290,7 +296,7 @@ def train(case: FieldCase, choice: Choice, progress: ProgressCallback) -> Layere
 def even_energy(found: LayeredField) -> float:
     """Return the mean of all losses with their weights, at even midpoints: the same measure for all samplers."""
     assert found.case.cloth is not None
-    return float(np.mean(weighted(found.losses(lattice(EVEN), TURNS), found.case.cloth.weights)))
+    return float(np.mean(weighted(found.losses(found.case.within(lattice(EVEN)), TURNS), found.case.cloth.weights)))
 
 
 def spread(history: list[Step]) -> dict[str, float]:
