@@ -114,14 +114,16 @@ class Quarter:
         return np.asarray(self.rest.numpy() + found.x.reshape(self.rest.shape) * scale.numpy())
 
 
-TRIANGLES = {"field_drape": 48, "field_torus": 64, "field_prism": 64}
+TRIANGLES = {"field_drape": 48, "field_torus": 76, "field_prism": 76}
 """Columns of the mesh."""
 CELLS = 32  # of a quarter
 BOUNDS = {
     "field_drape": {"corner": 1e-4, "edge": 5e-4, "penetration": 1e-4, "energy": 1e-6},
+    "field_torus": {"corner": 2e-4, "edge": 1e-3, "penetration": 1e-4, "energy": 1e-6},
+    "field_prism": {"corner": 2e-4, "edge": 2e-3, "penetration": 3e-4, "energy": 1e-6},
 }
-"""Uncertainty of the values: what two meshes of triangles (52, 76), differences (24, 32 cells of a quarter, in the
-same state) and a grid of 96 cells differ by, but for the last, whose structures have a side."""
+"""Uncertainty of the values: what meshes of triangles (52, 64, 76), differences (24, 32 cells of a quarter, in the same
+state) and a grid (96 cells on the ball, 60 on the others) differ by, but for the last, whose structures have a side."""
 
 
 @cache

@@ -2,7 +2,7 @@
 
 from functools import partial
 
-from . import drape
+from . import drape, field_disc
 from . import field_closed as closed
 from .bridge_plate import sheet, sheet_by_ritz
 
@@ -23,6 +23,8 @@ JUDGES = {
     "field_lloyd": closed.field_lloyd,
     "field_ball": closed.field_ball,
     **{name: partial(drape.by_triangles, name) for name in drape.BODIES},
+    "field_folds": closed.field_folds,
+    "field_disc": field_disc.polynomials,
     **{name: partial(sheet, side) for name, side in SIDES.items()},
 }
 SECOND_FORMS = {
@@ -40,5 +42,7 @@ SECOND_FORMS = {
     "field_lloyd": closed.field_lloyd_by_modes,
     "field_ball": closed.field_ball_by_regions,
     **{name: partial(drape.by_differences, name) for name in drape.BODIES},
+    "field_folds": closed.field_folds_by_images,
+    "field_disc": field_disc.paraboloid,
     **{name: partial(sheet_by_ritz, side) for name, side in SIDES.items()},
 }

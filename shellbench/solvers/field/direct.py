@@ -104,7 +104,9 @@ def pinned_coefficients(case: FieldCase, cells: int, degree: int) -> tuple[NDArr
     for component in case.cloth.confined if case.cloth else ():
         given[..., AXES.index(component)] = True
     for pin in case.pins:
-        for edge in pin.on if not case.disc else ():  # the field of a disc is zero on its rim
+        for edge in pin.on:
+            if edge == "rim":  # on which the field is zero
+                continue
             axis, end = "uv".index(edge[0]), -1 if edge.endswith("max") else 0
             place: Any = (end, slice(None)) if axis == 0 else (slice(None), end)
             points = along_edge(edge, PER_CELL * cells)

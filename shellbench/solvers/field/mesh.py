@@ -132,7 +132,7 @@ class Triangulation:
 
 
 def nearest_triangle(lattice: Lattice | Triangulation, near: Whole, points: Array) -> tuple[Whole, Array]:
-    """Return the one (n,) of near triangles (n, k) about each of points (n, 2), and the shares (n, 3) of its corners."""
+    """Return the near triangle (n,), out of k, about each of points (n, 2), and the shares (n, 3) of its corners."""
     a, b, c = (lattice.points[lattice.triangles[near, corner]] for corner in range(3))
     size, here = cross(b - a, c - a), points[:, None]
     shares = np.stack([cross(b - here, c - here), cross(c - here, a - here), cross(a - here, b - here)], axis=-1)

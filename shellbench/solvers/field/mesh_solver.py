@@ -82,10 +82,8 @@ class VertexMeshSolver(FieldSolver):
         """Solve on two meshes, of which the finer one answers."""
         from shellbench.solvers.field.mesh import DIRECTIONS
 
-        coarse, fine = (
-            solve_mesh(case, count, progress, settings.turn)
-            for count in (settings.resolution // 2, settings.resolution)
-        )
+        counts = settings.resolution // 2, settings.resolution
+        coarse, fine = (solve_mesh(case, count, progress, settings.turn) for count in counts)
         uncertainty = told_by_levels([measured(case, coarse), measured(case, fine)])
         # A mean over more directions estimates the error of the mesh's few directions.
         more = measured(case, replace(fine, form={**fine.form, "directions": 2 * DIRECTIONS}))
@@ -109,9 +107,5 @@ def solve_mesh(case: FieldCase, columns: int, progress: ProgressCallback, turn: 
         found = places
         history.append(Step(len(history), time.perf_counter() - began, energy, free))
         progress(Progress(len(history), None, f"energy {energy:.6g}"))
-    return MeshField(
-        case,
-        {"vertices": found - mesh.rest},
-        {"columns": columns} | ({} if turn is None else {"turn": turn}),
-        tuple(history),
-    )
+    form = {"columns": columns} | ({} if turn is None else {"turn": turn})
+    return MeshField(case, {"vertices": found - mesh.rest}, form, tuple(history))
