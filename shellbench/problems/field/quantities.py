@@ -16,7 +16,6 @@ Share = Annotated[Finite, Field(ge=0, le=1)]
 Point = tuple[Share, Share]
 Axis = Literal["x", "y", "z"]
 Edge = Literal["u_min", "u_max", "v_min", "v_max"]
-RIM = "rim"
 AXES = "xyz"
 ALONG = 200  # points along an edge
 FINE = 1000  # of a lattice along a side, at most

@@ -99,8 +99,7 @@ class FieldSolution(FieldAnswer, ABC):
     def structures(self, points: Array, angles: Array, count: int) -> tuple[Array, Array]:
         """Return places and rest places (n, count, 3), m, of corners of structures about points (n, 2), turned."""
         assert self.case.cloth is not None
-        cloth, middles = self.case.cloth, self.case.about(points)
-        at = corners(middles, angles, cloth.side, count, cloth.past_edges).reshape(-1, 2)
+        at = corners(points, angles, self.case.cloth.side, count, self.case.cloth.past_edges).reshape(-1, 2)
         rest = self.case.rest(at)
         return (rest + self.displacement(at)).reshape(-1, count, 3), rest.reshape(-1, count, 3)
 

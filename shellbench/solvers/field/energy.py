@@ -155,10 +155,8 @@ class Sampled:
         assert cloth is not None
         angles: Array = np.arange(len(points), dtype=float) * GOLDEN_TURN % TURN
 
-        about = case.about(points)
-
         def of_corners(count: int) -> Batch:
-            return Batch.of(case, cells, degree, corners(about, angles, cloth.side, count, cloth.past_edges))
+            return Batch.of(case, cells, degree, corners(points, angles, cloth.side, count, cloth.past_edges))
 
         triangles = of_corners(3) if cloth.strain else None
         stars = of_corners(6) if cloth.bend or cloth.collision else None

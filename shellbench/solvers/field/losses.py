@@ -50,8 +50,7 @@ class Losses:
             counts = {"triangle": (3, cloth.strain), "star": (6, cloth.bend + cloth.collision)}
             needed = {name: count for name, (count, weight) in counts.items() if weight}
             past = cloth.past_edges
-            about = case.about(points)
-            self.at = {name: corners(about, angles, cloth.side, n, past) for name, n in needed.items()} | self.at
+            self.at = {name: corners(points, angles, cloth.side, n, past) for name, n in needed.items()} | self.at
         self.places = np.concatenate([at.reshape(-1, 2) for at in self.at.values()])
 
     def weighted(self, displacement: Tensor) -> Tensor:
