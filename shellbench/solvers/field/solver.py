@@ -149,6 +149,8 @@ class GridSolver(OfFields):
         if case.network == "vertices":
             degree, cells = 1, VERTICES
         share = settings.adaptive_share if settings.sampler == "adaptive" else 0.0
+        if share and case.disc:
+            raise InputError(f"{case.name}: adaptive samples that are solved for need a square cloth")
         play = SampleWeights(share, settings.weighted, settings.density_cells)
 
         levels = [-(-cells * 3 // 4) if case.body else -(-cells // 2), cells]
