@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from functools import cached_property
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,17 +25,34 @@ GOLDEN = math.pi * (3 - math.sqrt(5))  # the golden angle
 TINY = 1e-300  # m: keeps places in a core from a division by zero
 
 
+class FromCore(NamedTuple):
+    """Signed distances (n,), m, of places, and data along axes of each place.
+
+    Attributes
+    ----------
+    axes
+        The axes (n, 3, 3) as rows, or one set (3, 3) for all places.
+    normal
+        The outward unit normal (n, 3).
+    bends, near
+        The Hessian of the distance is the diagonal of `bends` (n, 3) less `near` (n,) times the normal's square, 1/m.
+    """
+
+    distance: Array
+    axes: Array
+    normal: Array
+    bends: Array
+    near: Array
+
+
 class Solid(Model):
     """Base of the bodies: distances, normals and their slopes."""
 
     centre: Vector = Field((0.0, 0.0, 0.0), description="where it is, m")
 
     @abstractmethod
-    def from_core(self, places: Array) -> tuple[Array, Array, Array, Array]:
-        """Return signed distances (n,), m, of places (n, 3) relative to the centre, and data along axes of each place.
-
-        These are the axes (n, 3, 3) as rows, the unit normal (n, 3) and the distance's Hessian (n, 3, 3), 1/m.
-        """
+    def from_core(self, places: Array) -> FromCore:
+        """Return the data of places (n, 3) relative to the centre."""
 
     @property
     def is_exact(self) -> bool:
@@ -44,28 +61,18 @@ class Solid(Model):
 
     def distance(self, places: Array) -> Array:
         """Return the exact signed distance (n,) of places (n, 3) from its surface, m."""
-        return self.from_core(places - np.array(self.centre))[0]
+        return self.from_core(places - np.array(self.centre)).distance
 
     def contact(self, places: Array) -> tuple[Array, Array]:
         """Return signed distances (n,), m, of places (n, 3) as collision sees them, and outward unit normals (n, 3)."""
-        distance, axes, normal, _ = self.from_core(places - np.array(self.centre))
-        return distance, np.asarray(np.einsum("ni,nia->na", normal, axes))
+        found = self.from_core(places - np.array(self.centre))
+        return found.distance, (found.normal[:, None] @ found.axes)[:, 0]
 
     def curvature(self, places: Array) -> Array:
         """Return the Hessian (n, 3, 3) of the exact distance at places (n, 3), 1/m: the slope of the normal."""
-        _, axes, _, hessian = self.from_core(places - np.array(self.centre))
-        return np.asarray(np.swapaxes(axes, 1, 2) @ hessian @ axes)
-
-
-def along_axes(apart: Array, moves: Array) -> tuple[Array, Array, Array]:
-    """Return lengths (n,) of vectors (n, 3) from a core, their directions (n, 3), and their Hessians (n, 3, 3).
-
-    `moves` (n, 3) is zero along axes in which the nearest point of the core moves along with a place.
-    """
-    length = np.maximum(np.linalg.norm(apart, axis=1), TINY)
-    normal = apart / length[:, None]
-    across = moves[:, :, None] * np.eye(3) - normal[:, :, None] * normal[:, None, :]
-    return length, normal, across / length[:, None, None]
+        _, axes, normal, bends, near = self.from_core(places - np.array(self.centre))
+        along = bends[:, :, None] * np.eye(3) - near[:, None, None] * normal[:, :, None] * normal[:, None]
+        return np.asarray(np.swapaxes(axes, -1, -2) @ along @ axes)
 
 
 class Ball(Solid):
@@ -96,10 +103,11 @@ class Ball(Solid):
         """Places (n, 3) of the vertices, m."""
         return np.asarray(np.array(self.centre) + self.radius * self.normals)
 
-    def from_core(self, places: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the data of `Solid.from_core` about the centre."""
-        far, normal, hessian = along_axes(places, np.ones_like(places))
-        return far - self.radius, np.broadcast_to(np.eye(3), hessian.shape), normal, hessian
+    def from_core(self, places: Array) -> FromCore:
+        """Return the data of places (n, 3) relative to the centre."""
+        far = length(places)
+        bends = np.broadcast_to(1 / far[:, None], places.shape)
+        return FromCore(far - self.radius, np.eye(3), places / far[:, None], bends, 1 / far)
 
     def contact(self, places: Array) -> tuple[Array, Array]:
         """Return signed distances (n,), m, of places (n, 3) as collision sees them, and outward unit normals (n, 3).
@@ -131,14 +139,14 @@ class Torus(Solid):
             raise ValueError(f"'body.tube' is {self.tube:g}, but it must be smaller than 'body.ring', {self.ring:g}")
         return self
 
-    def from_core(self, places: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the data of `Solid.from_core` about the circle; axes point outward, around, and upward."""
-        out = np.maximum(np.hypot(places[:, 0], places[:, 1]), TINY)
-        axes = upright_axes(np.arctan2(places[:, 1], places[:, 0]))
+    def from_core(self, places: Array) -> FromCore:
+        """Return the data of places (n, 3) relative to the centre; axes point outward, around, and upward."""
+        out = length(places[:, :2])
         apart = np.stack([out - self.ring, np.zeros_like(out), places[:, 2]], axis=1)
-        far, normal, hessian = along_axes(apart, np.array([[1.0, 0.0, 1.0]]))
-        hessian[:, 1, 1] = normal[:, 0] / out  # the axes turn around the hole
-        return far - self.tube, axes, normal, hessian
+        far = length(apart)
+        normal = apart / far[:, None]
+        bends = np.stack([1 / far, normal[:, 0] / out, 1 / far], axis=1)  # the second: axes turn around the hole
+        return FromCore(far - self.tube, upright_axes(np.arctan2(places[:, 1], places[:, 0])), normal, bends, 1 / far)
 
 
 class Prism(Solid):
@@ -158,25 +166,34 @@ class Prism(Solid):
             raise ValueError(f"'body.rounding' is {self.rounding:g}, but it must be smaller than {most:g}")
         return self
 
-    def from_core(self, places: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the data of `Solid.from_core` about the sharp prism; axes are those of the nearest side."""
+    def from_core(self, places: Array) -> FromCore:
+        """Return the data of places (n, 3) relative to the centre; axes are those of the nearest side.
+
+        Along an axis on which a place is beyond the core, the nearest point of the core stays. Along others it follows.
+        """
         sector = 2 * math.pi / self.corners
         inner = self.radius * math.cos(sector / 2) - self.rounding  # from the axis to a side of the core
         angle = np.arctan2(places[:, 1], places[:, 0])
         side = (np.floor((angle - math.radians(self.turn)) / sector) + 0.5) * sector + math.radians(self.turn)
         axes = upright_axes(side)
-        along = np.einsum("nia,na->ni", axes, places)
+        along = (axes @ places[:, :, None])[:, :, 0]
         sizes = np.array([inner, inner * math.tan(sector / 2), self.height / 2 - self.rounding])
         beyond = np.abs(along) - sizes
         signs = np.where(along < 0, -1.0, 1.0)
-        far, normal, hessian = along_axes(np.maximum(beyond, 0.0) * signs, (beyond > 0).astype(float))
+        apart = np.maximum(beyond, 0.0) * signs
+        far = length(apart)
         # Within the core the nearest surface is its top, its bottom or this side.
         inside = beyond.max(axis=1) <= 0
         depth, upward = beyond[:, [0, 2]].max(axis=1), beyond[:, 2] > beyond[:, 0]
         face = np.where(upward[:, None], signs * [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
-        distance = np.where(inside, depth, far) - self.rounding
-        normal = np.where(inside[:, None], face, normal)
-        return distance, axes, normal, np.where(inside[:, None, None], 0.0, hessian)
+        near = np.where(inside, 0.0, 1 / far)
+        normal = np.where(inside[:, None], face, apart / far[:, None])
+        return FromCore(np.where(inside, depth, far) - self.rounding, axes, normal, near[:, None] * (beyond > 0), near)
+
+
+def length(vectors: Array) -> Array:
+    """Return the lengths (n,) of vectors (n, k), none of them zero."""
+    return np.asarray(np.maximum(np.sqrt(np.einsum("nk,nk->n", vectors, vectors)), TINY))
 
 
 def upright_axes(angles: Array) -> Array:

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
 from shellbench.problems.field.case import FieldCase
-from shellbench.problems.field.structure import bend, corners, lattice, strain
+from shellbench.problems.field.structure import bend, corners, lattice, strain, unit_normals
 from shellbench.solvers.field.field import LayeredField
 from shellbench.solvers.field.losses import Losses, MeshLosses
 from shellbench.solvers.field.sampling import Cells, jittered, positive, relaxed, relaxed_on_a_line
@@ -183,38 +183,23 @@ def test_the_order_of_networks_is_that_of_table_1():
     assert grid < 2e-3 < min(plain, positional)
 
 
-def test_losses_of_a_mesh_are_those_of_its_structures():
-    """A triangle inside is the middle of a structure, whose outer faces are those beyond its edges."""
+def test_losses_of_a_mesh_are_those_of_its_triangles_and_of_all_pairs_that_share_an_edge():
     case = catalog.named_case("field_drape")
-    weights = Weights(choice(case, cells=(6, 3)))
+    weights, cloth = Weights(choice(case, cells=(6, 3))), case.cloth
     weights.tensors["grid_0"] += 0.1 * torch.rand(weights.tensors["grid_0"].shape)
     mesh = MeshLosses(case, weights.tensor, 9)
     moved = weights.displacement(mesh.places)
-    places = case.rest(mesh.places) + moved.numpy()
-    a, b, c = mesh.places[mesh.triangles].swapaxes(0, 1)
-    stars = np.stack([a, b, c, b + c - a, c + a - b, a + b - c], axis=1)
-    inside = np.all((stars > -1e-9) & (stars < 1 + 1e-9), axis=(1, 2))
-    index = np.rint(stars[inside] * 8).astype(int) @ [9, 1]
-    whole, cloth, body = places[index], case.cloth, case.body
-    exact = cloth.strain * strain(whole, case.rest(mesh.places)[index])
-    exact = exact + cloth.gravity * cloth.mass_gravity * whole[:, :3, 2].mean(axis=1)
-    depth = np.minimum(body.distance(whole[:, :3].reshape(-1, 3)).reshape(-1, 3), 0)
-    exact = exact + 2 * cloth.collision * np.sum(depth**2, axis=1)
-    bare = MeshLosses(case.model_copy(update={"cloth": cloth.model_copy(update={"bend": 0.0})}), weights.tensor, 9)
-    assert bare.weighted(moved).numpy()[inside] == pytest.approx(exact, rel=1e-9)
-    # each pair counts for both its faces, so that structures count those at the rim once
-    rim = {tuple(pair) for pair in mesh.pairs.tolist() for face in pair if not inside[face]}
-    inner = bend(whole).sum()
-    edges = sum(hinge(places, mesh.triangles, pair) for pair in rim)
-    whole_bend = (mesh.weighted(moved) - bare.weighted(moved)).sum() / cloth.bend
-    shared = sum(hinge(places, mesh.triangles, pair) for pair in rim if inside[list(pair)].any())
-    assert float(whole_bend) == pytest.approx(inner + 2 * edges - shared, rel=1e-9)
-
-
-def hinge(places, triangles, pair):
-    sides = [places[triangles[face, 1:]] - places[triangles[face, 0]] for face in pair]
-    one, other = (normal / np.linalg.norm(normal) for normal in (np.cross(*side) for side in sides))
-    return np.sum((one - other) ** 2)
+    rest = case.rest(mesh.places)[mesh.triangles]
+    places = rest + moved.numpy()[mesh.triangles]
+    depth = np.minimum(case.body.distance(places.reshape(-1, 3)).reshape(-1, 3), 0)
+    exact = cloth.strain * strain(places, rest) + 2 * cloth.collision * np.sum(depth**2, axis=1)
+    exact += cloth.gravity * cloth.mass_gravity * places[..., 2].mean(axis=1)
+    shared = [set(mesh.triangles[one]) & set(mesh.triangles[other]) for one, other in mesh.pairs]
+    assert {len(corners) for corners in shared} == {2}
+    assert len(set(map(frozenset, shared))) == len(shared) == (3 * len(rest) - 4 * 8) / 2
+    one, other = (unit_normals(places[mesh.pairs[:, side]], (0, 1, 2)) for side in (0, 1))
+    bending = 2 * cloth.bend * np.sum((one - other) ** 2) / len(rest)
+    assert mesh.weighted(moved).numpy() == pytest.approx(exact + bending, rel=1e-9)
 
 
 def test_a_training_ends_when_its_energy_has_settled_or_says_that_it_has_not():
