@@ -234,15 +234,16 @@ def skinning(session: nox.Session) -> None:
 @nox.session
 def field(session: nox.Session) -> None:
     """Fit fields on grids, samplers and bodies of vertices, and judge; studies are shown. `-- --quick`."""
-    beside = () if "--quick" in session.posargs else ("drape", "sampling_bias", "field_training")
+    beside = () if "--quick" in session.posargs else ("sampling_bias", "field_training")
     quick = ("grid", "grid-adaptive", "inverse-transform", "nearest-vertex")
     run_and_judge(session, "field", beside, quick=tuple(word for name in quick for word in ("--solver", name)))
 
 
 @nox.session
 def drape(session: nox.Session) -> None:
-    """Let a cloth fall on a ball by a grid and a mesh, and judge; trained ones are shown. `-- --quick`: the grid."""
-    run_and_judge(session, "drape", quick=("--solver", "grid"))
+    """Let a cloth fall on three bodies by a grid and a mesh, and judge; studies are shown. `-- --quick`: the grid."""
+    beside = () if "--quick" in session.posargs else ("bodies", "field_epochs", "folds")
+    run_and_judge(session, "drape", beside, quick=("--solver", "grid"))
 
 
 def run_and_judge(

@@ -1,4 +1,4 @@
-"""The drape on a ball by finite differences: a quarter of the sheet, mirrored, of least energy by L-BFGS.
+"""Drapes on a ball, a torus and a prism by finite differences: a quarter of the sheet, mirrored, of least energy by L-BFGS.
 
 It is the limit of structures whose side goes to zero with their bending stiffness kept: strain is the mean over
 directions of the flat triangles at the corners of each cell, bending w_b s^2 (3/4 tr^2 k - 2 det k) of second
@@ -8,6 +8,7 @@ differences. At a free edge the curvature across it is a third of that along it,
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -18,16 +19,42 @@ from derivations.estimate import Estimate
 from shellbench.bench.catalogue import catalog
 from shellbench.solvers.field.mesh_solver import MeshField, solve_mesh
 
-RADIUS, GAP = 0.2, 0.002
+GAP = 0.002  # between a body and the sheet at rest
+RADIUS = 0.2  # of the ball
+RING, TUBE = 0.2, 0.08  # of the torus
+HALF, ROUNDING = 0.25 / math.sqrt(2), 0.03  # side of the square prism, and of its edges
+HEIGHT = 0.2
 STRAIN, BEND, WEIGHT, COLLISION, SIDE = 0.005, 0.0005, 2 * 6e-4, 2.0, 0.01
 CORNERS, DIRECTIONS = 6, 6
+
+
+def from_ball(places: torch.Tensor) -> torch.Tensor:
+    """Return the signed distances (...) of places (..., 3) from the middle of the sheet at rest, m."""
+    return (places + torch.tensor([0.0, 0.0, RADIUS + GAP])).norm(dim=-1) - RADIUS
+
+
+def from_torus(places: torch.Tensor) -> torch.Tensor:
+    """Return those from the torus."""
+    x, y, z = places.unbind(-1)
+    return ((((x**2 + y**2).clamp(min=1e-30)).sqrt() - RING) ** 2 + (z + TUBE + GAP) ** 2).sqrt() - TUBE
+
+
+def from_prism(places: torch.Tensor) -> torch.Tensor:
+    """Return those from the square prism, whose core has half sides less by the rounding."""
+    half = torch.tensor([HALF, HALF, HEIGHT / 2]) - ROUNDING
+    beyond = (places + torch.tensor([0.0, 0.0, HEIGHT / 2 + GAP])).abs() - half
+    outside = (beyond.clamp(min=0.0) ** 2).sum(-1).clamp(min=1e-30).sqrt()
+    return outside + beyond.amax(-1).clamp(max=0.0) - ROUNDING
+
+
+BODIES = {"field_drape": from_ball, "field_torus": from_torus, "field_prism": from_prism}
 
 
 class Quarter:
     """A quarter of the sheet: vertices (n + 1, n + 1) from the pinned middle to the edges, at distances 1/2 n."""
 
-    def __init__(self, count: int) -> None:
-        self.count, self.step = count, 0.5 / count
+    def __init__(self, count: int, distance: Callable[[torch.Tensor], torch.Tensor] = from_ball) -> None:
+        self.count, self.step, self.distance = count, 0.5 / count, distance
         along = torch.arange(count + 1, dtype=torch.float64) * self.step
         self.rest = torch.stack(
             [*torch.meshgrid(along, along, indexing="ij"), torch.zeros(count + 1, count + 1)], dim=2
@@ -66,8 +93,7 @@ class Quarter:
         inside = torch.ones_like(whole)
         inside[-1], inside[:, -1] = 0.0, 0.0
         bend = (self.share * (inside * whole + (1 - inside) * edge)).sum() + 2 * (uv**2).sum() * self.step**2
-        centre = torch.tensor([0.0, 0.0, -RADIUS - GAP], dtype=torch.float64)
-        depth = torch.clamp((places - centre).norm(dim=2) - RADIUS, max=0.0)
+        depth = torch.clamp(self.distance(places), max=0.0)
         pushed = CORNERS * COLLISION * depth**2 + WEIGHT * places[..., 2]
         return 4 * (STRAIN * strain + BEND * SIDE**2 * bend + (self.share * pushed).sum())
 
@@ -88,38 +114,43 @@ class Quarter:
         return np.asarray(self.rest.numpy() + found.x.reshape(self.rest.shape) * scale.numpy())
 
 
-TRIANGLES, CELLS = 48, 32  # columns of the mesh; cells of a quarter
-BOUNDS = {"corner": 1e-4, "edge": 5e-4, "penetration": 1e-4, "energy": 1e-6}
-"""Uncertainty of the values: what two meshes of triangles (52, 76), differences (24, 32 cells of a quarter, in the
-same state) and a grid of 96 cells differ by, but for the last, whose structures have a side."""
+TRIANGLES = {"field_drape": 48, "field_torus": 76, "field_prism": 76}
+"""Columns of the mesh."""
+CELLS = 32  # of a quarter
+BOUNDS = {
+    "field_drape": {"corner": 1e-4, "edge": 5e-4, "penetration": 1e-4, "energy": 1e-6},
+    "field_torus": {"corner": 2e-4, "edge": 1e-3, "penetration": 1e-4, "energy": 1e-6},
+    "field_prism": {"corner": 2e-4, "edge": 2e-3, "penetration": 3e-4, "energy": 1e-6},
+}
+"""Uncertainty of the values: what meshes of triangles (52, 64, 76), differences (24, 32 cells of a quarter, in the same
+state) and a grid (96 cells on the ball, 60 on the others) differ by, but for the last, whose structures have a side."""
 
 
 @cache
-def triangles() -> MeshField:
+def triangles(name: str) -> MeshField:
     """Return the sheet as a mesh of triangles, from where it lies flat; it shares nothing with grids."""
-    return solve_mesh(catalog.named_case("field_drape"), TRIANGLES, lambda _: None)
+    return solve_mesh(catalog.named_case(name), TRIANGLES[name], lambda _: None)
 
 
-def by_triangles() -> dict[str, Estimate]:
+def by_triangles(name: str) -> dict[str, Estimate]:
     """Return the figures of the mesh."""
-    found = triangles()
+    found = triangles(name)
     values = {quantity.name: quantity.measure(found) for quantity in found.case.quantities}
-    places = found.mesh.rest + found.tensors["vertices"]  # between vertices triangles cut into the ball
+    places = found.mesh.rest + found.tensors["vertices"]  # between vertices triangles cut into the body
     values["penetration"] = -float(found.case.body.distance(places).min())
-    return {name: Estimate(value, BOUNDS[name], "") for name, value in values.items()}
+    return {quantity: Estimate(value, BOUNDS[name][quantity], "") for quantity, value in values.items()}
 
 
-def by_differences() -> dict[str, Estimate]:
+def by_differences(name: str) -> dict[str, Estimate]:
     """Return those of finite differences, in the state that the mesh is near; differences converge more slowly."""
-    sheet, found = Quarter(CELLS), triangles()
+    sheet, found = Quarter(CELLS, BODIES[name]), triangles(name)
     rest = sheet.rest.numpy()
     moved = found.displacement(np.minimum(rest.reshape(-1, 3)[:, :2] + 0.5, 1.0))
     places = sheet.least(rest + moved.reshape(rest.shape))
-    centre = np.array([0.0, 0.0, -RADIUS - GAP])
     values = {
         "corner": places[-1, -1, 2],
         "edge": places[0, -1, 2],
-        "penetration": RADIUS - np.linalg.norm(places - centre, axis=2).min(),
+        "penetration": -float(sheet.distance(torch.tensor(places)).min()),
         "energy": float(sheet.energy(torch.tensor(places))),
     }
-    return {name: Estimate(float(value), 5 * BOUNDS[name], "") for name, value in values.items()}
+    return {quantity: Estimate(float(value), 5 * BOUNDS[name][quantity], "") for quantity, value in values.items()}

@@ -207,6 +207,24 @@ def field_hang_by_energy() -> dict[str, Estimate]:
     }
 
 
+# Directions of folds of a sheet with the symmetry of its square.
+
+FOLDS = {"two": (2, 0.0), "six": (6, 0.0), "six_22": (6, 22.5), "six_45": (6, 45.0)}  # orders and angles, degrees
+
+
+def field_folds() -> dict[str, Estimate]:
+    """Return zero: a quarter of a turn, which leaves the sheet as it is, changes the sign of these harmonics."""
+    assert all(order % 4 == 2 for order, _ in FOLDS.values())
+    return {name: Estimate.exact(0.0, "") for name in FOLDS}
+
+
+def field_folds_by_images() -> dict[str, Estimate]:
+    """Return the mean over a fold line at any angle and its images under the turns of the square."""
+    turned = 0.3 + math.pi / 2 * np.arange(4)
+    means = {name: np.mean(np.cos(order * (turned - math.radians(along)))) for name, (order, along) in FOLDS.items()}
+    return {name: Estimate(float(mean), 1e-14, "") for name, mean in means.items()}
+
+
 # Constant curvature: three pairs of faces.
 
 

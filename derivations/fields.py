@@ -2,7 +2,7 @@
 
 from functools import partial
 
-from . import drape
+from . import drape, field_disc
 from . import field_closed as closed
 from .bridge_plate import sheet, sheet_by_ritz
 
@@ -22,7 +22,9 @@ JUDGES = {
     "field_empty_row": closed.field_empty_row,
     "field_lloyd": closed.field_lloyd,
     "field_ball": closed.field_ball,
-    "field_drape": drape.by_triangles,
+    **{name: partial(drape.by_triangles, name) for name in drape.BODIES},
+    "field_folds": closed.field_folds,
+    "field_disc": field_disc.polynomials,
     **{name: partial(sheet, side) for name, side in SIDES.items()},
 }
 SECOND_FORMS = {
@@ -39,6 +41,8 @@ SECOND_FORMS = {
     "field_empty_row": closed.field_empty_row_by_counting,
     "field_lloyd": closed.field_lloyd_by_modes,
     "field_ball": closed.field_ball_by_regions,
-    "field_drape": drape.by_differences,
+    **{name: partial(drape.by_differences, name) for name in drape.BODIES},
+    "field_folds": closed.field_folds_by_images,
+    "field_disc": field_disc.paraboloid,
     **{name: partial(sheet_by_ritz, side) for name, side in SIDES.items()},
 }

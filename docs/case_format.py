@@ -193,7 +193,8 @@ OTHERS = (  # heading, words, model of the case, tables, quantities, example, na
     ("Fields", 'kind = "field"', "A vector field over the unit square of u and v; points from a density; or distances from a body."
      " Numbers of equations are those of Shu et al. ([fields on grids](fields.md)). Quantities have no `at`.",
      field.FieldCase, {"[match]": field.Match, "[cloth]": field.Cloth, "[training]": field.Training, "[[pins]]": field.Pin,
-                       "[density]": field.Density, "[body]": ball.Ball},
+                       "[disc]": field.Disc, "[density]": field.Density, '[body] kind = "ball"': ball.Ball,
+                       '[body] kind = "torus"': ball.Torus, '[body] kind = "prism"': ball.Prism},
      tuple(dict.fromkeys((*of_fields.FIT, *of_fields.CLOTH, *of_fields.DENSITY, *of_fields.BODY))), "field_hang", ("elongation",)),
 )  # fmt: skip
 

@@ -9,11 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from scipy.sparse import diags
 
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.plugins.registry import load_solver, solver_entries
-from shellbench.problems.field import solution, structure
-from shellbench.problems.field.body import Ball
+from shellbench.problems.field import body, solution, structure
+from shellbench.problems.field.body import Ball, Prism, Torus
+from shellbench.problems.field.case import Disc
 from shellbench.solvers.field import basis, direct, energy, field, mesh, sampling, solver, training
 from tests.injecting import exceeded, given, wrapped
 
@@ -22,10 +24,12 @@ SMALLER = {  # as right, and cheaper
     ("field_hang", "grid"): {"resolution": 8},
     ("field_hang", "grid-adaptive"): {"resolution": 8},
     ("field_drape", "grid"): {"resolution": 36},
+    ("field_torus", "grid"): {"resolution": 36},
+    ("field_prism", "grid"): {"resolution": 36},
     ("field_stretch", "vertex-mesh"): {"resolution": 8},
     ("field_hang", "vertex-mesh"): {"resolution": 24},
 }
-LONG = {"field_sine", "field_stretch", "field_hang", "field_ball", "field_drape"} | {
+LONG = {"field_sine", "field_stretch", "field_hang", "field_ball", "field_drape", "field_torus", "field_prism"} | {
     f"field_order_{name}" for name in ("grid", "positional", "plain")
 }
 RUNS = sorted((case, name) for name, held in catalog.tolerances().items() for case in held if case.startswith("field_"))
@@ -104,6 +108,8 @@ SINE, HANG, STRETCH, BEND = (
 )
 DRAWS, EMPTY = ("field_sampler", "inverse-transform"), ("field_empty_row", "inverse-transform")
 DRAPE, MESH = ("field_drape", "grid"), ("field_hang", "vertex-mesh")
+TORUS, PRISM, DISC = ("field_torus", "grid"), ("field_prism", "grid"), ("field_disc", "grid")
+EIGHTH = np.array([[1, 1, 0], [-1, 1, 0], [0, 0, np.sqrt(2)]]) / np.sqrt(2)
 LLOYD, BALL = ("field_lloyd", "inverse-transform"), ("field_ball", "nearest-vertex")
 CELLS = sampling.Cells
 FAULTS = (
@@ -142,6 +148,18 @@ FAULTS = (
     Fault("the mean of corners collides, not their sum", *DRAPE, wrapped(
         energy, "depth_loss", lambda found: tuple(part / 6 for part in found))),
     Fault("penetration is measured on the wrong side", *DRAPE, wrapped(Ball, "distance", lambda found: -found)),
+    Fault("the torus has no hole", *TORUS, given(body, "upright_axes", lambda angles: (0 * angles,))),
+    Fault("the tube of the torus is a tenth thinner", *TORUS, wrapped(Torus, "from_core", lambda f: f._replace(distance=f.distance + 0.008))),
+    Fault("the torus's normals point to its axis", *TORUS, wrapped(Torus, "contact", lambda f: (f[0], -f[1]))),
+    Fault("the prism has sharp edges inside its rounded ones", *PRISM, wrapped(Prism, "from_core", lambda f: f._replace(distance=f.distance + 0.03))),
+    Fault("the prism is turned by an eighth", *PRISM, given(Prism, "from_core", lambda self, x: (self, x @ EIGHTH))),
+    Fault("the prism's sides end at a corner's distance", *PRISM, wrapped(body, "length", lambda far: 0.9 * far)),
+    Fault("the rim is free", *DISC, wrapped(Disc, "level", np.ones_like)),
+    Fault("the rim is a hundredth farther out", *DISC, given(Disc, "level", lambda self, p: (self, 0.5 + (p - 0.5) / 1.01))),
+    Fault("samples of the disc weigh as if they were even", *DISC, wrapped(direct, "gauss_of_disc", lambda f: (f[0], 0 * f[1] + 1 / len(f[1])))),
+    Fault("splines count without the disc's level in gravity", *DISC, instead(energy, "diags", lambda level: diags(np.ones_like(level)))),
+    Fault("the disc's mesh has a square's rim", "field_disc", "vertex-mesh", given(
+        mesh.Triangulation, "of", lambda columns, turn, disc: (columns, turn, None))),
     Fault("rest lengths of the mesh are 1 % short", *MESH, instead(mesh.Mesh, "__init__", short)),
     Fault("the mesh slips at its pins", *MESH, wrapped(mesh.Mesh, "span", lambda found: (found[0], found[1] + 1e-4))),
     Fault("the grid learns at a twentieth of its rate", "field_order_grid", "grid-printed", slower),

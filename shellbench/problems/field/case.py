@@ -2,8 +2,8 @@
 
 A file has one of these tables. `[match]` is a function that a field is fitted to. `[cloth]` weighs losses of local
 structures; a field minimises their mean over the square. Beside `[match]`, `[cloth]` only defines the measured losses.
-`[density]` is a probability by cells, from which points are drawn. `[body]` is a ball: one that a cloth touches, or one
-of vertices whose distance is asked.
+`[density]` is a probability by cells, from which points are drawn. `[body]` is a ball, a torus or a prism that a cloth
+touches, or a ball of vertices whose distance is asked.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from shellbench.problem import Problem
-from shellbench.problems.field.body import Ball
+from shellbench.problems.field.body import Ball, Body
 from shellbench.problems.field.formulas import Formulas, evaluated
 from shellbench.problems.field.quantities import BODY, CLOTH, DENSITY, FIT, Axis, Edge, FieldQuantity, Point
 from shellbench.problems.field.structure import WIDEST, lattice
@@ -24,6 +24,7 @@ from shellbench.protocol.schema import Finite, Flag, Model, Positive
 Array = NDArray[np.float64]
 NotNegative = Annotated[Finite, Field(ge=0)]
 LOOKED_AT = 50  # cells along a side at whose midpoints formulas must be finite
+MIDDLE = np.array([0.5, 0.5])
 LARGEST_DENSITY = 1000  # rows and columns of a density
 
 
@@ -59,10 +60,23 @@ class Cloth(Model):
         return {name: getattr(self, name) for name in ("strain", "bend", "gravity", "collision")}
 
 
+class Disc(Model):
+    """A mask: the cloth is the disc within the unit square, and is held at its rim.
+
+    Structures may reach past the rim, where the field goes on.
+    """
+
+    radius: Annotated[Finite, Field(gt=0, le=0.5)] = Field(description="of the disc, about the middle of the square")
+
+    def level(self, points: Array) -> Array:
+        """Return 1 - (r / R)^2 (n,) at points (n, 2): 1 in the middle, 0 on the rim, negative outside."""
+        return np.asarray(1 - np.sum((points - MIDDLE) ** 2, axis=-1) / self.radius**2)
+
+
 class Pin(Model):
     """Edges and points whose displacement is given."""
 
-    on: tuple[Edge, ...] = Field((), description="edges")
+    on: tuple[Edge | Literal["rim"], ...] = Field((), description="edges; 'rim' is that of a disc")
     at: tuple[Point, ...] = Field((), description="points (u, v)")
     displacement: Formulas = Field((0.0, 0.0, 0.0), description="m: numbers, or formulas of u and v")
 
@@ -122,12 +136,14 @@ class FieldCase(Problem):
         encoding, the multi-resolution grid with its decoder, or the vertices of a mesh.
     training
         Limits of a training.
+    disc
+        A disc to which the cloth is cut.
     pins
         Edges and points whose displacement is given.
     density
         A probability from which points are drawn.
     body
-        A ball: an obstacle of the cloth, or one of vertices whose distance is asked.
+        An obstacle of the cloth, a ball unless `kind` says otherwise; or a ball of vertices whose distance is asked.
     quantities
         Quantities asked of every answer; exactly one is primary.
     """
@@ -138,9 +154,10 @@ class FieldCase(Problem):
     cloth: Cloth | None = None
     network: Literal["plain", "positional", "grid", "vertices"] | None = None
     training: Training | None = None
+    disc: Disc | None = None
     pins: tuple[Pin, ...] = ()
     density: Density | None = None
-    body: Ball | None = None
+    body: Body | None = None
     quantities: Annotated[tuple[FieldQuantity, ...], Field(min_length=1)]
 
     @property
@@ -150,17 +167,28 @@ class FieldCase(Problem):
 
     def physics(self) -> dict[str, Any]:
         """Return all data that an answer depends on, without tables that the file does not have."""
-        tables = ("match", "cloth", "network", "training", "pins", "density", "body")
+        tables = ("match", "cloth", "network", "training", "disc", "pins", "density", "body")
         found = {key: value for key, value in super().physics().items() if value or key not in tables}
         if self.pins:  # a pin of edges has no points, and the other way round
             found["pins"] = [{key: value for key, value in pin.items() if value} for pin in found["pins"]]
         if self.cloth and not self.cloth.past_edges:  # so that digests of cases without this field stay as they were
             del found["cloth"]["past_edges"]
+        if isinstance(self.body, Ball):  # the kind that bodies had before others existed
+            del found["body"]["kind"]
         return found
+
+    def within(self, points: Array) -> Array:
+        """Return those of points (n, 2) that are cloth."""
+        return points if self.disc is None else points[self.disc.level(points) > 0]
 
     def rest(self, points: Array) -> Array:
         """Return places (n, 3) of points (n, 2) without displacement, m."""
         return evaluated(self.cloth.rest if self.cloth else ("u", "v", 0.0), points)
+
+    @field_validator("body", mode="before")
+    @classmethod
+    def _is_a_ball(cls, body: Any) -> Any:
+        return {"kind": "ball"} | body if isinstance(body, dict) else body
 
     @model_validator(mode="after")
     def _parts_fit(self) -> Self:
@@ -196,11 +224,19 @@ class FieldCase(Problem):
                 raise ValueError("a body and a positive 'cloth.collision' go together")
         elif self.cloth and self.cloth.collision:
             raise ValueError("field 'cloth.collision' must be 0 with theory 'fit'")
-        elif self.body is not None and self.body.vertices is None:
+        elif self.body is not None and self.body.is_exact:
             raise ValueError("theory 'nearest-vertex' needs 'body.vertices'")
+        self._check_disc()
         self._check_density()
         self._check_formulas()
         return self
+
+    def _check_disc(self) -> None:
+        """Refuse a disc that is not held at its whole rim alone, and a rim without a disc."""
+        if self.disc is None and any("rim" in pin.on for pin in self.pins):
+            raise ValueError("only a disc has a rim: the table 'disc' is missing")
+        if self.disc and (self.theory != "local-structures" or self.body or self.pins != (Pin(on=("rim",)),)):
+            raise ValueError("a disc is a cloth without a body, and its only pin holds the 'rim' where it is")
 
     def _check_density(self) -> None:
         if self.density is None:

@@ -80,9 +80,45 @@ class MeanLoss(Quantity):
 
     def measure(self, solution: Any) -> float:
         """Return the mean, without unit."""
-        losses, cloth = solution.losses(lattice(self.lattice), self.turns), solution.case.cloth
+        points = solution.case.within(lattice(self.lattice))
+        losses, cloth = solution.losses(points, self.turns), solution.case.cloth
         found = weighted(losses, cloth.weights) if self.kind == "energy" else losses[self.kind]
         return float(np.mean(found))
+
+
+class Folds(Quantity):
+    """A harmonic of the directions of folds: 1 if all run along an angle or its turns, 0 if none is preferred.
+
+    It is the mean of cos(order (a - along)) over angles a of fold lines, at u, v. A point counts by the difference
+    of its squared principal curvatures; the fold line is that of the smaller one.
+    """
+
+    kind: Literal["folds"]
+    unit: str = ""
+    order: int = Field(ge=2, le=48, multiple_of=2, strict=True, description="of the harmonic, which is even")
+    along: Finite = Field(0.0, description="angle from u, degrees")
+    lattice: int = Field(100, ge=1, le=FINE, strict=True, description="cells along a side")
+    width: Annotated[Finite, Field(gt=0, le=0.1)] = Field(
+        0.02, description="distance over which places are compared, m: folds that are narrower are not seen"
+    )
+
+    def measure(self, solution: Any) -> float:
+        """Return the harmonic, without unit."""
+        points, case = self.width + (1 - 2 * self.width) * lattice(self.lattice), solution.case
+        steps = self.width * np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)])
+        near = (points[:, None] + steps).reshape(-1, 2)
+        x = (case.rest(near) + solution.displacement(near)).reshape(-1, 3, 3, 3)
+        normal = np.cross(x[:, 2, 1] - x[:, 0, 1], x[:, 1, 2] - x[:, 1, 0])
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        second = (
+            x[:, 2, 1] - 2 * x[:, 1, 1] + x[:, 0, 1],
+            (x[:, 2, 2] - x[:, 2, 0] - x[:, 0, 2] + x[:, 0, 0]) / 4,
+            x[:, 1, 2] - 2 * x[:, 1, 1] + x[:, 1, 0],
+        )
+        a, b, c = (np.sum(part * normal, axis=1) for part in second)
+        line = 0.5 * np.arctan2(2 * b, a - c) + np.where(a + c > 0, np.pi / 2, 0)
+        weights = np.abs(a + c) * np.hypot(a - c, 2 * b)
+        return float(weights @ np.cos(self.order * (line - np.radians(self.along))) / weights.sum())
 
 
 class Penetration(Quantity):
@@ -185,7 +221,7 @@ class DistanceError(Quantity):
 
 
 FIT = (PointValue, Elongation, RmsError, Parameters, MeanLoss)
-CLOTH = (PointValue, Elongation, Parameters, MeanLoss, Penetration)
+CLOTH = (PointValue, Elongation, Parameters, MeanLoss, Folds, Penetration)
 DENSITY = (Cell, Cumulative, ChiSquared, Mean)
 BODY = (Distance, DistanceError)
 FieldQuantity = Annotated[
@@ -193,6 +229,7 @@ FieldQuantity = Annotated[
     | Elongation
     | RmsError
     | MeanLoss
+    | Folds
     | Penetration
     | Parameters
     | Cell

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.problems.field.body import Ball
+from shellbench.problems.field.body import Body
 
 Array = NDArray[np.float64]
 
@@ -65,7 +65,7 @@ def bend(places: Array) -> Array:
     return np.asarray(sum(np.sum((middle - unit_normals(places, face)) ** 2, axis=1) for face in OUTER))
 
 
-def depths(places: Array, body: Ball) -> Array:
+def depths(places: Array, body: Body) -> Array:
     """Return the collision loss (n,) of structures (n, 6, 3) and a body: eq. (26), summed over the corners."""
     distances = body.contact(places.reshape(-1, 3))[0].reshape(places.shape[:-1])
     return np.asarray(np.sum(np.minimum(distances, 0) ** 2, axis=1))

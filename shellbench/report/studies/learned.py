@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from shellbench.bench.judge.row import Row
-from shellbench.bench.store.record import Record, portrait_of
+from shellbench.bench.store.record import ANSWERED, Record, portrait_of
 from shellbench.report.data.columns import Column, column, count, frame, seconds, significant, words
 from shellbench.report.data.evidence import Evidence
 from shellbench.report.data.exhibit import DASHES, Dashes, Exhibit
@@ -81,7 +81,7 @@ def learned(found: Evidence) -> Iterator[Learned]:
     for row in found.rows:
         record = found.records.get(row.run_id or "")
         case = portrait_of(record) if record is not None else None
-        if record is None or case is None or not case.learns or not row.primary or row.status != "ok":
+        if record is None or case is None or not case.learns or not row.primary or row.status not in ANSWERED:
             continue
         if row.value is None or row.reference is None:
             continue

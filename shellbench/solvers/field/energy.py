@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bmat, csr_matrix
+from scipy.sparse import bmat, csr_matrix, diags
 
-from shellbench.problems.field.body import Ball
+from shellbench.problems.field.body import Body
 from shellbench.problems.field.case import Cloth, FieldCase
 from shellbench.problems.field.quantities import AXES
 from shellbench.problems.field.structure import EDGES, MIDDLE, OUTER, TURN, corners, unit_normals
@@ -69,6 +69,8 @@ class Batch:
                 window[axis], numbers[:, :, axis] - low[:, None, axis, None], values.reshape(count, many, -1), 2
             )
         splines = window[0][..., :, None] * window[1][..., None, :]
+        if case.disc:
+            splines *= case.disc.level(at)[..., None, None]
         rest = case.rest(at.reshape(-1, 2)).reshape(count, many, 3)
         return cls(side, width, low, splines.reshape(count, many, width**2), rest)
 
@@ -139,7 +141,7 @@ class Sampled:
     """
 
     cloth: Cloth
-    body: Ball | None
+    body: Body | None
     triangles: Batch | None
     stars: Batch | None
     middles: Sparse
@@ -159,6 +161,7 @@ class Sampled:
         triangles = of_corners(3) if cloth.strain else None
         stars = of_corners(6) if cloth.bend or cloth.collision else None
         middles, heights = matrix(points, cells, degree), case.rest(points)[:, 2]
+        middles = diags(case.disc.level(points)) @ middles if case.disc else middles
         return cls(cloth, case.body, triangles, stars, middles, heights, weights)
 
     @property
@@ -243,14 +246,14 @@ def stretch_loss(edge: Array, rest: Array, convex: bool = False) -> tuple[Array,
     return excess**2, 2 * (excess / rest)[:, None] * along_it, second
 
 
-def depth_loss(places: Array, body: Ball, convex: bool = False) -> tuple[Array, Array, Array]:
+def depth_loss(places: Array, body: Body, convex: bool = False) -> tuple[Array, Array, Array]:
     """Return min(d, 0)^2 (n,) of places (n, 3) at signed distances d, its gradient (n, 3) and Hessian (n, 3, 3)."""
     distance, normal = body.contact(places)
     depth = np.minimum(distance, 0.0)
     outer = normal[:, :, None] * normal[:, None, :]
     second = 2 * (depth < 0)[:, None, None] * outer
-    if not convex and body.vertices is None:  # the normal turns as a place moves along the ball
-        second = second + 2 * (depth / (distance + body.radius))[:, None, None] * (np.eye(3) - outer)
+    if not convex and body.is_exact:  # the normal turns as a place moves along the body
+        second = second + 2 * depth[:, None, None] * body.curvature(places)
     return depth**2, 2 * depth[:, None] * normal, second
 
 

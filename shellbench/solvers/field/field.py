@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shellbench.problems.field.case import Disc
 from shellbench.problems.field.quantities import AXES
 from shellbench.problems.field.solution import FieldSolution
 from shellbench.solvers.field.basis import matrix
@@ -29,10 +30,10 @@ def encode(points: Array, frequencies: int) -> Array:
     return np.concatenate([points, np.sin(angles), np.cos(angles)], axis=1)
 
 
-def free_factor(points: Array, held: list[str]) -> Array:
-    """Return the factor of a trained displacement at points (n, 2): zero on held edges, one far from them."""
-    factor = np.ones(len(points))
-    for edge in held:
+def free_factor(points: Array, held: list[str], disc: Disc | None = None) -> Array:
+    """Return the factor of a displacement at points (n, 2): zero on held edges and rims, one far from them."""
+    factor = np.ones(len(points)) if disc is None else disc.level(points)
+    for edge in held if disc is None else ():
         x = points[:, "uv".index(edge[0])]
         factor *= 1 - x if edge.endswith("max") else x
     return factor
@@ -61,13 +62,13 @@ class LayeredField(FieldSolution):
     def displacement(self, points: Array, orders: tuple[int, int] = (0, 0)) -> Array:
         """Return the displacement (n, 3), m, or a derivative of it; ValueError if there is none."""
         form = self.form
-        if sum(orders) and (form["layers"] or form["held"]):
+        if sum(orders) and (form["layers"] or form["held"] or self.case.disc):
             raise ValueError("only a grid without layers, solved for, has derivatives here")
         parts = np.array_split(points, max(1, len(points) // AT_ONCE))  # memory that fits caches
         values = np.concatenate([self.decode(part, orders) for part in parts])
         if pinned := form.get("pinned"):
             values = values - pin_shares(points, np.array(pinned)) @ self.decode(np.array(pinned))
-        values = values * free_factor(points, form["held"])[:, None]
+        values = values * free_factor(points, form["held"], self.case.disc)[:, None]
         values[:, [AXES.index(axis) for axis in form["confined"]]] = 0.0
         return np.asarray(values)
 

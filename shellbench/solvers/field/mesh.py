@@ -1,7 +1,8 @@
 """The mesh of `vertex-mesh`: a lattice of almost equilateral triangles, and the energy of its edges and hinges.
 
 1. Rows of vertices, every other one shifted by half an edge, with half triangles at two sides. The distance of rows is
-   that of equilateral triangles, adjusted so that their number is even.
+   that of equilateral triangles, adjusted so that their number is even. A turned mesh, and that of a disc, are cut out
+   of a lattice of equilateral triangles and joined to vertices on the rim by Delaunay's triangles.
 2. A triangle is flat: all structures within it have the same strain. Their mean over orientations is that of six
    directions.
 3. Two faces that share an edge are a pair of a local structure, but of the mesh's size: |n1 - n2|^2 times (s / h)^2 has
@@ -24,9 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, diags, identity, kron
 from scipy.sparse.linalg import splu
+from scipy.spatial import Delaunay, cKDTree
 
 from shellbench.errors import InputError, SolveFailure
-from shellbench.problems.field.case import FieldCase
+from shellbench.problems.field.case import Disc, FieldCase
 from shellbench.problems.field.formulas import evaluated
 
 Array = NDArray[np.float64]
@@ -37,6 +39,10 @@ CORNERS = 6  # of a structure that collide
 DAMPING, FARTHEST, NEAR, SMALL, MOST = 1e-7, 0.1, 3e-4, 1e-10, 200
 EPSILON = 64 * float(np.finfo(float).eps)  # relative error of a place, with a margin
 ANCHOR = 1e-12  # stiffness that holds free vertices while pins are extended
+TURN = 2 * math.pi
+THIN = 1e-6  # area of a triangle in squares of an edge's length, below which it is none: along straight edges
+NEIGHBOURS = 12  # triangles among which that about a point is
+ON_RIM = 1e-9  # level of a disc
 INDEFINITE = 1e-9  # relative size of a negative pivot that is not rounding
 
 
@@ -80,14 +86,59 @@ class Lattice:
         column = np.minimum((points[:, 0] * self.columns).astype(np.int64), self.columns - 1)
         near = np.clip(2 * column[:, None] + np.arange(-1, 4), 0, 2 * self.columns)
         near += (strip * (2 * self.columns + 1))[:, None]
-        a, b, c = (self.points[self.triangles[near, corner]] for corner in range(3))
+        return nearest_triangle(self, near, points)
+
+
+@dataclass(frozen=True)
+class Triangulation:
+    """Vertices (n, 2) of a turned lattice of equilateral triangles, cut to the cloth, and Delaunay's triangles (t, 3).
+
+    Vertices at the rim are as far apart as those of the lattice, and join it by other triangles.
+    """
+
+    points: Array
+    triangles: Whole
+    columns: int
+
+    @classmethod
+    def of(cls, columns: int, turn: float, disc: Disc | None) -> Triangulation:
+        """Return the triangles for so many edges along a side, turned by an angle in degrees about the middle."""
+        side, reach = 1 / columns, np.arange(-columns, columns + 1)
+        row, column = (part.ravel() for part in np.meshgrid(reach, reach))
+        middle, angle = np.full(2, 0.5), math.radians(turn)
+        across, up = column + (row % 2) / 2, row * math.sqrt(3) / 2
+        lattice = middle + side * np.stack(
+            [across * math.cos(angle) - up * math.sin(angle), across * math.sin(angle) + up * math.cos(angle)], axis=1
+        )
+        if disc is None:
+            far, along = np.minimum(lattice, 1 - lattice).min(axis=1), np.arange(columns) / columns
+            edge = np.stack([along, np.zeros(columns)], axis=1) - middle
+            rim = np.concatenate([edge @ [[c, s], [-s, c]] for c, s in ((1, 0), (0, 1), (-1, 0), (0, -1))])
+        else:
+            far, count = disc.radius - np.linalg.norm(lattice - middle, axis=1), math.ceil(TURN * disc.radius / side)
+            around = TURN * np.arange(count) / count
+            rim = disc.radius * np.stack([np.cos(around), np.sin(around)], axis=1)
+        points = np.concatenate([lattice[far > side / 2], middle + rim])
+        triangles = Delaunay(points).simplices.astype(np.int64)
+        a, b, c = (points[triangles[:, corner]] for corner in range(3))
         size = cross(b - a, c - a)
-        here = points[:, None]
-        shares = np.stack([cross(b - here, c - here), cross(c - here, a - here), cross(a - here, b - here)], axis=-1)
-        shares /= size[..., None]
-        best = shares.min(axis=-1).argmax(axis=1)
-        pick = np.arange(len(points))
-        return near[pick, best], shares[pick, best]
+        triangles[size < 0] = triangles[size < 0][:, ::-1]
+        return cls(points, triangles[np.abs(size) > THIN * side**2], columns)
+
+    def within(self, points: Array) -> tuple[Whole, Array]:
+        """Return the triangle (n,) about each of points (n, 2), or near it, and the shares (n, 3) of corners."""
+        near = cKDTree(self.points[self.triangles].mean(axis=1)).query(points, k=NEIGHBOURS)[1]
+        return nearest_triangle(self, near, points)
+
+
+def nearest_triangle(lattice: Lattice | Triangulation, near: Whole, points: Array) -> tuple[Whole, Array]:
+    """Return the near triangle (n,), out of k, about each of points (n, 2), and the shares (n, 3) of its corners."""
+    a, b, c = (lattice.points[lattice.triangles[near, corner]] for corner in range(3))
+    size, here = cross(b - a, c - a), points[:, None]
+    shares = np.stack([cross(b - here, c - here), cross(c - here, a - here), cross(a - here, b - here)], axis=-1)
+    shares /= size[..., None]
+    best, pick = shares.min(axis=-1).argmax(axis=1), np.arange(len(points))
+    return near[pick, best], shares[pick, best]
 
 
 def cross(one: Array, other: Array) -> Array:
@@ -98,13 +149,16 @@ def cross(one: Array, other: Array) -> Array:
 class Mesh:
     """A cloth on a lattice: its losses, their slopes and second derivatives for places (n, 3) of vertices."""
 
-    def __init__(self, case: FieldCase, columns: int, directions: int = DIRECTIONS) -> None:
+    def __init__(self, case: FieldCase, columns: int, directions: int = DIRECTIONS, turn: float | None = None) -> None:
         assert case.cloth is not None
-        self.case, self.cloth, self.lattice = case, case.cloth, Lattice.of(columns)
+        plain = turn is None and case.disc is None
+        self.lattice = Lattice.of(columns) if plain else Triangulation.of(columns, turn or 0.0, case.disc)
+        self.case, self.cloth = case, case.cloth
         points, triangles = self.lattice.points, self.lattice.triangles
         self.rest = case.rest(points)
         sides = np.stack([points[triangles[:, k]] - points[triangles[:, 0]] for k in (1, 2)], axis=2)
         self.areas = np.linalg.det(sides) / 2
+        self.areas /= self.areas.sum() if case.disc else 1.0  # losses are means over the cloth
         angles = math.pi * np.arange(directions) / directions
         along = np.linalg.inv(sides) @ np.stack([np.cos(angles), np.sin(angles)])
         self.rows = np.concatenate([-along.sum(axis=1, keepdims=True), along], axis=1)  # (t, 3, directions)
@@ -195,9 +249,8 @@ class Mesh:
         depth, normal = distance[met], normal[met]
         weight = (2 * CORNERS * self.cloth.collision * self.share[met])[:, None]
         outer = normal[:, :, None] * normal[:, None, :]
-        if not convex and self.case.body.vertices is None:
-            across = depth / (depth + self.case.body.radius)
-            outer = outer + across[:, None, None] * (np.eye(3) - outer)
+        if not convex and self.case.body.is_exact:
+            outer = outer + depth[:, None, None] * self.case.body.curvature(places[met])
         return met[:, None], (weight * depth[:, None] * normal)[:, None], weight[:, :, None] * outer
 
     def span(self) -> tuple[Sparse, Array]:
@@ -208,7 +261,10 @@ class Mesh:
         for pin in self.case.pins:
             held = np.zeros(len(points), dtype=bool)
             for edge in pin.on:
-                held |= points[:, "uv".index(edge[0])] == float(edge.endswith("max"))
+                if self.case.disc:
+                    held |= self.case.disc.level(points) < ON_RIM
+                else:
+                    held |= points[:, "uv".index(edge[0])] == float(edge.endswith("max"))
             for point in pin.at:
                 apart = np.linalg.norm(points - point, axis=1)
                 if apart.min() > 1e-9:

@@ -17,6 +17,7 @@ from shellbench.problems.field.case import FieldCase
 from shellbench.problems.field.quantities import AXES
 from shellbench.problems.field.solution import FieldSolution
 from shellbench.problems.field.solving import FieldSolver, measured, told_by_levels
+from shellbench.protocol.schema import Finite
 
 Array = NDArray[np.float64]
 
@@ -51,6 +52,9 @@ class MeshSettings(Settings):
     resolution: int = Field(
         48, ge=4, le=400, multiple_of=4, strict=True, description="edges along a side; half as many say the uncertainty"
     )
+    turn: Finite | None = Field(
+        None, ge=0, lt=60, description="angle of a lattice from u about the middle, degrees; None: rows along u"
+    )
 
 
 class VertexMeshSolver(FieldSolver):
@@ -78,7 +82,8 @@ class VertexMeshSolver(FieldSolver):
         """Solve on two meshes, of which the finer one answers."""
         from shellbench.solvers.field.mesh import DIRECTIONS
 
-        coarse, fine = (solve_mesh(case, count, progress) for count in (settings.resolution // 2, settings.resolution))
+        counts = settings.resolution // 2, settings.resolution
+        coarse, fine = (solve_mesh(case, count, progress, settings.turn) for count in counts)
         uncertainty = told_by_levels([measured(case, coarse), measured(case, fine)])
         # A mean over more directions estimates the error of the mesh's few directions.
         more = measured(case, replace(fine, form={**fine.form, "directions": 2 * DIRECTIONS}))
@@ -91,15 +96,16 @@ class VertexMeshSolver(FieldSolver):
         return MeshField.load(path)
 
 
-def solve_mesh(case: FieldCase, columns: int, progress: ProgressCallback) -> MeshField:
-    """Return the mesh of least energy."""
+def solve_mesh(case: FieldCase, columns: int, progress: ProgressCallback, turn: float | None = None) -> MeshField:
+    """Return the mesh of least energy; `turn` is the angle of its lattice, degrees, None for rows along u."""
     from shellbench.solvers.field.mesh import Mesh
 
-    began, mesh, history = time.perf_counter(), Mesh(case, columns), list[Step]()
+    began, mesh, history = time.perf_counter(), Mesh(case, columns, turn=turn), list[Step]()
     free = len(mesh.rest) * (len(AXES) - len(mesh.cloth.confined))
     found = mesh.rest
     for energy, places in mesh.minimise_energy():
         found = places
         history.append(Step(len(history), time.perf_counter() - began, energy, free))
         progress(Progress(len(history), None, f"energy {energy:.6g}"))
-    return MeshField(case, {"vertices": found - mesh.rest}, {"columns": columns}, tuple(history))
+    form = {"columns": columns} | ({} if turn is None else {"turn": turn})
+    return MeshField(case, {"vertices": found - mesh.rest}, form, tuple(history))

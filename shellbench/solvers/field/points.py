@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, Settings
+from shellbench.problems.field.body import Ball
 from shellbench.problems.field.case import FieldCase
 from shellbench.problems.field.solution import FieldAnswer
 from shellbench.problems.field.solving import LEVEL_ROUNDING, FieldSolver
@@ -142,7 +143,7 @@ class NearestVertexSolver(FieldSolver):
         """Return the body's vertices; between them lie the circumcentres of the triangles of their hull."""
         from scipy.spatial import ConvexHull
 
-        assert case.body is not None
+        assert isinstance(case.body, Ball)
         normals = case.body.normals
         triangles = normals[ConvexHull(normals).simplices]
         middles = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])

@@ -24,12 +24,14 @@ from shellbench.protocol.schema import Finite
 
 Share = Annotated[Finite, Field(ge=0, le=1)]
 SamplerName = Literal["uniform", "stratified", "adaptive"]
+Meshed = SamplerName | Literal["mesh"]
 DEGREES = {"bilinear": 1, "cubic": 3}
 VERTICES = 127  # cells of a grid that has as many coefficients as the paper's mesh has free variables
 MATCHING, MINIMISING, FOLDING = 64, 16, 48  # cells along a side
 FEWEST = 12  # of the grids that a sheet folds on first
 HIDDEN = 3  # layers beside the last
 SPENT = {"epochs": 200, "samples": 64}  # by trainings if the case states no limits
+FEWEST_NODES = 4  # of a mesh along a side
 LOOKS = 10  # at the figures of a training
 
 
@@ -73,14 +75,22 @@ class TrainedSettings(SampledSettings):
         0, ge=0, le=1000, strict=True, description="steps of Lloyd's relaxation; the paper gives no number"
     )
     every: int | None = Field(None, ge=1, strict=True, description="epochs between two looks; None: 10 looks in all")
+    settled: Finite | None = Field(
+        None,
+        gt=0,
+        lt=1,
+        description="change of the energy in 200 epochs, relative to it, at which it ends; None: never",
+    )
     precision: Literal["float32", "float64"] = Field("float64", description="of weights")
 
 
 class PrintedSettings(TrainedSettings):
     """Settings of `PrintedGridSolver`: the choices that the paper makes, where it says them."""
 
-    sampler: SamplerName | None = Field(  # type: ignore[assignment]
-        None, description="as of others; None: one in each cell to match a function, adaptive to minimise"
+    sampler: Meshed | None = Field(  # type: ignore[assignment]
+        None,
+        description="as of others, or the triangles of a mesh with so many samples as nodes; None: one in each cell to"
+        " match a function, adaptive to minimise",
     )
     weighted: bool = Field(False, description="whether adaptive samples are weighed by their area; the paper's are not")
     basis: Literal["bilinear", "cubic"] = Field("bilinear", description="splines of the grid")
@@ -139,6 +149,8 @@ class GridSolver(OfFields):
         if case.network == "vertices":
             degree, cells = 1, VERTICES
         share = settings.adaptive_share if settings.sampler == "adaptive" else 0.0
+        if share and case.disc:
+            raise InputError(f"{case.name}: adaptive samples that are solved for need a square cloth")
         play = SampleWeights(share, settings.weighted, settings.density_cells)
 
         levels = [-(-cells * 3 // 4) if case.body else -(-cells // 2), cells]
@@ -243,7 +255,7 @@ def train_field(
     case: FieldCase, settings: TrainedSettings, form: dict[str, Any], features: int, width: int, tell: ProgressCallback
 ) -> FieldSolution:
     """Train a field of a form; see `shellbench.solvers.field.training`."""
-    from shellbench.solvers.field.training import Choice, Sampler, train
+    from shellbench.solvers.field.training import WINDOW, Choice, Sampler, train
 
     spent = SPENT | ({"epochs": case.training.epochs, "samples": case.training.samples} if case.training else {})
     epochs = settings.epochs or spent["epochs"]
@@ -271,5 +283,13 @@ def train_field(
         settings.precision == "float64",
         sampler,
         settings.every or max(1, epochs // LOOKS),
+        settings.settled,
+        case.disc,
     )
+    if (case.match or case.disc or choice.samples < FEWEST_NODES) and sampler.kind == "mesh":
+        raise InputError(
+            f"{case.name}: a mesh has losses of a square cloth, and {FEWEST_NODES} nodes along a side or more"
+        )
+    if settings.settled is not None and (case.match or WINDOW % choice.every):
+        raise InputError(f"{case.name}: a cloth can settle, where {WINDOW} epochs are a multiple of 'every'")
     return train(case, choice, tell)

@@ -1,4 +1,4 @@
-"""Symmetry of a case: a square sheet over a ball at its middle has eight symmetries.
+"""Symmetry of a case: a square sheet over a ball or a torus at its middle has eight symmetries.
 
 Then one eighth of the samples and of the coefficients is enough. A symmetric answer is stationary; tests check that it
 is also the least among all answers.
@@ -17,6 +17,7 @@ from shellbench.solvers.field.basis import Sparse
 
 Array = NDArray[np.float64]
 MIDDLE = (0.5, 0.5)
+PROBES, ALIKE = 100, 1e-12  # places whose distances from a body tell its symmetries; m by which they may differ
 
 
 def maps(case: FieldCase) -> list[tuple[bool, Array]]:
@@ -27,15 +28,19 @@ def maps(case: FieldCase) -> list[tuple[bool, Array]]:
     cloth, body = case.cloth, case.body
     plain = cloth is not None and tuple(cloth.rest) == ("u", "v", 0.0) and not cloth.confined
     still = all(value == 0.0 for pin in case.pins for value in pin.displacement) and not any(p.on for p in case.pins)
-    central = body is not None and tuple(body.centre[:2]) == MIDDLE and body.vertices is None
+    exact = body is not None and body.is_exact
+    probes = np.random.default_rng(0).random((PROBES, 3)) - [0.0, 0.0, 0.5]  # about the sheet
     places = {tuple(np.round(point, 12)) for pin in case.pins for point in pin.at}
 
     def kept(swap: bool, signs: Array) -> bool:
-        moved = np.array(sorted(places)).reshape(-1, 2)
-        return {tuple(np.round(point, 12)) for point in images_of(moved, swap, signs)} == places
+        assert body is not None
+        moved, images = np.array(sorted(places)).reshape(-1, 2), probes.copy()
+        images[:, :2] = images_of(probes[:, :2], swap, signs)
+        same = np.allclose(body.distance(images), body.distance(probes), rtol=0, atol=ALIKE)
+        return same and {tuple(np.round(point, 12)) for point in images_of(moved, swap, signs)} == places
 
     everything = [(bool(swap), np.array(signs)) for swap, *signs in product((0, 1), (1.0, -1.0), (1.0, -1.0))]
-    return [one for one in everything if kept(*one)] if plain and still and central else everything[:1]
+    return [one for one in everything if kept(*one)] if plain and still and exact else everything[:1]
 
 
 def images_of(points: Array, swap: bool, signs: Array) -> Array:

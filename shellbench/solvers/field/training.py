@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,17 +19,18 @@ from torch.nn.functional import embedding_bag
 
 from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
-from shellbench.problems.field.body import Ball
-from shellbench.problems.field.case import FieldCase
-from shellbench.problems.field.formulas import evaluated
-from shellbench.problems.field.structure import EDGES, MIDDLE, OUTER, TURN, corners, lattice
+from shellbench.problems.field.case import Disc, FieldCase
+from shellbench.problems.field.structure import TURN, lattice, weighted
 from shellbench.solvers.field.basis import local
 from shellbench.solvers.field.field import OMEGA, LayeredField, encode, free_factor, pin_shares
+from shellbench.solvers.field.losses import Losses, MeshLosses
 from shellbench.solvers.field.sampling import Cells, jittered, positive, relaxed
 
 Array = NDArray[np.float64]
 FIRST, SECOND, TINY = 0.9, 0.999, 1e-8  # of Adam: beta1, beta2 and epsilon
 START = 1e-4  # features of a grid start within this much of zero
+WINDOW = 200  # epochs over which the energy of a training that has settled changes little
+EVEN, TURNS = 32, 4  # a training's energy is that of structures at so many midpoints squared, in so many orientations
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,8 @@ class Choice:
     double: bool
     sampler: Sampler
     every: int
+    settled: float | None = None
+    disc: Disc | None = None
 
 
 class Weights:
@@ -114,7 +117,7 @@ class Weights:
             if number < form["layers"] - 1:
                 self._activate(found, number)
         mask = [axis not in form["confined"] for axis in "xyz"]
-        self.factor = self.tensor(free_factor(points, form["held"])[:, None] * np.array(mask))
+        self.factor = self.tensor(free_factor(points, form["held"], self.choice.disc)[:, None] * np.array(mask))
         found = found * self.factor
         if self.pinned is not None:
             self.shares = shares
@@ -202,69 +205,6 @@ class Adam:
             tensor.addcdiv_(first, second.sqrt().div_(unbiased).add_(TINY), value=-size)
 
 
-def strains(places: Tensor, rest: Tensor) -> Tensor:
-    """Return the strain loss (n,) of triangles (n, 3, 3)."""
-    lengths = [
-        ((places[:, j] - places[:, i]).norm(dim=1) / (rest[:, j] - rest[:, i]).norm(dim=1) - 1) ** 2 for i, j in EDGES
-    ]
-    return torch.stack(lengths).sum(dim=0)
-
-
-def bends(places: Tensor) -> Tensor:
-    """Return the bending loss (n,) of structures (n, 6, 3)."""
-    normals = []
-    for a, b, c in (MIDDLE, *OUTER):
-        normal = torch.linalg.cross(places[:, b] - places[:, a], places[:, c] - places[:, a])
-        normals.append(normal / normal.norm(dim=1, keepdim=True))
-    return torch.stack([((normals[0] - n) ** 2).sum(dim=1) for n in normals[1:]]).sum(dim=0)
-
-
-class Losses:
-    """Losses of a field at points (n, 2), with structures turned by angles (n,), and the places that they need.
-
-    One call evaluates the field at all places.
-    """
-
-    def __init__(self, case: FieldCase, weights: Weights, points: Array, angles: Array) -> None:
-        self.case, self.weights, self.points, cloth = case, weights, points, case.cloth
-        self.at = {"middle": points[:, None]}
-        if case.match is None and cloth is not None:
-            counts = {"triangle": (3, cloth.strain), "star": (6, cloth.bend + cloth.collision)}
-            needed = {name: count for name, (count, weight) in counts.items() if weight}
-            past = cloth.past_edges
-            self.at = {name: corners(points, angles, cloth.side, n, past) for name, n in needed.items()} | self.at
-        self.places = np.concatenate([at.reshape(-1, 2) for at in self.at.values()])
-
-    def weighted(self, displacement: Tensor) -> Tensor:
-        """Return the weighted sum of losses (n,) for the displacement of all places."""
-        case, tensor, cloth = self.case, self.weights.tensor, self.case.cloth
-        if case.match is not None:
-            return ((displacement - tensor(evaluated(case.match.function, self.points))) ** 2).sum(dim=1)
-        assert cloth is not None
-        parts: Any = torch.split(displacement, [at.shape[0] * at.shape[1] for at in self.at.values()])
-        moved = {name: part.reshape(*at.shape[:2], 3) for (name, at), part in zip(self.at.items(), parts, strict=True)}
-        rest = {name: tensor(case.rest(at.reshape(-1, 2))).reshape(*at.shape[:2], 3) for name, at in self.at.items()}
-        places = {name: rest[name] + moved[name] for name in rest}
-        found = cloth.gravity * cloth.mass_gravity * places["middle"][:, 0, 2]
-        if cloth.strain:
-            found = found + cloth.strain * strains(places["triangle"], rest["triangle"])
-        if cloth.bend:
-            found = found + cloth.bend * bends(places["star"])
-        if case.body is not None:
-            found = found + cloth.collision * depths(places["star"], case.body)
-        return torch.as_tensor(found)
-
-
-def depths(places: Tensor, body: Ball) -> Tensor:
-    """Return the collision loss (n,) of structures (n, 6, 3): squares of depths, along normals at the places."""
-    distance, normal = body.contact(places.detach().cpu().numpy().reshape(-1, 3).astype(float))
-    flat = places.reshape(-1, 3)
-    tangent = (torch.as_tensor(array, dtype=flat.dtype, device=flat.device) for array in (distance, normal))
-    depth, outward = tangent
-    depth = depth + ((flat - flat.detach()) * outward).sum(dim=1)  # the distance, and its slope
-    return (torch.clamp(depth, max=0.0) ** 2).reshape(places.shape[:2]).sum(dim=1)
-
-
 def sampled(choice: Choice, cells: Cells, random: np.random.Generator) -> tuple[Array, Array]:
     """Return the points (n, 2) of an epoch, and the weight (n,) of each, which is 1 unless areas are weighed."""
     sampler, count = choice.sampler, choice.samples**2
@@ -292,7 +232,8 @@ def train(case: FieldCase, choice: Choice, progress: ProgressCallback) -> Layere
     # 1. With the adaptive sampler, sample the losses by cell, and mix them into the density.
     # 2. Draw points, and take a step of Adam on the losses there.
     # 3. Record the case's quantities at some epochs, without counting the time.
-    # 4. State the change over the last records as the uncertainty.
+    # 4. End when the energy has settled, if that is asked.
+    # 5. State the change over the last records as the uncertainty.
     began = time.perf_counter()
     random, weights = np.random.default_rng(choice.seed), Weights(choice)
     optimiser = Adam(list(weights.tensors.values()), choice.rate)
@@ -301,13 +242,23 @@ def train(case: FieldCase, choice: Choice, progress: ProgressCallback) -> Layere
     history: list[Step] = []
     recent: list[float] = []
     found = LayeredField(case, weights.arrays(), choice.form)
+    mesh = MeshLosses(case, weights.tensor, choice.samples) if choice.sampler.kind == "mesh" else None
+    energies, change = dict[int, float](), math.inf
     for epoch in range(choice.epochs):
         if choice.sampler.kind == "adaptive" and epoch:
-            asked = Losses(case, weights, middles, TURN * random.random(size**2))
+            asked = Losses(case, weights.tensor, middles, TURN * random.random(size**2))
             fresh = asked.weighted(weights.displacement(asked.places)).cpu().numpy()
+            if case.disc:
+                fresh[case.disc.level(middles) <= 0] = fresh.min()
             cells = cells.mixed(positive(fresh.astype(float)).reshape(size, size), choice.sampler.kept)
-        points, ones = sampled(choice, cells, random)
-        asked = Losses(case, weights, points, TURN * random.random(len(points)))
+        if mesh:
+            asked, points, ones = mesh, mesh.points, np.ones(len(mesh.points))
+        else:
+            points, ones = sampled(choice, cells, random)
+            if case.disc:
+                inside = case.disc.level(points) > 0
+                points, ones = points[inside], ones[inside]
+            asked = Losses(case, weights.tensor, points, TURN * random.random(len(points)))
         displacement = weights.displacement(asked.places).requires_grad_()
         loss = (asked.weighted(displacement) * weights.tensor(ones)).sum()
         (slope,) = torch.autograd.grad(loss, [displacement])
@@ -322,12 +273,30 @@ def train(case: FieldCase, choice: Choice, progress: ProgressCallback) -> Layere
             values = {quantity.name: quantity.measure(found) for quantity in case.quantities}
             history.append(Step(epoch + 1, looked - began, value, found.parameters, quantities=values))
             progress(Progress(epoch + 1, choice.epochs, f"loss {value:.3g}"))
+            if choice.settled is not None:
+                energies[epoch + 1] = now = even_energy(found)
+                before = energies.get(epoch + 1 - WINDOW, math.inf)
+                change = abs(now - before) / abs(now)
             began += time.perf_counter() - looked  # a look is no part of training
+            if choice.settled is not None and change < choice.settled:
+                break
     uncertainty = spread(history) | known_by_loss(case, recent)
     drawn = choice.sampler.kind == "adaptive"
     pictures = {"points": points, "density": cells.shares * size**2 / cells.shares.sum()} if drawn else {}
-    told = {"seed": choice.seed, "learning_rate": choice.rate}
-    return LayeredField(case, found.tensors, choice.form, tuple(history), uncertainty, told, pictures=pictures)
+    told = {"seed": choice.seed, "learning_rate": choice.rate, "epochs": epoch + 1}
+    found = LayeredField(case, found.tensors, choice.form, tuple(history), uncertainty, told, pictures=pictures)
+    if choice.settled is None or change < choice.settled:
+        return found
+    why = (
+        f"the energy still changes by {change:.2g} of it in {WINDOW} epochs, and at most {choice.settled:g} is at rest"
+    )
+    return replace(found, unsettled=why)
+
+
+def even_energy(found: LayeredField) -> float:
+    """Return the mean of all losses with their weights, at even midpoints: the same measure for all samplers."""
+    assert found.case.cloth is not None
+    return float(np.mean(weighted(found.losses(found.case.within(lattice(EVEN)), TURNS), found.case.cloth.weights)))
 
 
 def spread(history: list[Step]) -> dict[str, float]:

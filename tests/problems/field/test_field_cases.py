@@ -9,6 +9,7 @@ from shellbench.bench.catalogue import catalog
 from shellbench.bench.plugins.registry import load_solver, solver_entries
 from shellbench.errors import InputError
 from shellbench.problems.field.case import FieldCase
+from shellbench.problems.field.quantities import Folds
 from shellbench.problems.field.structure import bend, corners, lattice, strain
 
 
@@ -45,6 +46,10 @@ CLOTH = data(HANG)["cloth"]
         (data(HANG, pins=[{}]), "a pin needs edges ('on') or points ('at')"),
         (data("field_ball", body={"radius": 0.2}), "theory 'nearest-vertex' needs 'body.vertices'"),
         (data(HANG, pins=[{"on": ["top"]}]), "found 'top'"),
+        (data(HANG, pins=[{"on": ["rim"]}]), "only a disc has a rim: the table 'disc' is missing"),
+        (data("field_disc", pins=[{"on": ["rim"], "displacement": [0, 0, 0.1]}]), "its only pin holds the 'rim' where it is"),
+        (data("field_torus", body={"kind": "torus", "ring": 0.1, "tube": 0.1}), "'body.tube' is 0.1, but it must be smaller than"),
+        (data("field_prism", body={"kind": "cube", "radius": 0.1}), "found 'cube', but it must be 'ball', 'torus' or 'prism'"),
         (data(DRAWS, density={"cells": [[1, 2], [3]]}), "the rows of 'cells' differ in length"),
         (data(DRAWS, density={"cells": [[0.0]]}), "the sum of 'cells' must be positive"),
         (data(DRAWS, density={"cells": [[-1.0]]}), "found -1.0, but it must be greater than or equal to 0"),
@@ -133,3 +138,20 @@ def test_the_depth_in_a_body_is_exact():
         assert next(q for q in case.quantities if q.kind == "penetration").measure(sunk) == pytest.approx(
             known, abs=1e-12
         )
+
+
+@pytest.mark.parametrize("along", [0.0, 30.0, 75.0])
+@pytest.mark.parametrize("down", [1.0, -1.0])
+def test_folds_are_lines_of_no_curvature(along, down):
+    """Parallel folds have all their harmonics along themselves, whether they are ridges or valleys."""
+    angle = np.radians(along)
+    across = [-np.sin(angle), np.cos(angle)]
+    case = SimpleNamespace(rest=lambda p: np.column_stack([p, np.zeros(len(p))]))
+    folded = SimpleNamespace(
+        case=case, displacement=lambda p: down * np.outer(0.01 * np.cos(20 * p @ across), [0.0, 0.0, 1.0])
+    )
+    for order in (2, 6):
+        wave = Folds(name="a", kind="folds", primary=True, order=order, along=along, lattice=40)
+        assert wave.measure(folded) == pytest.approx(1, abs=1e-2)
+        turned = wave.model_copy(update={"along": along + 180 / order})
+        assert turned.measure(folded) == pytest.approx(-1, abs=1e-2)

@@ -14,7 +14,13 @@ def test_every_field_has_both_forms():
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=[pytest.mark.long] if n in ("field_ball", "field_drape") else []) for n in CASES]
+    "name",
+    [
+        pytest.param(
+            n, marks=[pytest.mark.long] if n in ("field_ball", "field_drape", "field_torus", "field_prism") else []
+        )
+        for n in CASES
+    ],
 )
 def test_both_forms_agree_and_are_what_the_file_says(name):
     known, judges, seconds = catalog.known_values(name), fields.JUDGES[name](), fields.SECOND_FORMS[name]()

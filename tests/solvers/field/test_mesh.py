@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from shellbench.bench.catalogue import catalog
-from shellbench.problems.field.case import FieldCase
+from shellbench.problems.field.case import Disc, FieldCase
 from shellbench.solvers.field.basis import matrix
 from shellbench.solvers.field.direct import free_map, pinned_coefficients, span_of
-from shellbench.solvers.field.mesh import Lattice, Mesh
+from shellbench.solvers.field.mesh import Lattice, Mesh, Triangulation
+from shellbench.solvers.field.mesh_solver import VertexMeshSolver
+from shellbench.solvers.field.solver import GridSolver
 from shellbench.solvers.field.symmetry import fold_orbits, maps
 
 RANDOM = np.random.default_rng(4)
@@ -57,7 +59,34 @@ def test_unknowns_of_a_grid_are_symmetric_and_meet_the_pinned_point():
 
 def test_what_is_not_symmetric_has_no_maps_but_one():
     data = {key: value for key, value in DRAPE.data().items() if key != "name"}
-    turned = FieldCase.model_validate(data | {"name": "turned", "body": data["body"] | {"centre": [0.4, 0.5, -0.202]}})
+    turned = FieldCase.model_validate(data | {"name": "turned", "body": data["body"] | {"centre": [0.4, 0.55, -0.202]}})
     assert len(maps(turned)) == 1
     points, weights = fold_orbits(RANDOM.random((5, 2)), np.ones(5), maps(turned))
     assert weights.sum() == 5 == len(points)
+
+
+@pytest.mark.parametrize("disc", [None, Disc(radius=0.4)])
+def test_a_turned_lattice_covers_the_cloth_and_has_its_middle(disc):
+    lattice = Triangulation.of(16, 22.5, disc)
+    sides = lattice.points[lattice.triangles[:, 1:]] - lattice.points[lattice.triangles[:, :1]]
+    areas = np.linalg.det(sides) / 2
+    assert areas.min() > 0
+    assert areas.sum() == pytest.approx(np.pi * disc.radius**2 if disc else 1, rel=5e-3 if disc else 1e-12)
+    assert np.linalg.norm(lattice.points - 0.5, axis=1).min() < 1e-15
+    points = 0.5 + 0.27 * (2 * RANDOM.random((100, 2)) - 1)
+    found, shares = lattice.within(points)
+    assert shares.min() >= -1e-12
+    assert np.einsum("nk,nka->na", shares, lattice.points[lattice.triangles[found]]) == pytest.approx(points, abs=1e-14)
+
+
+@pytest.mark.long
+def test_folds_of_a_coarse_mesh_turn_with_it_and_those_of_a_grid_prefer_no_edges():
+    """The claim of figure 13: the sixth harmonic is largest along the angle of the mesh."""
+    case = catalog.named_case("field_folds")
+    for turn, own in ((0.0, "six"), (22.5, "six_22"), (45.0, "six_45")):
+        found = VertexMeshSolver().solve(case, {"resolution": 24, "turn": turn})
+        waves = {quantity.name: quantity.measure(found) for quantity in case.quantities}
+        assert max(("six", "six_22", "six_45"), key=waves.get) == own
+        assert waves[own] > 0.1
+    found = GridSolver().solve(case, {"resolution": 24, "symmetric": False})
+    assert max(abs(quantity.measure(found)) for quantity in case.quantities) < 0.01

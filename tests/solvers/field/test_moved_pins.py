@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 
+from shellbench.bench.catalogue import catalog
+from shellbench.bench.store.record import Measured
+from shellbench.bench.store.settled import why_uncertain
 from shellbench.errors import SolveFailure
 from shellbench.problems.field.case import FieldCase
 from shellbench.solvers.field.mesh_solver import VertexMeshSolver
@@ -61,3 +64,14 @@ def test_a_flat_sheet_that_would_buckle_is_no_answer(solver, settings):
     """Pressed together without stiffness in bending it has no least energy in space."""
     with pytest.raises(SolveFailure, match="rests at a saddle of the energy: the sheet would buckle from there"):
         solved(sheet(["-0.03*u", "-0.03*v", 0], confined=()), solver, settings)
+
+
+def test_a_mesh_that_is_too_coarse_has_not_settled():
+    """An answer that states an uncertainty beyond a hundredth is no settled one."""
+    case = catalog.named_case("field_drape")
+    found = solved(case, VertexMeshSolver(), {"resolution": 8})
+    assert found.uncertainty["corner"] > 0.02 * abs(case.primary.measure(found))
+    measured = {
+        q.name: Measured(value=q.measure(found), uncertainty=found.uncertainty[q.name]) for q in case.quantities
+    }
+    assert "corner is uncertain by" in why_uncertain(case, "vertex-mesh", False, measured)

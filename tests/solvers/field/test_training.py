@@ -8,12 +8,14 @@ import torch
 from scipy.stats import chi2
 
 from shellbench.bench.catalogue import catalog
+from shellbench.errors import InputError
 from shellbench.problems.field.case import FieldCase
-from shellbench.problems.field.structure import bend, corners, lattice, strain
+from shellbench.problems.field.structure import bend, corners, lattice, strain, unit_normals
 from shellbench.solvers.field.field import LayeredField
+from shellbench.solvers.field.losses import Losses, MeshLosses
 from shellbench.solvers.field.sampling import Cells, jittered, positive, relaxed, relaxed_on_a_line
 from shellbench.solvers.field.solver import MlpSolver, PrintedGridSolver
-from shellbench.solvers.field.training import Adam, Choice, Losses, Sampler, Weights, sampled
+from shellbench.solvers.field.training import Adam, Choice, Sampler, Weights, sampled
 
 RANDOM = np.random.default_rng(9)
 POINTS = RANDOM.random((30, 2))
@@ -65,7 +67,7 @@ def test_losses_of_tensors_are_those_of_the_kind():
 
     heights = case.rest(POINTS)[:, 2] + field.displacement(POINTS)[:, 2]
     exact = 0.5 * strain(*of(3)) + 0.3 * bend(of(6)[0]) + 2.0 * 0.1 * heights
-    asked = Losses(case, weights, POINTS, angles)
+    asked = Losses(case, weights.tensor, POINTS, angles)
     assert asked.weighted(weights.displacement(asked.places)).numpy() == pytest.approx(exact, rel=1e-10)
 
 
@@ -79,7 +81,7 @@ def test_slopes_of_a_drape_are_limits_of_differences(activation, pinned):
     weights = Weights(replace(own, form={**own.form, "pinned": pinned}))
     angles = np.random.default_rng(20).random(len(POINTS))
     weights.tensors["grid_0"] += 0.1 * torch.rand(weights.tensors["grid_0"].shape)
-    asked = Losses(case, weights, POINTS, angles)
+    asked = Losses(case, weights.tensor, POINTS, angles)
 
     def loss():
         return 1e3 * asked.weighted(weights.displacement(asked.places)).sum()
@@ -179,3 +181,37 @@ def test_the_order_of_networks_is_that_of_table_1():
     spent = {"epochs": 80, "every": 80, "precision": "float32", "learning_rate": 1e-3}
     plain, positional = (rms.measure(MlpSolver().solve(case, spent | {"encoding": e})) for e in ("plain", "positional"))
     assert grid < 2e-3 < min(plain, positional)
+
+
+def test_losses_of_a_mesh_are_those_of_its_triangles_and_of_all_pairs_that_share_an_edge():
+    case = catalog.named_case("field_drape")
+    weights, cloth = Weights(choice(case, cells=(6, 3))), case.cloth
+    weights.tensors["grid_0"] += 0.1 * torch.rand(weights.tensors["grid_0"].shape)
+    mesh = MeshLosses(case, weights.tensor, 9)
+    moved = weights.displacement(mesh.places)
+    rest = case.rest(mesh.places)[mesh.triangles]
+    places = rest + moved.numpy()[mesh.triangles]
+    depth = np.minimum(case.body.distance(places.reshape(-1, 3)).reshape(-1, 3), 0)
+    exact = cloth.strain * strain(places, rest) + 2 * cloth.collision * np.sum(depth**2, axis=1)
+    exact += cloth.gravity * cloth.mass_gravity * places[..., 2].mean(axis=1)
+    shared = [set(mesh.triangles[one]) & set(mesh.triangles[other]) for one, other in mesh.pairs]
+    assert {len(corners) for corners in shared} == {2}
+    assert len(set(map(frozenset, shared))) == len(shared) == (3 * len(rest) - 4 * 8) / 2
+    one, other = (unit_normals(places[mesh.pairs[:, side]], (0, 1, 2)) for side in (0, 1))
+    bending = 2 * cloth.bend * np.sum((one - other) ** 2) / len(rest)
+    assert mesh.weighted(moved).numpy() == pytest.approx(exact + bending, rel=1e-9)
+
+
+def test_a_training_ends_when_its_energy_has_settled_or_says_that_it_has_not():
+    case = catalog.named_case("field_drape")
+    own = {"samples": 4, "resolution": 8, "width": 8, "sampler": "uniform", "every": 100, "epochs": 400}
+    loose, tight = (PrintedGridSolver().solve(case, own | {"settled": share}) for share in (0.999, 1e-9))
+    assert loose.diagnostics["epochs"] < 400
+    assert loose.unsettled is None
+    assert "changes by" in tight.unsettled
+    before, now = (step.quantities["energy"] for step in tight.history[-3::2])
+    assert f"{abs(now - before) / abs(now):.2g} of it in 200 epochs" in tight.unsettled
+    with pytest.raises(InputError, match="multiple of 'every'"):
+        PrintedGridSolver().solve(case, own | {"settled": 0.5, "every": 150})
+    with pytest.raises(InputError, match="losses of a square cloth"):
+        PrintedGridSolver().solve(catalog.named_case("field_disc"), {"sampler": "mesh"})
