@@ -1,0 +1,1 @@
+"""Shell elements of CalculiX answer the cases."""

@@ -1,0 +1,1 @@
+"""Shell elements of OpenSees answer the cases."""
