@@ -23,7 +23,10 @@ def elements(kind, n):
         for j in range(0, 2 * n, 2):
             square = [(i, j), (i + 2, j), (i + 2, j + 2), (i, j + 2)]
             for corners in [square] if kind[1] in "48" else [square[:3], square[:1] + square[2:]]:
-                middles = [((a + c) // 2, (b + d) // 2) for (a, b), (c, d) in zip(corners, corners[1:] + corners[:1])]
+                middles = [
+                    ((a + c) // 2, (b + d) // 2)
+                    for (a, b), (c, d) in zip(corners, [*corners[1:], corners[0]], strict=True)
+                ]
                 found.append([number(a, b) for a, b in (corners + middles if kind[1] in "68" else corners)])
     return found
 
@@ -36,10 +39,10 @@ def deflection(shell, kind, n):
     x, y, z = (25 * np.sin(angle), 25.0 * j / n, 25 * np.cos(angle)) if roof else (50.0 * i / n, 50.0 * j / n, 0.0 * i)
     cells = elements(kind, n)
     used = np.unique(np.concatenate(cells)) - 1
-    if roof:  # the ends hold x and z; u_y is zero at mid-length
-        held = [(k, c) for k in used for c in (1, 2, 3) if (j[k] == n if c == 2 else j[k] % (2 * n) == 0)]
-    else:  # the rim holds z; u_x and u_y are zero on the middle lines
-        held = [(k, c) for k in used for c, on in enumerate((i == n, j == n, (i % (2 * n) == 0) | (j % (2 * n) == 0)), 1) if on[k]]
+    ends, sides, middle = j % (2 * n) == 0, i % (2 * n) == 0, (i == n) & (j == n)
+    # The roof's ends hold x and z, its middle y. The plate's rim holds z, its middle x and y, the middle of a side x.
+    on = (ends, middle, ends) if roof else (middle | (ends & (i == n)), middle, ends | sides)
+    held = [(k, c) for k in used for c in (1, 2, 3) if on[c - 1][k]]
     asked = 1 + (n if roof else n * (2 * n + 1) + n)
     text = ["*NODE", *(f"{k + 1},{x[k]:.13g},{y[k]:.13g},{z[k]:.13g}" for k in used)]
     text += [f"*ELEMENT,TYPE={kind},ELSET=E", *(f"{e},{','.join(map(str, c))}" for e, c in enumerate(cells, 1))]

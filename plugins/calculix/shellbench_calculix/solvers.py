@@ -2,9 +2,11 @@
 
 CalculiX expands each shell element to one solid through the thickness (manual, sections "Three-node shell element" to
 "Eight-node shell element"). None of them has a thin-shell theory: normals shear and stretch. Supports are the case's,
-and soft unless it asks for hard ones. Loads are nodal forces of the displacement's shape functions. The displacement is
-at most quadratic through the thickness, so that shear strains are constant or linear in it: their stiffness is that of a
-shear-flexible shell with factor 1 in place of 5/6. On a softly supported plate S8R gives the value of that theory.
+and soft unless it asks for hard ones. Loads are nodal forces of the displacement's shape functions.
+
+The displacement is at most quadratic through the thickness. Shear strains are then constant or linear in it, and their
+stiffness is that of a shear-flexible shell with factor 1 in place of 5/6. A softly supported plate of S8R has the
+deflection of that theory.
 
 The manual's golden rules advise quadratic elements: for linear ones "the results must be considered with care".
 """
@@ -63,7 +65,7 @@ class S3(Element):
 
 
 class S4(Element):
-    """C3D8I, a linear brick with incompatible modes."""
+    """C3D8I, a linear brick with incompatible modes; it fails the patch test on distorted cells (CalculiX issue 88)."""
 
     name: ClassVar[str] = "calculix-s4"
     capabilities: ClassVar[Capabilities] = _sheared("S4", "quadrilaterals, expanded to incompatible bricks (C3D8I)")
@@ -74,7 +76,9 @@ class S4R(Element):
     """C3D8R, a linear brick with one integration point; declined."""
 
     name: ClassVar[str] = "calculix-s4r"
-    capabilities: ClassVar[Capabilities] = _sheared("S4R", "quadrilaterals, expanded to under-integrated bricks (C3D8R)")
+    capabilities: ClassVar[Capabilities] = _sheared(
+        "S4R", "quadrilaterals, expanded to under-integrated bricks (C3D8R)"
+    )
     entry: ClassVar[str] = "S4R"
 
     def declines(self, case: Case) -> str | None:

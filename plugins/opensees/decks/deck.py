@@ -22,12 +22,13 @@ def deflection(shell, kind, n, *options):
     number, angle = lambda i, j: i * (n + 1) + j + 1, lambda i: 40 * pi / 180 * (2 * i / n - 1)
     for i in range(n + 1):
         for j in range(n + 1):
-            if roof:  # the ends hold x and z; u_y is zero at mid-length
-                place, held = (25 * sin(angle(i)), 50 * j / n, 25 * cos(angle(i))), (j in (0, n), 2 * j == n, j in (0, n))
-            else:  # the rim holds z; u_x and u_y are zero on the middle lines
-                place, held = (100 * i / n, 100 * j / n, 0.0), (2 * i == n, 2 * j == n, i in (0, n) or j in (0, n))
+            end, side, middle = j in (0, n), i in (0, n), 2 * i == 2 * j == n
+            if roof:  # the ends hold x and z, and the middle y
+                place, held = (25 * sin(angle(i)), 50 * j / n, 25 * cos(angle(i))), (end, middle, end)
+            else:  # the rim holds z; the middle x and y, and the middle of a side x
+                place, held = (100 * i / n, 100 * j / n, 0.0), (middle or (end and 2 * i == n), middle, end or side)
             ops.node(number(i, j), *place)
-            ops.fix(number(i, j), *(int(h) for h in held), 0, 0, 0)
+            ops.fix(number(i, j), *map(int, held), 0, 0, 0)
     ops.section("ElasticMembranePlateSection", 1, of["young"], 0.0, of["thickness"], 0.0)
     ops.timeSeries("Linear", 1)
     ops.pattern("Plain", 1, 1)
