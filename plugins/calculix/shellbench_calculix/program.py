@@ -1,7 +1,7 @@
 """CalculiX as an engine: where its program is, which one it is, and one run of it.
 
-The program is that of the environment variable CCX, else `ccx` on the path. Versions are told apart by what `ccx -v`
-prints and by a checksum of the program.
+The program is that of the environment variable CCX, else `ccx` on the path. Its identity is what `ccx -v` prints, and a
+checksum of the program.
 """
 
 from __future__ import annotations
