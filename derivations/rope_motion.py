@@ -44,7 +44,9 @@ def shaken(t: float) -> tuple[np.ndarray, np.ndarray]:
 def cartesian(
     places: np.ndarray, velocities: np.ndarray, masses: np.ndarray, weight: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return accelerations (n, 2) and tensions (n,) of a chain, relative to its root, under accelerations `weight` (2,).
+    """Return accelerations (n, 2) and tensions (n,) of a chain, relative to its root.
+
+    Other forces give all nodes the acceleration `weight` (2,), or each its own (n, 2).
 
     Along link i the relative acceleration is -|relative velocity|^2 / length. The matrix is J M^-1 J^T, dense.
     """
@@ -56,7 +58,7 @@ def cartesian(
     jacobian[np.arange(n), np.arange(n)] = along
     jacobian[np.arange(1, n), np.arange(n - 1)] = -along[1:]
     jacobian = jacobian.reshape(n, 2 * n)
-    moved, twice = jacobian / np.repeat(masses, 2), np.tile(weight, n)
+    moved, twice = jacobian / np.repeat(masses, 2), np.broadcast_to(weight, (n, 2)).ravel()
     tensions = np.linalg.solve(jacobian @ moved.T, jacobian @ twice + np.sum(apart**2, axis=1) / lengths)
     return (twice - moved.T @ tensions).reshape(n, 2), tensions
 

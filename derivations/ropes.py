@@ -4,6 +4,7 @@ from functools import partial
 
 from . import rope_closed as closed
 from . import rope_motion as motion
+from . import rope_springs as springs
 
 JUDGES = {
     "rope_static": closed.rope_static,
@@ -24,6 +25,10 @@ JUDGES = {
     "rope_plate": closed.rope_plate,
     "rope_incline_slides": closed.rope_incline_slides,
     "rope_incline_sticks": closed.rope_incline_sticks,
+    "rope_lateral_rest": springs.rope_lateral_rest,
+    "rope_lateral": springs.rope_lateral,
+    "rope_decay": springs.rope_decay,
+    "rope_damped": springs.rope_damped,
 }
 SECOND_FORMS = {
     "rope_static": closed.rope_static_by_multipliers,
@@ -44,4 +49,8 @@ SECOND_FORMS = {
     "rope_plate": closed.rope_plate_by_time,
     "rope_incline_slides": closed.rope_incline_slides_by_energy,
     "rope_incline_sticks": closed.rope_incline_sticks_by_cone,
+    "rope_lateral_rest": springs.rope_lateral_rest_by_a_polynomial,
+    "rope_lateral": springs.rope_lateral_by_hamilton,
+    "rope_decay": springs.rope_decay_by_newton,
+    "rope_damped": springs.rope_damped_by_hamilton,
 }

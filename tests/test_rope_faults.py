@@ -61,6 +61,26 @@ def pulls_may_push(patch):
     patch.setattr(pulls, "direct_pulls", lambda rows: pulls.eliminate(rows, rows.taut))
 
 
+def undamped(patch):
+    original = Stepper.external
+
+    def external(stepper, *rest):
+        return original(replace(stepper, chains=replace(stepper.chains, damping=0.0)), *rest)
+
+    patch.setattr(Stepper, "external", external)
+
+
+def one_sided(patch):
+    undamped(patch)
+    original = Stepper.external
+
+    def external(stepper, places, velocities, root):
+        damped = stepper.chains.damping / stepper.chains.masses[..., None] * stepping.link_vectors(velocities, root)
+        return original(stepper, places, velocities, root) - damped
+
+    patch.setattr(Stepper, "external", external)
+
+
 def friction_times(factor):
     return given(contact, "rebound", lambda v, body, normals, friction: (v, body, normals, factor * friction))
 
@@ -94,6 +114,12 @@ FAULTS = (
         contact, "rebound", lambda v, body, normals, friction: (v, 0 * body, normals, friction))),
     Fault("ways are looked at by their ends only", "rope_plate", lambda patch: patch.setattr(
         contact, "entry_share", lambda obstacle, start, way: np.where(obstacle.distance(start + way) < 0, 0.99, 1.0))),
+    Fault("springs push where they should pull", "rope_lateral_rest", wrapped(stepping, "spring_forces", lambda f: -f)),
+    Fault("springs have no length of their own", "rope_lateral", given(
+        stepping, "spring_forces", lambda places, rest, stiffness: (places, 0 * rest, stiffness))),
+    Fault("springs pull one chain only", "rope_lateral", wrapped(stepping, "spring_forces", lambda f: f * [[[1.0], [0.0]]])),
+    Fault("links are not damped", "rope_decay", undamped),
+    Fault("dampers without reaction", "rope_damped", one_sided),
 )  # fmt: skip
 CASES = sorted(catalog.tolerances()["rope-exact"])
 

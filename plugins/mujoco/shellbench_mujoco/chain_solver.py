@@ -39,6 +39,8 @@ class MujocoChainSolver(RopeSolver):
             return reason
         if any(isinstance(formula, str) for formula in case.rope.root):
             return "its root moves, and this chain hangs from the engine's world"
+        if case.rope.damping:
+            return "its links are damped, and the engine damps angles"
         return "it has wind, and the engine's air is another" if case.wind else None
 
     def answer(self, case: RopeCase, settings: Any, progress: ProgressCallback) -> RopeMotion:

@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 LONGEST = 1000  # links
 MOST_CHAINS = 100_000  # chains, or loose masses
 ROOT_SAMPLES = 1000  # times at which a root's motion is looked at
+LATER = {"count": 1, "damping": 0.0, "lateral": None}  # defaults of keys that older records do not have
 SLOPPY = 1e-9  # relative: by how much rounding may stretch a link at the start
 
 
@@ -55,6 +56,13 @@ class Wind(Model):
     velocity: Vector = Field((0.0, 0.0, 0.0), description="of the air, m/s")
 
 
+class Lateral(Model):
+    """Weak springs between nodes of the same number in neighbouring chains; they pull and push."""
+
+    stiffness: Positive = Field(description="force over elongation, N/m")
+    rest: Positive | None = Field(None, description="length without force, m; left out: the distance at the start")
+
+
 class Rope(Model):
     """A chain of masses that moves from its root, in SI units; or several, each turned about the z axis."""
 
@@ -80,6 +88,10 @@ class Rope(Model):
         strict=True,
         description="how many such chains: each is turned about the z axis, by an equal part of the circle",
     )
+    damping: Annotated[Finite, Field(ge=0)] = Field(
+        0.0, description="force on a node over its velocity relative to the node before, which feels the reaction, kg/s"
+    )
+    lateral: Lateral | None = Field(None, description="springs between neighbouring chains")
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
@@ -93,6 +105,8 @@ class Rope(Model):
                 raise ValueError(
                     f"'{name}' has {len(getattr(self, name))} entries, but there are {links} nodes to place"
                 )
+        if self.lateral and self.count == 1:
+            raise ValueError("springs of 'lateral' are between chains, but the count is 1")
         nodes = np.concatenate([moved(self.root, 0.0)[0][None], self.places])
         lengths = np.linalg.norm(np.diff(nodes, axis=0), axis=1)
         for number, (found, allowed) in enumerate(zip(lengths, self.link_lengths, strict=True), start=1):
@@ -218,11 +232,11 @@ class RopeCase(Problem):
         return self.chain.links if self.chain else len(self.masses) if self.rope else 0
 
     def physics(self) -> dict[str, Any]:
-        """Return all data that an answer depends on, without absent tables and without a count of one."""
+        """Return all data that an answer depends on, without absent tables and keys of a rope at their defaults."""
         tables = ("chain", "rope", "particles", "wind", "obstacles")
         data = {key: value for key, value in super().physics().items() if value or key not in tables}
-        if self.rope and self.rope.count == 1:
-            del data["rope"]["count"]
+        if self.rope:
+            data["rope"] = {key: value for key, value in data["rope"].items() if LATER.get(key, self) != value}
         return data
 
     @model_validator(mode="after")

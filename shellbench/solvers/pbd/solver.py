@@ -127,6 +127,8 @@ class PbdSolver(RopeSolver):
         """Return the reason that it declines a problem, as one clause, or None if it takes it."""
         if not isinstance(case, RopeCase) or not case.moving:
             return "it solves ropes and loose masses in motion only"
+        if case.rope and (case.rope.damping or case.rope.lateral):
+            return "it knows no damping of links and no springs between chains"
         return None
 
     def declines_quantity(self, case: Any, quantity: Any) -> str | None:

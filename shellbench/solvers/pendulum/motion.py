@@ -24,7 +24,7 @@ Root = Callable[[float], tuple[Array, Array, Array]]
 
 @dataclass(frozen=True)
 class Pendulum:
-    """Lengths (n,), m, masses (n,), kg, gravity, m/s^2, drag, kg/s, wind (2,), m/s, and the motion of the root."""
+    """Lengths (n,), m, masses (n,), kg, gravity, m/s^2, drag, kg/s, wind (2,), m/s, motion of the root, damping, kg/s."""
 
     lengths: Array
     masses: Array
@@ -32,6 +32,7 @@ class Pendulum:
     drag: float
     wind: Array
     root: Root
+    damping: float = 0.0
 
     def directions(self, angles: Array) -> tuple[Array, Array]:
         """Return e and e' of all links, (n, 2)."""
@@ -46,10 +47,12 @@ class Pendulum:
         return np.cumsum(np.vstack([place, arms]), axis=0), np.cumsum(np.vstack([velocity, moves]), axis=0)
 
     def forces(self, time: float, angles: Array, rates: Array) -> Array:
-        """Return weight and drag of the nodes, (n, 2), N."""
+        """Return weight, drag and damping of the nodes, (n, 2), N."""
         _, velocities = self.nodes(time, angles, rates)
         weight = np.outer(self.masses, [0.0, -self.gravity])
-        return np.asarray(weight + self.drag * (self.wind - velocities[1:]))
+        dampers = self.damping * np.diff(velocities, axis=0)
+        dampers = np.vstack([dampers[1:], np.zeros((1, 2))]) - dampers
+        return np.asarray(weight + self.drag * (self.wind - velocities[1:]) + dampers)
 
     def accelerations(self, time: float, angles: Array, rates: Array) -> Array:
         """Return a'' of all links, (n,), rad/s^2."""

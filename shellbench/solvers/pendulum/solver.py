@@ -66,7 +66,7 @@ def pendulum_of(case: RopeCase, rope: Rope) -> Pendulum:
 
     wind = np.array(case.wind.velocity)[::2] if case.wind else np.zeros(2)
     drag = case.wind.drag if case.wind else 0.0
-    return Pendulum(np.array(rope.link_lengths), case.masses, case.gravity, drag, wind, root)
+    return Pendulum(np.array(rope.link_lengths), case.masses, case.gravity, drag, wind, root, rope.damping)
 
 
 def in_space(pendulum: Pendulum, at: float, row: Array) -> tuple[Array, Array]:

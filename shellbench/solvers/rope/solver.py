@@ -10,6 +10,7 @@ halving the step is stated as the uncertainty. Coarser steps that diverge are le
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
@@ -94,11 +95,18 @@ def chains_of(case: RopeCase) -> tuple[Chains, Moving]:
     if case.rope:
         lengths = np.tile(np.array(case.rope.link_lengths)[:, None], case.chains)
         masses = case.masses.reshape(lengths.shape[::-1]).T
-        chains = Chains(lengths, masses, case.gravity, roots_of(case), drag, air, tuple(case.obstacles))
         shape = (*masses.T.shape, 3)
         first, going = (
             np.ascontiguousarray(case.free(each).reshape(shape).swapaxes(0, 1)) for each in (places, velocities)
         )
+        chains = Chains(
+            lengths, masses, case.gravity, roots_of(case), drag, air, tuple(case.obstacles), case.rope.damping
+        )
+        if lateral := case.rope.lateral:
+            apart = np.linalg.norm(np.roll(first, -1, axis=1) - first, axis=-1)
+            rest = apart[:, : case.chains if case.chains > 2 else 1]  # two chains have one spring a node
+            rest = rest if lateral.rest is None else np.full_like(rest, lateral.rest)
+            chains = replace(chains, stiffness=lateral.stiffness, rest=rest)
         return chains, Moving(0.0, first, going)
     masses, still = case.masses[None], (np.zeros(3), np.zeros(3), np.zeros(3))
     lengths = np.full_like(masses, np.inf)
@@ -176,8 +184,8 @@ class ExactSolver(RopeSolver):
         """Follow the motion with three steps in time."""
         if settings.compiled:
             need("compiled", ("numba",))
-            if case.obstacles:
-                raise InputError(f"{case.name}: compiled steps know no obstacles")
+            if case.obstacles or (case.rope and (case.rope.damping or case.rope.lateral)):
+                raise InputError(f"{case.name}: compiled steps know no obstacles, no damping and no springs")
         scheme, rate = scheme_of(settings, printed=self.printed), settings.steps_per_second
         told = {"steps_per_second": rate, "taut_within": settings.taut * case.gravity / rate**2}
         return refined(case, halved(rate), lambda level, watch: follow_rope(case, scheme, level, watch), told, progress)

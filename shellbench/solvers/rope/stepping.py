@@ -69,7 +69,9 @@ class Scheme:
 class Chains:
     """Data that do not change: lengths and masses (m, C), gravity, m/s^2, drag, kg/s, wind (3,), m/s, and obstacles.
 
-    `root` gives position, velocity and acceleration of the roots, (C, 3) or (3,), at a time.
+    `root` gives position, velocity and acceleration of the roots, (C, 3) or (3,), at a time. `damping`, kg/s, is of the
+    velocity relative to the node before. Springs of the `stiffness`, N/m, and the lengths `rest` (m, S), m, join node by
+    node chain c to the next one, c < S; the last chain to the first if S = C.
     """
 
     lengths: Array
@@ -79,6 +81,9 @@ class Chains:
     drag: float = 0.0
     wind: Array | None = None
     obstacles: tuple[Any, ...] = ()
+    damping: float = 0.0
+    stiffness: float = 0.0
+    rest: Array | None = None
 
     @cached_property
     def chain_by_chain(self) -> tuple[Array, Array]:
@@ -124,13 +129,19 @@ class Stepper:
             return pulls.direct_pulls(rows)
         return pulls.sweep_pulls(rows, self.scheme.sweeps, self.scheme.tolerance, from_tip=from_tip)
 
-    def external(self, velocities: Array) -> Array:
-        """Return the accelerations by gravity and wind, (m, C, 3), m/s^2."""
-        given = np.zeros_like(velocities)
-        given[..., 2] = -self.chains.gravity
-        if self.chains.drag:
-            assert self.chains.wind is not None
-            given += self.chains.drag / self.chains.masses[..., None] * (self.chains.wind - velocities)
+    def external(self, places: Array, velocities: Array, root_velocity: Array) -> Array:
+        """Return the accelerations by gravity, wind, dampers and springs between chains, (m, C, 3), m/s^2."""
+        given, chains = np.zeros_like(velocities), self.chains
+        given[..., 2] = -chains.gravity
+        if chains.drag:
+            assert chains.wind is not None
+            given += chains.drag / chains.masses[..., None] * (chains.wind - velocities)
+        if chains.damping:
+            dampers = -chains.damping * link_vectors(velocities, root_velocity)
+            dampers[:-1] -= dampers[1:].copy()  # the reaction of the node after
+            given += dampers / chains.masses[..., None]
+        if chains.rest is not None:
+            given += spring_forces(places, chains.rest, chains.stiffness) / chains.masses[..., None]
         return given
 
     def tensions(
@@ -158,7 +169,7 @@ class Stepper:
 
     def accelerate(self, places: Array, velocities: Array, root: tuple[Array, Array, Array]) -> Array:
         """Return velocities after half a step of all forces (eq. (2))."""
-        external = self.external(velocities)
+        external = self.external(places, velocities, root[1])
         strengths, directions = self.tensions(places, velocities, external, root)
         return velocities + 0.5 * self.step * (external + self.net_pulls(strengths, directions))
 
@@ -184,7 +195,8 @@ class Stepper:
     def state_tensions(self, moving: Moving) -> Array:
         """Return the tensions (m, C), N, of an instant."""
         root = self.chains.root(moving.time)
-        return self.tensions(moving.places, moving.velocities, self.external(moving.velocities), root)[0]
+        external = self.external(moving.places, moving.velocities, root[1])
+        return self.tensions(moving.places, moving.velocities, external, root)[0]
 
     def next_state(self, moving: Moving) -> Moving:
         """Return the state one step later."""
@@ -266,3 +278,15 @@ def link_vectors(vectors: Array, root: Array) -> Array:
     apart[1:] -= vectors[:-1]
     apart[0] -= root
     return apart
+
+
+def spring_forces(places: Array, rest: Array, stiffness: float) -> Array:
+    """Return the forces (m, C, 3), N, of springs of lengths `rest` (m, S), m, from each of S chains to the next one."""
+    first = np.arange(rest.shape[1])
+    second = (first + 1) % places.shape[1]
+    apart = places[:, second] - places[:, first]
+    strength = stiffness * (np.sqrt(dot(apart, apart)) - rest)[..., None] * unit(apart)
+    found = np.zeros_like(places)
+    found[:, first] += strength
+    found[:, second] -= strength
+    return found
