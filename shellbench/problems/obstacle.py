@@ -43,6 +43,14 @@ class Body(Model):
         position, velocity, _ = moved(self.centre, time)
         return position, velocity
 
+    def carried(self, places: Array, earlier: float, time: float) -> Array:
+        """Return places (..., 3), m, of an earlier time relative to the centre, as if they moved with the body since."""
+        return np.asarray(places - self.at(earlier)[0])
+
+    def velocity(self, offsets: Array, time: float) -> Array:
+        """Return the body's velocity (..., 3), m/s, at places (..., 3) relative to the centre."""
+        return np.broadcast_to(self.at(time)[1], offsets.shape)
+
 
 class Sphere(Body):
     """A ball."""

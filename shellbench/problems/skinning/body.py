@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from shellbench.protocol.schema import Flag, Model, Name, Positive, Vector
+from shellbench.protocol.schema import Finite, Flag, Model, Name, Positive, Vector
 
 Array = NDArray[np.float64]
 TINY = 1e-30  # keeps directions on an axis finite, in float32 too
@@ -26,6 +26,7 @@ class Capsule(Model):
     end: Vector = Field(description="other end, m")
     radius: Positive = Field(description="m")
     swings: Flag = Field(False, description="whether the angle of a stride turns it about its start")
+    stride: Finite = Field(1.0, description="if it swings: its angle over that of the stride; below 0 for the other leg")
 
 
 def segments(body: Sequence[Capsule], stride: Array) -> Array:
@@ -35,8 +36,9 @@ def segments(body: Sequence[Capsule], stride: Array) -> Array:
     for place, part in enumerate(body):
         if part.swings:
             along = ends[place, 1] - ends[place, 0]
-            found[..., place, 1, 1] = ends[place, 0, 1] + np.cos(stride) * along[1] + np.sin(stride) * along[2]
-            found[..., place, 1, 2] = ends[place, 0, 2] - np.sin(stride) * along[1] + np.cos(stride) * along[2]
+            cosine, sine = np.cos(part.stride * stride), np.sin(part.stride * stride)
+            found[..., place, 1, 1] = ends[place, 0, 1] + cosine * along[1] + sine * along[2]
+            found[..., place, 1, 2] = ends[place, 0, 2] - sine * along[1] + cosine * along[2]
     return found
 
 

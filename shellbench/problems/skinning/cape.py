@@ -18,25 +18,26 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from shellbench.problems.skinning.body import Capsule, directions, pushed_out, segments
-from shellbench.problems.skinning.motion import RATE, BodyMotion
+from shellbench.problems.skinning.motion import RATE, BodyMotion, Drift
 from shellbench.protocol.schema import Finite, Model, Positive
 
 Array = NDArray[np.float64]
 Slices = tuple[slice, slice]
 Say = Callable[[int, int], None]
 GRAVITY = np.array([0.0, 0.0, -9.81])  # m/s^2
+WHOLE = 360.0  # degrees
 SETTLED = 0.9  # share of the velocity that a step of settling keeps
 
 
 class Cape(Model):
-    """The cape and its clips, in SI units. A sector of a cone, open in front.
+    """The cape and its clips, in SI units. A sector of a cone, open in front; or a skirt, all around.
 
     Attributes
     ----------
     radii
         Radii of the upper and the lower edge, m.
     around
-        Angle of the sector, degrees.
+        Angle of the sector, degrees; 360 for a closed cone.
     mass
         Mass of the whole cape, kg.
     shearing
@@ -51,7 +52,7 @@ class Cape(Model):
     columns: int = Field(ge=4, le=200, strict=True, description="vertices around")
     length: Positive = Field(1.0, description="from the neck down, m")
     radii: tuple[Positive, Positive] = Field((0.17, 0.42), description="of the upper and the lower edge, m")
-    around: Annotated[Finite, Field(gt=0, le=330)] = Field(170.0, description="of the sector, degrees")
+    around: Annotated[Finite, Field(gt=0, le=360)] = Field(170.0, description="of the sector, degrees")
     mass: Positive = Field(0.4, description="of all, kg")
     stretching: Positive = Field(400.0, description="stiffness of springs along the threads, N/m")
     shearing: Positive = Field(40.0, description="of springs along diagonals, N/m")
@@ -62,11 +63,23 @@ class Cape(Model):
     clips: int = Field(ge=1, le=100, strict=True, description="number of clips")
     frames: int = Field(ge=2, le=10_000, strict=True, description="of each clip, 60 a second")
     seed: int = Field(0, ge=0, le=2**31 - 1, strict=True, description="of the motions")
+    running: Annotated[Finite, Field(ge=0)] = Field(0.0, description="largest speed forward of a clip, m/s")
+    twirling: Annotated[Finite, Field(ge=0)] = Field(0.0, description="largest speed about z of a clip, degrees/s")
+
+    @property
+    def closed(self) -> bool:
+        """True if the last column of vertices is beside the first one."""
+        return self.around == WHOLE
+
+    @property
+    def drift(self) -> Drift:
+        """Largest speeds of a clip: forward, m/s, and about z, rad/s."""
+        return self.running, float(np.radians(self.twirling))
 
     def rest(self) -> Array:
         """Return the pattern, vertices (rows, columns, 3), m, in the frame of the neck."""
         down = np.linspace(0.0, 1.0, self.rows)[:, None]
-        angle = np.radians(self.around) * np.linspace(-0.5, 0.5, self.columns)
+        angle = np.radians(self.around) * np.linspace(-0.5, 0.5, self.columns + self.closed)[: self.columns]
         radius = self.radii[0] + down * (self.radii[1] - self.radii[0])
         height = -down * np.sqrt(max(self.length**2 - (self.radii[1] - self.radii[0]) ** 2, 0.0)) * np.ones_like(angle)
         return np.stack([radius * np.sin(angle), radius * np.cos(angle), height], axis=-1)
@@ -101,11 +114,17 @@ class Cloth:
             left, right = slice(None, -abs(across) or None), slice(abs(across), None)
             return ((upper, left), (lower, right)) if across >= 0 else ((upper, right), (lower, left))
 
+        def seam(down: int, across: int) -> list[tuple[Slices, Slices]]:
+            upper, lower = slice(None, -down or None), slice(down, None)
+            last, first = slice(-abs(across), None), slice(None, abs(across))
+            one, other = (last, first) if across > 0 else (first, last)
+            return [((upper, one), (lower, other))] if cape.closed else []
+
         cape = self.cape
         return [
-            (cape.stretching, [shifted(1, 0), shifted(0, 1)]),
-            (cape.shearing, [shifted(1, 1), shifted(1, -1)]),
-            (cape.bending, [shifted(2, 0), shifted(0, 2)]),
+            (cape.stretching, [shifted(1, 0), shifted(0, 1), *seam(0, 1)]),
+            (cape.shearing, [shifted(1, 1), shifted(1, -1), *seam(1, 1), *seam(1, -1)]),
+            (cape.bending, [shifted(2, 0), shifted(0, 2), *seam(0, 2)]),
         ]
 
     def step(self, now: Array, velocity: Array, collar: Array, before: Array, axes: Array) -> tuple[Array, Array]:

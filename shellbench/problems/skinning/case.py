@@ -2,7 +2,9 @@
 
 The interface is that of Jin et al., section 7: bones are points of the mesh, in chains from the neck down, and all data
 are in the frame of the neck, which removes the rigid motion of the body. A solver gets the meshes of the training
-frames. Of held-out frames it gets the bones and the body's motion only.
+frames. Of held-out frames it gets the bones and the body's motion only. With a table `[ropes]`, the bones of these frames
+are not vertices of the simulated mesh but nodes of rope chains (section 9). Then no mesh is the true one: quantities tell
+what is in the body, how long edges are, how far the mesh is from its bones, and how it jitters.
 """
 
 from __future__ import annotations
@@ -16,11 +18,12 @@ from pydantic import Field, model_validator
 
 from shellbench.problem import Problem
 from shellbench.problems.skinning.body import Capsule
-from shellbench.problems.skinning.cape import Cape
-from shellbench.problems.skinning.quantities import SkinningQuantity
+from shellbench.problems.skinning.cape import WHOLE, Cape
+from shellbench.problems.skinning.quantities import Jitter, SkinningQuantity
 from shellbench.protocol.schema import Finite, Model
 
 Numbers = NDArray[np.int64]
+RIGID = 330.0  # degrees: a cape that is open by less would cross itself
 
 
 class Bones(Model):
@@ -28,6 +31,20 @@ class Bones(Model):
 
     chains: int = Field(10, ge=2, strict=True, description="number of chains, from side to side")
     nodes: int = Field(13, ge=2, strict=True, description="bones of each chain, from the neck to the hem")
+
+    def on(self, cape: Cape) -> tuple[Numbers, Numbers]:
+        """Return rows and columns of the mesh on which they are."""
+        rows = np.linspace(0, cape.rows - 1, self.nodes).round().astype(int)
+        columns = np.linspace(0, cape.columns - 1 + cape.closed, self.chains + cape.closed).round().astype(int)
+        return rows, columns[: self.chains]
+
+
+class Ropes(Model):
+    """Rope chains in place of the mesh's bones: weak springs between them, and dampers along them."""
+
+    lateral: Annotated[Finite, Field(ge=0)] = Field(description="stiffness of springs to the next chain, N/m")
+    damping: Annotated[Finite, Field(ge=0)] = Field(description="force over velocity relative to the node before, kg/s")
+    steps_per_second: Finite = Field(240.0, ge=60, le=1e5, description="of the ropes")
 
 
 class ByClips(Model):
@@ -62,6 +79,8 @@ class SkinningCase(Problem):
         Vertices that are given in each frame.
     split
         Choice of the held-out frames.
+    ropes
+        Chains that are the bones of held-out clips.
     quantities
         Quantities asked of every answer; exactly one is primary.
     """
@@ -73,6 +92,7 @@ class SkinningCase(Problem):
     margin: Annotated[Finite, Field(ge=0)] = 0.005
     bones: Bones
     split: Annotated[ByClips | ByFrames, Field(discriminator="by")]
+    ropes: Ropes | None = None
     quantities: Annotated[tuple[SkinningQuantity, ...], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -83,6 +103,11 @@ class SkinningCase(Problem):
         ):
             if bones > vertices:
                 raise ValueError(f"there are {bones} {name} of bones, but only {vertices} vertices to put them on")
+        if RIGID < self.cape.around < WHOLE:
+            raise ValueError(f"the cape is open by {WHOLE - self.cape.around:g} degrees: at least 30 must be, or none")
+        moves = [q.name for q in self.quantities if isinstance(q, Jitter)]
+        if not isinstance(self.split, ByClips) and (self.ropes or moves):
+            raise ValueError(f"{'ropes move' if self.ropes else f'{moves[0]} is of'} whole clips: hold out by clips")
         if isinstance(self.split, ByClips):
             held = self.split.held_out
             if len(set(held)) != len(held):
@@ -122,9 +147,13 @@ class SkinningCase(Problem):
             return self.seen // self.cape.frames
         return np.asarray(np.random.default_rng([self.split.seed, 1]).integers(0, 5, len(self.seen)))
 
+    @property
+    def held_clips(self) -> tuple[int, ...]:
+        """Increasing numbers of the clips that are held out."""
+        assert isinstance(self.split, ByClips)
+        return tuple(sorted(self.split.held_out))
+
     @cached_property
     def grid(self) -> tuple[Numbers, Numbers]:
         """Rows and columns of the mesh on which the bones are."""
-        rows = np.linspace(0, self.cape.rows - 1, self.bones.nodes).round().astype(int)
-        columns = np.linspace(0, self.cape.columns - 1, self.bones.chains).round().astype(int)
-        return rows, columns
+        return self.bones.on(self.cape)

@@ -73,7 +73,7 @@ def clips_of(case: SkinningCase) -> Clips:
 @lru_cache(maxsize=2)
 def _clips(cape: Cape, body: tuple[Capsule, ...], margin: float) -> Clips:
     path = kept_at(cape, body, margin)
-    moves = body_motion(cape.seed, cape.clips, cape.frames)
+    moves = body_motion(cape.seed, cape.clips, cape.frames, cape.drift)
     try:
         with np.load(path, allow_pickle=False) as kept:
             found = {name: kept[name] for name in ("rest", "meshes")}

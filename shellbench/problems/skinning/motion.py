@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,10 @@ SLOWEST, FASTEST = 0.25, 0.9  # Hz
 RAMP = 0.5  # s in which a motion begins
 AMPLITUDES = (0.14, 0.18, 0.03, np.radians(6), np.radians(6), np.radians(25), np.radians(10))
 """Largest of each sine: of the neck's place (x, y, z), m; of lean about x, roll about y, yaw about z; of the stride."""
+FORWARD, YAW = 1, 5  # numbers of coordinates
+LEAST_DRIFT = 0.5  # of the largest: each clip draws its own speeds
+Drift = tuple[float, float]
+"""Largest speed forward, m/s, and about z, rad/s; clips turn by turns to the left and to the right."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +31,11 @@ class BodyMotion:
     places: Array
     rotations: Array
     angles: Array
+
+    @classmethod
+    def of(cls, found: Array) -> Self:
+        """Return the motion of coordinates (k, n, 7), m and rad."""
+        return cls(found[..., :3], rotations(found[..., 3:6]), found[..., 3:])
 
     @property
     def stride(self) -> Array:
@@ -47,20 +57,26 @@ class BodyMotion:
         return np.concatenate([self.pose, local, turns], axis=-1)
 
 
-def body_motion(seed: int, clips: int, frames: int) -> BodyMotion:
+def body_motion(seed: int, clips: int, frames: int, drift: Drift = (0.0, 0.0)) -> BodyMotion:
     """Return the motion of clips, which begin at rest; a clip does not depend on the number of clips."""
-    time = np.arange(frames) / RATE
-    ramp = np.clip(time / RAMP, 0.0, 1.0)
-    ramp = ramp**2 * (3 - 2 * ramp)
-    found = np.empty((clips, frames, len(AMPLITUDES)))
-    for clip in range(clips):
-        draw = np.random.default_rng([seed, clip])
-        size = draw.uniform(0.2, 1.0, (SINES, len(AMPLITUDES), 1)) * np.array(AMPLITUDES)[:, None]
-        pace = draw.uniform(SLOWEST, FASTEST, size.shape)
-        phase = draw.uniform(0, 2 * np.pi, size.shape)
-        waves = size * (np.sin(2 * np.pi * pace * time + phase) - np.sin(phase))
-        found[clip] = (ramp * waves.mean(axis=0) * SINES**0.5).T
-    return BodyMotion(found[..., :3], rotations(found[..., 3:6]), found[..., 3:])
+    return BodyMotion.of(np.stack([coordinates(seed, clip, np.arange(frames) / RATE, drift) for clip in range(clips)]))
+
+
+def coordinates(seed: int, clip: int, time: Array, drift: Drift) -> Array:
+    """Return places, m, and angles, rad, (n, 7) of a clip at times (n,), s; before the time 0 it is at rest."""
+    part = np.clip(time / RAMP, 0.0, 1.0)
+    ramp = part**2 * (3 - 2 * part)
+    draw = np.random.default_rng([seed, clip])
+    size = draw.uniform(0.2, 1.0, (SINES, len(AMPLITUDES), 1)) * np.array(AMPLITUDES)[:, None]
+    pace = draw.uniform(SLOWEST, FASTEST, size.shape)
+    phase = draw.uniform(0, 2 * np.pi, size.shape)
+    waves = size * (np.sin(2 * np.pi * pace * time + phase) - np.sin(phase))
+    found = (ramp * waves.mean(axis=0) * SINES**0.5).T
+    gone = RAMP * part**3 * (1 - part / 2) + np.maximum(time - RAMP, 0.0)  # the integral of the ramp
+    forward, turning = np.random.default_rng([seed, clip, 1]).uniform(LEAST_DRIFT, 1.0, 2) * drift
+    found[:, FORWARD] -= forward * gone  # the back is where y grows
+    found[:, YAW] += (-1) ** clip * turning * gone
+    return np.asarray(found)
 
 
 def rotations(angles: Array) -> Array:

@@ -1,6 +1,6 @@
 """Quantities of skinned meshes: their distance from the simulation, and the part of them that is in the body.
 
-A solution has `meshes`, of the held-out frames, and `fitted`, of the training frames.
+A solution has `meshes` and `bones`, of the held-out frames, and `fitted`, of the training frames.
 """
 
 from __future__ import annotations
@@ -83,4 +83,108 @@ class PenetrationDepth(Quantity):
         return float(found.max() if self.kind == "deepest" else np.sqrt((found**2).mean()))
 
 
-SkinningQuantity = Annotated[SkinError | PenetrationShare | PenetrationDepth, Field(discriminator="kind")]
+class FineError(Quantity):
+    """The part of `error` that is finer than the bones, m: what no bilinear interpolation between bones could be.
+
+    Its square and that of `coarse_error` add up to that of `error`.
+    """
+
+    is_an_error = True
+
+    kind: Literal["fine_error", "coarse_error"]
+
+    def measure(self, solution: Any) -> float:
+        """Return the root mean square of its projection, m."""
+        case = solution.case
+        apart = solution.meshes - solution.clips.meshes[case.held_out]
+        down, across = (np.linalg.qr(hats)[0] for hats in bone_hats(case))
+        coarse = np.einsum("ri,si,ck,dk,nsdx->nrcx", down, down, across, across, apart, optimize=True)
+        found = coarse if self.kind == "coarse_error" else apart - coarse
+        return float(np.sqrt((found**2).sum(-1).mean()))
+
+
+def bone_hats(case: Any) -> tuple[Array, Array]:
+    """Return weights (rows, nodes) and (columns, chains), piecewise linear between the bones."""
+    rows, columns = case.grid
+    around = case.cape.columns if case.cape.closed else None
+    return hat_weights(rows, case.cape.rows), hat_weights(columns, case.cape.columns, around)
+
+
+def hat_weights(nodes: Any, count: int, period: int | None = None) -> Array:
+    """Return piecewise linear weights (count, nodes)."""
+    return np.stack([np.interp(np.arange(count), nodes, unit, period=period) for unit in np.eye(len(nodes))], axis=1)
+
+
+class EdgeStrain(Quantity):
+    """Length of edges along rows and columns over that in the pattern, less one.
+
+    `edge_strain` is the root mean square over edges and frames, `edge_stretch` the largest, `edge_shrink` the smallest.
+    """
+
+    is_an_error = True
+
+    kind: Literal["edge_strain", "edge_stretch", "edge_shrink"]
+    unit: str = ""
+
+    def measure(self, solution: Any) -> float:
+        """Return the strain, without unit."""
+        pattern, meshes = solution.case.cape.rest(), solution.meshes
+        parts = []
+        for axis in (0, 1):
+            last = {"append": np.take(pattern, [0], axis)} if axis and solution.case.cape.closed else {}
+            wrapped = {"append": np.take(meshes, [0], axis + 1)} if last else {}
+            rest = np.linalg.norm(np.diff(pattern, axis=axis, **last), axis=-1)
+            parts.append((np.linalg.norm(np.diff(meshes, axis=axis + 1, **wrapped), axis=-1) / rest - 1).ravel())
+        found = np.concatenate(parts)
+        return float({"edge_stretch": found.max(), "edge_shrink": -found.min()}.get(self.kind, np.sqrt((found**2).mean())))
+
+
+class BoneDistance(Quantity):
+    """Distance of the mesh's vertices that are bones from the bones that the solver used, root mean square, m."""
+
+    is_an_error = True
+
+    kind: Literal["bone_distance"]
+
+    def measure(self, solution: Any) -> float:
+        """Return the distance, m."""
+        rows, columns = solution.case.grid
+        apart = solution.meshes[:, rows[:, None], columns] - solution.bones
+        return float(np.sqrt((apart**2).sum(-1).mean()))
+
+
+class BoneError(Quantity):
+    """Distance of the bones that the solver used from those of the simulated mesh, root mean square, m."""
+
+    is_an_error = True
+
+    kind: Literal["bone_error"]
+
+    def measure(self, solution: Any) -> float:
+        """Return the distance, m."""
+        rows, columns = solution.case.grid
+        apart = solution.clips.meshes[solution.case.held_out][:, rows[:, None], columns] - solution.bones
+        return float(np.sqrt((apart**2).sum(-1).mean()))
+
+
+class Jitter(Quantity):
+    """Change of the frame-to-frame step, |x_{n+1} - 2 x_n + x_{n-1}|, root mean square, m, in the frame of the neck.
+
+    `jitter` is of all vertices, `bone_jitter` of the bones that the solver used.
+    """
+
+    is_an_error = True
+
+    kind: Literal["jitter", "bone_jitter"]
+
+    def measure(self, solution: Any) -> float:
+        """Return the change, m."""
+        places = solution.meshes if self.kind == "jitter" else solution.bones
+        clips = places.reshape(-1, solution.case.cape.frames, *places.shape[1:])
+        return float(np.sqrt((np.diff(clips, n=2, axis=1) ** 2).sum(-1).mean()))
+
+
+SkinningQuantity = Annotated[
+    SkinError | PenetrationShare | PenetrationDepth | FineError | EdgeStrain | BoneDistance | BoneError | Jitter,
+    Field(discriminator="kind"),
+]

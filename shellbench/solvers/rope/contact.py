@@ -7,7 +7,7 @@ the obstacle, by steps of the length phi. These steps can't miss it unless phi c
 distance. The rest of the step continues with the velocity after the impact. A mass that is still inside then moves out
 along the gradient.
 
-All positions are relative to the obstacle, which moves without turning.
+All positions are relative to the obstacle. A place before the step is carried with it (section 6 of the paper).
 """
 
 from __future__ import annotations
@@ -48,11 +48,12 @@ def rebound(velocities: Array, body: Array, normals: Array, friction: float) -> 
     velocities, normals
         (C, 3), m/s, and of length one.
     body
-        Velocity of the obstacle, (3,), m/s.
+        Velocity of the obstacle at the masses, (C, 3), m/s.
     """
     along = dot(velocities, normals)
-    allowed = np.maximum(along, normals @ body)
-    dragged = body - dot(np.broadcast_to(body, normals.shape), normals)[:, None] * normals
+    forced = dot(np.broadcast_to(body, normals.shape), normals)
+    allowed = np.maximum(along, forced)
+    dragged = body - forced[:, None] * normals
     sliding = velocities - along[:, None] * normals - dragged
     speed = np.linalg.norm(sliding, axis=-1)
     with np.errstate(all="ignore"):
@@ -113,30 +114,33 @@ def collide(
     times
         Start and end of the step, s.
     """
-    (centre, _), (now, body) = obstacle.at(times[0]), obstacle.at(times[1])
-    start, end = earlier - centre, places - now
-    if push == "history":
-        return _follow(obstacle, start, end, now, body, velocities, times[1] - times[0])
+    now = obstacle.at(times[1])[0]
+    end = places - now
     inside = obstacle.distance(end) < 0
-    if not inside.any():
+    if push != "history" and not inside.any():
         return Impact(places, velocities, inside)
+    start = obstacle.carried(earlier, *times)
+    if push == "history":
+        return _follow(obstacle, start, end, velocities, times)
     offsets = push_out(obstacle, end, start - end, push, pushes)
     normals = obstacle.gradient(offsets) if normal == "gradient" else unit(start - end)
-    after = rebound(velocities, body, normals, obstacle.friction)
+    after = rebound(velocities, obstacle.velocity(offsets, times[1]), normals, obstacle.friction)
     chosen = inside[:, None]
     return Impact(np.where(chosen, now + offsets, places), np.where(chosen, after, velocities), inside)
 
 
-def _follow(obstacle: Any, start: Array, end: Array, now: Array, body: Array, velocities: Array, step: float) -> Impact:
+def _follow(obstacle: Any, start: Array, end: Array, velocities: Array, times: tuple[float, float]) -> Impact:
     """Follow the path to the obstacle, and continue with the velocity after the impact."""
     way = end - start
     part = entry_share(obstacle, start, way)
     inside = (part < 1.0) | (obstacle.distance(end) < 0)
-    ends, speeds = now + end, np.array(velocities)
+    now, speeds = obstacle.at(times[1])[0], np.array(velocities)
+    ends = now + end
     if inside.any():
         spent = np.where(part < 1.0, part, 0.0)[inside, None]
         met = start[inside] + spent * way[inside]
+        body = obstacle.velocity(met, times[1])
         speeds[inside] = rebound(velocities[inside], body, obstacle.gradient(met), obstacle.friction)
-        offsets = met + (1.0 - spent) * step * (speeds[inside] - body)
+        offsets = met + (1.0 - spent) * (times[1] - times[0]) * (speeds[inside] - body)
         ends[inside] = now + push_out(obstacle, offsets, offsets, "gradient", LAST_PUSHES)
     return Impact(ends, speeds, inside)

@@ -99,9 +99,8 @@ def chains_of(case: RopeCase) -> tuple[Chains, Moving]:
         first, going = (
             np.ascontiguousarray(case.free(each).reshape(shape).swapaxes(0, 1)) for each in (places, velocities)
         )
-        chains = Chains(
-            lengths, masses, case.gravity, roots_of(case), drag, air, tuple(case.obstacles), case.rope.damping
-        )
+        bodies, damping = tuple(case.obstacles), case.rope.damping
+        chains = Chains(lengths, masses, case.gravity, roots_of(case), drag, air, bodies, damping)
         if lateral := case.rope.lateral:
             apart = np.linalg.norm(np.roll(first, -1, axis=1) - first, axis=-1)
             rest = apart[:, : case.chains if case.chains > 2 else 1]  # two chains have one spring a node

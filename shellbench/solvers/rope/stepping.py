@@ -70,8 +70,8 @@ class Chains:
     """Data that do not change: lengths and masses (m, C), gravity, m/s^2, drag, kg/s, wind (3,), m/s, and obstacles.
 
     `root` gives position, velocity and acceleration of the roots, (C, 3) or (3,), at a time. `damping`, kg/s, is of the
-    velocity relative to the node before. Springs of the `stiffness`, N/m, and the lengths `rest` (m, S), m, join node by
-    node chain c to the next one, c < S; the last chain to the first if S = C.
+    velocity relative to the node before. Springs of the `stiffness`, N/m, and the lengths `rest` (m, S), m, join chain
+    c to the next one node by node, c < S; the last chain to the first if S = C.
     """
 
     lengths: Array
@@ -221,11 +221,9 @@ class Stepper:
         velocities = self.apply_impulses(places, velocities, later[0], later[1])
         if self.scheme.resting:
             for obstacle, touching in touched:
-                centre, body = obstacle.at(moving.time + self.step)
-                normals = obstacle.gradient(places - centre)
-                bounced = rebound(velocities.reshape(-1, 3), body, normals.reshape(-1, 3), obstacle.friction).reshape(
-                    velocities.shape
-                )
+                offsets = (places - obstacle.at(moving.time + self.step)[0]).reshape(-1, 3)
+                normals, body = obstacle.gradient(offsets), obstacle.velocity(offsets, moving.time + self.step)
+                bounced = rebound(velocities.reshape(-1, 3), body, normals, obstacle.friction).reshape(velocities.shape)
                 velocities = np.where(touching[..., None], bounced, velocities)
         return Moving(moving.time + self.step, places, velocities)
 

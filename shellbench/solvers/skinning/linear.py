@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from shellbench.problems.skinning.case import SkinningCase
 from shellbench.problems.skinning.data import Clips
+from shellbench.problems.skinning.quantities import bone_hats
+from shellbench.solvers.skinning.driven import bone_grid, bone_places
 from shellbench.solvers.skinning.solution import Arrays
 
 Array = NDArray[np.float64]
@@ -22,15 +24,9 @@ PENALTIES = tuple(10.0**power for power in range(-10, 3))  # over the mean varia
 RIDGED = 1e-9  # of the mean square: it keeps the matrix of a vertex that is a bone from being singular
 
 
-def bone_grid(case: SkinningCase, meshes: Array) -> Array:
-    """Return the places of the bones, (n, nodes, chains, 3), m, in meshes (n, rows, columns, 3)."""
-    rows, columns = case.grid
-    return np.asarray(meshes[:, rows[:, None], columns])
-
-
 def bones(case: SkinningCase, clips: Clips, frames: Numbers) -> Array:
     """Return the bones' displacements from rest, (n, 3 b), m, of numbered frames."""
-    moved = bone_grid(case, clips.meshes[frames]) - bone_grid(case, clips.rest[None])
+    moved = bone_places(case, clips, frames) - bone_grid(case, clips.rest[None])
     return np.asarray(moved.reshape(len(frames), -1))
 
 
@@ -112,15 +108,9 @@ def ridge_skin(arrays: Arrays, case: SkinningCase, clips: Clips, frames: Numbers
 
 def bilinear_skin(arrays: Arrays, case: SkinningCase, clips: Clips, frames: Numbers) -> Array:
     """Return displacements between four bones, linear in the row and in the column."""
-    rows, columns = case.grid
-    grid = bones(case, clips, frames).reshape(len(frames), len(rows), len(columns), 3)
-    down, across = hat_weights(rows, case.cape.rows), hat_weights(columns, case.cape.columns)
+    down, across = bone_hats(case)
+    grid = bones(case, clips, frames).reshape(len(frames), down.shape[1], across.shape[1], 3)
     return np.asarray(np.einsum("ri,cj,nijd->nrcd", down, across, grid, optimize=True).reshape(len(frames), -1))
-
-
-def hat_weights(nodes: Numbers, count: int) -> Array:
-    """Return piecewise linear weights (count, nodes)."""
-    return np.stack([np.interp(np.arange(count), nodes, unit) for unit in np.eye(len(nodes))], axis=1)
 
 
 # Linear blend skinning: bones turn with the chain and the chain beside, and each vertex follows some of them.
@@ -143,7 +133,7 @@ def _unit(vectors: Array) -> Array:
 
 def bone_followers(case: SkinningCase, clips: Clips, frames: Numbers, near: Numbers, row: int) -> Array:
     """Return the places of each vertex of a row if it followed one of its bones, (n, columns, near, 3), m."""
-    rest, now = (bone_grid(case, meshes) for meshes in (clips.rest[None], clips.meshes[frames]))
+    rest, now = bone_grid(case, clips.rest[None]), bone_places(case, clips, frames)
     turns = bone_frames(now) @ bone_frames(rest).swapaxes(-1, -2)
     turns, now = turns.reshape(len(frames), -1, 3, 3)[:, near], now.reshape(len(frames), -1, 3)[:, near]
     arms = clips.rest[row][:, None] - rest.reshape(-1, 3)[near]
