@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
+from scipy.optimize import brentq, root
 
 from derivations.estimate import Estimate
 from derivations.rope_closed import EXACT, G
@@ -191,3 +191,59 @@ def rope_damped_by_hamilton() -> dict[str, Estimate]:
     tension = found["tension_1"]
     found["tension_1"] = Estimate(tension.value, tension.uncertainty + 1e-7, "N")  # sixth differences, and rounding
     return found
+
+
+# A row of masses on springs between two pins: the elastic catenary.
+
+ROW = {"springs": 9, "length": 0.1, "stiffness": 2000.0, "mass": 1.0, "span": 0.6}
+
+
+def hung(span: float = ROW["span"], stiffness: float = ROW["stiffness"]) -> tuple[np.ndarray, np.ndarray]:
+    """Return nodes (n + 1, 2) and tensions (n,): all springs have one horizontal tension, which spans the pins.
+
+    The vertical part falls by a weight from spring to spring. A spring of tension T is l + T/k long.
+    """
+    n = int(ROW["springs"])
+    upward = ROW["mass"] * G * ((n - 1) / 2 - np.arange(n))
+
+    def steps(horizontal: float) -> np.ndarray:
+        tensions = np.hypot(horizontal, upward)
+        return (ROW["length"] / tensions + 1 / stiffness)[:, None] * np.stack([np.full(n, horizontal), -upward], axis=1)
+
+    horizontal = brentq(lambda h: steps(h)[:, 0].sum() - span, 1e-9, 1e6, xtol=1e-300, rtol=1e-15)
+    nodes = np.vstack([np.zeros(2), np.cumsum(steps(horizontal), axis=0)])
+    return nodes, np.hypot(horizontal, upward)
+
+
+def of_row(nodes: np.ndarray, tensions: np.ndarray, unsure: float) -> dict[str, Estimate]:
+    """Return the asked values."""
+    found = {
+        "sag": (nodes[4, 1], "m"), "first_node_x": (nodes[1, 0], "m"),
+        "end_tension": (tensions[0], "N"), "middle_tension": (tensions[4], "N"),
+    }  # fmt: skip
+    return {name: Estimate(float(value), unsure * max(1.0, abs(value)), unit) for name, (value, unit) in found.items()}
+
+
+def rope_of_springs() -> dict[str, Estimate]:
+    """Return the values of the elastic catenary by its horizontal tension."""
+    return of_row(*hung(), 1e-13)
+
+
+def rope_of_springs_by_forces() -> dict[str, Estimate]:
+    """Return the same by the places at which the forces on all masses vanish."""
+    n, k, length = int(ROW["springs"]), ROW["stiffness"], ROW["length"]
+
+    def whole(inner: np.ndarray) -> np.ndarray:
+        return np.vstack([np.zeros(2), inner.reshape(-1, 2), [ROW["span"], 0.0]])
+
+    def forces(inner: np.ndarray) -> np.ndarray:
+        arms = np.diff(whole(inner), axis=0)
+        far = np.linalg.norm(arms, axis=1)
+        pulls = (k * (far - length) / far)[:, None] * arms
+        return (np.diff(pulls, axis=0) - [0.0, ROW["mass"] * G]).ravel()
+
+    part = np.linspace(0, 1, n + 1)[1:-1]
+    start = np.stack([ROW["span"] * part, -1.2 * part * (1 - part)], axis=1).ravel()
+    nodes = whole(root(forces, start, tol=1e-14).x)
+    far = np.linalg.norm(np.diff(nodes, axis=0), axis=1)
+    return of_row(nodes, k * (far - length), 1e-10)

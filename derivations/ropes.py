@@ -29,6 +29,7 @@ JUDGES = {
     "rope_lateral": springs.rope_lateral,
     "rope_decay": springs.rope_decay,
     "rope_damped": springs.rope_damped,
+    "rope_of_springs": springs.rope_of_springs,
 }
 SECOND_FORMS = {
     "rope_static": closed.rope_static_by_multipliers,
@@ -53,4 +54,5 @@ SECOND_FORMS = {
     "rope_lateral": springs.rope_lateral_by_hamilton,
     "rope_decay": springs.rope_decay_by_newton,
     "rope_damped": springs.rope_damped_by_hamilton,
+    "rope_of_springs": springs.rope_of_springs_by_forces,
 }

@@ -44,7 +44,7 @@ class Body(Model):
         return position, velocity
 
     def carried(self, places: Array, earlier: float, time: float) -> Array:
-        """Return places (..., 3), m, of an earlier time relative to the centre, as if they moved with the body since."""
+        """Return places (..., 3), m, of an earlier time relative to the centre, moved with the body since."""
         return np.asarray(places - self.at(earlier)[0])
 
     def velocity(self, offsets: Array, time: float) -> Array:

@@ -1,11 +1,12 @@
 """Ropes: point masses on rigid links, at rest between two ends or in motion from a root, and loose masses.
 
-A file has one of three tables. `[chain]` hangs between two ends: node 0 is at (0, 0) and node n at (span, -drop) of the
-plane (x, z), z upward. `[rope]` moves from its root, node 0, whose place is a formula of the time; a taut link, as long
-as it can be, carries a pull, and a slack link none. With a `count` there are several such chains, each turned about the
-z axis; their nodes are numbered chain after chain, each from its root on, and so are their links. `[particles]` are
-loose masses, which obstacles can meet. Impacts lose the normal velocity, when a link becomes taut and when a mass meets
-an obstacle.
+A file has one of four tables. `[chain]` hangs between two ends: node 0 is at (0, 0) and node n at (span, -drop) of
+the plane (x, z), z upward. `[net]` is a cloth of masses and springs in that plane, held at its upper corners.
+`[rope]` moves from its root, node 0, whose place is a formula of the time; a taut link, as long as it can be, carries
+a pull, and a slack link none. With a `count` there are several such chains, each turned about the z axis; their nodes
+are numbered chain after chain, each from its root on, and so are their links. Springs and dampers can join them.
+`[particles]` are loose masses, which obstacles can meet. Impacts lose the normal velocity, when a link becomes taut
+and when a mass meets an obstacle.
 """
 
 from __future__ import annotations
@@ -47,6 +48,22 @@ class Chain(Model):
         if distance >= length:
             raise ValueError(f"the ends are {distance:g} m apart, but the chain is {length:g} m long")
         return self
+
+
+class Net(Model):
+    """Masses on springs in rows and columns, in the plane (x, z); the upper corners are held at (0, 0) and (span, 0).
+
+    Nodes are numbered row by row from the first corner on; links are the springs along rows, then those along columns.
+    """
+
+    rows: int = Field(1, ge=1, le=50, strict=True, description="rows of masses, from the held one down")
+    columns: int = Field(ge=3, le=50, strict=True, description="masses of each row")
+    spacing: Positive = Field(description="length without force of springs along rows and columns, m")
+    mass: Positive = Field(description="of each, kg")
+    gravity: Positive = Field(9.81, description="acceleration, m/s^2")
+    span: Positive = Field(description="distance of the held corners, m")
+    stiffness: Positive = Field(description="of springs along rows and columns, N/m")
+    shearing: Annotated[Finite, Field(ge=0)] = Field(0.0, description="stiffness of springs along diagonals, N/m")
 
 
 class Wind(Model):
@@ -171,6 +188,8 @@ class RopeCase(Problem):
     ----------
     chain
         A chain that hangs between two ends.
+    net
+        A cloth of masses and springs that hangs from its upper corners.
     rope
         A chain that moves from its root, or several.
     particles
@@ -184,8 +203,9 @@ class RopeCase(Problem):
     """
 
     kind: Literal["rope"]
-    theory: Literal["rigid-links"]
+    theory: Literal["rigid-links", "springs"]
     chain: Chain | None = None
+    net: Net | None = None
     rope: Rope | None = None
     particles: Particles | None = None
     wind: Wind | None = None
@@ -202,6 +222,11 @@ class RopeCase(Problem):
         """Number of chains; none of loose masses."""
         return 0 if self.particles else self.rope.count if self.rope else 1
 
+    @property
+    def at_rest(self) -> str:
+        """Name of the table of a case at rest."""
+        return "net" if self.net else "chain"
+
     def free(self, vectors: Array) -> Array:
         """Return the rows (n, ...) of nodes that move freely, taken from the rows of all nodes of a motion."""
         if not self.chains:
@@ -216,24 +241,28 @@ class RopeCase(Problem):
             return np.tile(self.rope.masses, self.rope.count)
         if self.particles:
             return np.full(len(self.particles.places), self.particles.mass)
+        if self.net:
+            return np.full(self.net.rows * self.net.columns - 2, self.net.mass)
         assert self.chain is not None
         return np.full(self.chain.links - 1, self.chain.mass)
 
     @property
     def gravity(self) -> float:
         """Acceleration along -z, m/s^2."""
-        weighs = self.chain or self.moving
+        weighs = self.chain or self.net or self.moving
         assert weighs is not None
         return weighs.gravity
 
     @property
     def links(self) -> int:
         """Number of links, of all chains."""
+        if self.net:
+            return self.net.rows * (self.net.columns - 1) + (self.net.rows - 1) * self.net.columns
         return self.chain.links if self.chain else len(self.masses) if self.rope else 0
 
     def physics(self) -> dict[str, Any]:
         """Return all data that an answer depends on, without absent tables and keys of a rope at their defaults."""
-        tables = ("chain", "rope", "particles", "wind", "obstacles")
+        tables = ("chain", "net", "rope", "particles", "wind", "obstacles")
         data = {key: value for key, value in super().physics().items() if value or key not in tables}
         if self.rope:
             data["rope"] = {key: value for key, value in data["rope"].items() if LATER.get(key, self) != value}
@@ -241,14 +270,16 @@ class RopeCase(Problem):
 
     @model_validator(mode="after")
     def _parts_are_there(self) -> Self:
-        if sum(table is not None for table in (self.chain, self.rope, self.particles)) != 1:
-            raise ValueError("exactly one of the tables 'chain', 'rope' and 'particles' must be there")
-        if self.chain and (self.wind or self.obstacles):
-            raise ValueError("a chain between two ends has no wind and no obstacles; 'rope' has")
-        nodes = len(self.masses) + (2 if self.chain else self.chains)
+        if sum(table is not None for table in (self.chain, self.net, self.rope, self.particles)) != 1:
+            raise ValueError("exactly one of the tables 'chain', 'rope', 'particles' and 'net' must be there")
+        if (self.theory == "springs") != (self.net is not None):
+            raise ValueError("the theory of a net is 'springs', that of all else 'rigid-links'")
+        if not self.moving and (self.wind or self.obstacles):
+            raise ValueError("a chain between two ends, or a net, has no wind and no obstacles; 'rope' has")
+        nodes = len(self.masses) + (self.chains if self.moving else 2)
         for quantity in self.quantities:
-            if self.chain and not isinstance(quantity, STILL):
-                raise ValueError(f"quantity '{quantity.name}' is of a motion, but this chain is at rest")
+            if not self.moving and not isinstance(quantity, STILL):
+                raise ValueError(f"quantity '{quantity.name}' is of a motion, but this {self.at_rest} is at rest")
             if self.moving and quantity.at < 0:
                 raise ValueError(f"quantity '{quantity.name}' is asked at {quantity.at:g} s, before the start")
             if hasattr(quantity, "link") and not self.links:

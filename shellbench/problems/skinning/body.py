@@ -26,7 +26,7 @@ class Capsule(Model):
     end: Vector = Field(description="other end, m")
     radius: Positive = Field(description="m")
     swings: Flag = Field(False, description="whether the angle of a stride turns it about its start")
-    stride: Finite = Field(1.0, description="if it swings: its angle over that of the stride; below 0 for the other leg")
+    stride: Finite = Field(1.0, description="if it swings: its angle over that of the stride; the other leg has -1")
 
 
 def segments(body: Sequence[Capsule], stride: Array) -> Array:

@@ -2,9 +2,9 @@
 
 The interface is that of Jin et al., section 7: bones are points of the mesh, in chains from the neck down, and all data
 are in the frame of the neck, which removes the rigid motion of the body. A solver gets the meshes of the training
-frames. Of held-out frames it gets the bones and the body's motion only. With a table `[ropes]`, the bones of these frames
-are not vertices of the simulated mesh but nodes of rope chains (section 9). Then no mesh is the true one: quantities tell
-what is in the body, how long edges are, how far the mesh is from its bones, and how it jitters.
+frames. Of held-out frames it gets the bones and the body's motion only. With a table `[ropes]`, the bones of these
+frames are not vertices of the simulated mesh but nodes of rope chains (section 9). Then no mesh is the true one:
+quantities tell what is in the body, how long edges are, how far the mesh is from its bones, and how it jitters.
 """
 
 from __future__ import annotations

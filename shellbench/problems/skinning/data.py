@@ -11,10 +11,11 @@ import json
 import os
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
@@ -32,7 +33,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 FOLDER = "SHELLBENCH_DATA"
-MAKERS = (body, cape, motion)  # modules that determine the simulation
+Makers = tuple[ModuleType, ...]
+MAKERS: Makers = (body, cape, motion)  # modules that determine the simulation
 
 
 @dataclass(frozen=True)
@@ -67,24 +69,33 @@ class Clips:
 
 def clips_of(case: SkinningCase) -> Clips:
     """Return the clips of a case, simulated if they are not kept yet."""
-    return _clips(case.cape, case.body, case.margin)
+    return simulated_clips(case.cape, case.body, case.margin)
 
 
 @lru_cache(maxsize=2)
-def _clips(cape: Cape, body: tuple[Capsule, ...], margin: float) -> Clips:
-    path = kept_at(cape, body, margin)
+def simulated_clips(cape: Cape, body: tuple[Capsule, ...], margin: float) -> Clips:
+    """Return the clips of a cape, simulated if they are not kept yet."""
     moves = body_motion(cape.seed, cape.clips, cape.frames, cape.drift)
-    try:
-        with np.load(path, allow_pickle=False) as kept:
-            found = {name: kept[name] for name in ("rest", "meshes")}
-        if found["meshes"].shape != (cape.clips, cape.frames, cape.rows, cape.columns, 3):
-            raise ValueError("of another shape")
-    except (OSError, KeyError, ValueError, EOFError, BadZipFile):  # not there, or damaged
-        found = _made(cape, body, margin, moves)
-        _keep(path, found)
+    shapes = {"rest": cape.rest().shape, "meshes": (cape.clips, cape.frames, *cape.rest().shape)}
+    found = kept_or_made(kept_at(cape, body, margin), shapes, lambda: _made(cape, body, margin, moves))
     meshes = found["meshes"].astype(float).reshape(-1, cape.rows, cape.columns, 3)
     axes = segments(body, moves.stride).reshape(len(meshes), len(body), 2, 3)
     return Clips(found["rest"].astype(float), meshes, moves, axes, np.array([part.radius for part in body]))
+
+
+def kept_or_made(
+    path: Path, shapes: Mapping[str, tuple[int, ...]], make: Callable[[], Mapping[str, NDArray[Any]]]
+) -> Mapping[str, NDArray[Any]]:
+    """Return the arrays of a file, by name and shape; they are made and kept if the file is not there, or damaged."""
+    try:
+        with np.load(path, allow_pickle=False) as kept:
+            found: Mapping[str, NDArray[Any]] = {name: kept[name] for name in shapes}
+        if any(found[name].shape != shape for name, shape in shapes.items()):
+            raise ValueError("of another shape")
+    except (OSError, KeyError, ValueError, EOFError, BadZipFile):
+        found = make()
+        _keep(path, found)
+    return found
 
 
 def _made(cape: Cape, body: tuple[Capsule, ...], margin: float, moves: BodyMotion) -> dict[str, NDArray[Any]]:
@@ -102,12 +113,14 @@ def _made(cape: Cape, body: tuple[Capsule, ...], margin: float, moves: BodyMotio
 LONG = 100_000  # vertices times frames beyond which progress is reported
 
 
-def kept_at(cape: Cape, body: tuple[Capsule, ...], margin: float) -> Path:
-    """Return the file of the clips."""
+def kept_at(
+    cape: Cape, body: tuple[Capsule, ...], margin: float, more: Mapping[str, Any] | None = None, makers: Makers = MAKERS
+) -> Path:
+    """Return the file of the clips, or of what `makers` make with `more` data."""
     root = os.environ.get(FOLDER) or cache_folder() or tempfile.gettempdir()
     told = {"cape": cape.model_dump(mode="json"), "body": [part.model_dump(mode="json") for part in body]}
-    text = json.dumps(told | {"margin": margin}, sort_keys=True).encode()
-    code = b"".join(Path(str(maker.__file__)).read_bytes() for maker in MAKERS)
+    text = json.dumps(told | {"margin": margin} | dict(more or {}), sort_keys=True).encode()
+    code = b"".join(Path(str(maker.__file__)).read_bytes() for maker in makers)
     return Path(root) / f"cape_{hashlib.sha256(text + code).hexdigest()[:16]}.npz"
 
 

@@ -118,7 +118,8 @@ def hat_weights(nodes: Any, count: int, period: int | None = None) -> Array:
 class EdgeStrain(Quantity):
     """Length of edges along rows and columns over that in the pattern, less one.
 
-    `edge_strain` is the root mean square over edges and frames, `edge_stretch` the largest, `edge_shrink` the smallest.
+    `edge_strain` is the root mean square over edges and frames, `edge_stretch` the largest, `edge_shrink` the
+    smallest with its sign changed.
     """
 
     is_an_error = True
@@ -128,15 +129,18 @@ class EdgeStrain(Quantity):
 
     def measure(self, solution: Any) -> float:
         """Return the strain, without unit."""
-        pattern, meshes = solution.case.cape.rest(), solution.meshes
-        parts = []
-        for axis in (0, 1):
-            last = {"append": np.take(pattern, [0], axis)} if axis and solution.case.cape.closed else {}
-            wrapped = {"append": np.take(meshes, [0], axis + 1)} if last else {}
-            rest = np.linalg.norm(np.diff(pattern, axis=axis, **last), axis=-1)
-            parts.append((np.linalg.norm(np.diff(meshes, axis=axis + 1, **wrapped), axis=-1) / rest - 1).ravel())
-        found = np.concatenate(parts)
-        return float({"edge_stretch": found.max(), "edge_shrink": -found.min()}.get(self.kind, np.sqrt((found**2).mean())))
+        cape = solution.case.cape
+        pairs = zip(edge_lengths(cape, solution.meshes), edge_lengths(cape, cape.rest()), strict=True)
+        found = np.concatenate([(now / rest - 1).ravel() for now, rest in pairs])
+        if self.kind == "edge_strain":
+            return float(np.sqrt((found**2).mean()))
+        return float(found.max() if self.kind == "edge_stretch" else -found.min())
+
+
+def edge_lengths(cape: Any, places: Array) -> tuple[Array, Array]:
+    """Return the lengths, m, of the edges down and around of meshes (..., rows, columns, 3)."""
+    around = np.concatenate([places, places[..., :1, :]], axis=-2) if cape.closed else places
+    return np.linalg.norm(np.diff(places, axis=-3), axis=-1), np.linalg.norm(np.diff(around, axis=-2), axis=-1)
 
 
 class BoneDistance(Quantity):

@@ -24,7 +24,7 @@ Root = Callable[[float], tuple[Array, Array, Array]]
 
 @dataclass(frozen=True)
 class Pendulum:
-    """Lengths (n,), m, masses (n,), kg, gravity, m/s^2, drag, kg/s, wind (2,), m/s, the root's motion, damping, kg/s."""
+    """Lengths (n,), m, masses (n,), kg, gravity, m/s^2, drag, kg/s, wind (2,), m/s, the root, and damping, kg/s."""
 
     lengths: Array
     masses: Array

@@ -8,7 +8,7 @@ drag.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -19,8 +19,9 @@ from shellbench.errors import SolveFailure
 from shellbench.problems.skinning.body import TINY, Capsule, segments
 from shellbench.problems.skinning.cape import GRAVITY, Cape
 from shellbench.problems.skinning.case import Bones, Ropes, SkinningCase
-from shellbench.problems.skinning.data import Clips, clips_of
+from shellbench.problems.skinning.data import MAKERS, Clips, kept_at, kept_or_made, simulated_clips
 from shellbench.problems.skinning.motion import RATE, BodyMotion, coordinates, rotations
+from shellbench.solvers.rope import contact, placing, pulls, stepping
 from shellbench.solvers.rope.solver import RopeSettings, scheme_of
 from shellbench.solvers.rope.stepping import Chains, Moving, Stepper
 
@@ -50,11 +51,23 @@ def bone_places(case: SkinningCase, clips: Clips, frames: Numbers) -> Array:
 def driven(
     cape: Cape, body: tuple[Capsule, ...], margin: float, bones: Bones, ropes: Ropes, held: tuple[int, ...]
 ) -> Array:
-    """Return the bones of clips by ropes, (clips * frames, nodes, chains, 3), m, in the frame of the neck."""
-    case = SkinningCase.model_construct(cape=cape, body=body, margin=margin, bones=bones)
-    rest = bone_grid(case, clips_of(case).rest[None])[0]
-    pattern = cape.rest()
+    """Return the bones of clips by ropes, (clips * frames, nodes, chains, 3), m, in the frame of the neck.
+
+    They are kept beside the clips: see `problems.skinning.data`.
+    """
+    told = {"bones": bones.model_dump(), "ropes": ropes.model_dump(), "held": held}
+    shape = len(held) * cape.frames, bones.nodes, bones.chains, 3
+    path = kept_at(cape, body, margin, told, (*MAKERS, stepping, contact, pulls, placing, sys.modules[__name__]))
+    return kept_or_made(path, {"bones": shape}, lambda: {"bones": _driven(cape, body, margin, bones, ropes, held)})[
+        "bones"
+    ]
+
+
+def _driven(
+    cape: Cape, body: tuple[Capsule, ...], margin: float, bones: Bones, ropes: Ropes, held: tuple[int, ...]
+) -> Array:
     rows, columns = bones.on(cape)
+    rest, pattern = simulated_clips(cape, body, margin).rest[rows[:, None], columns], cape.rest()
     steps = np.linalg.norm(np.diff(pattern[:, columns], axis=0), axis=-1)
     lengths = np.add.reduceat(steps, rows[:-1], axis=0)
     apart = np.linalg.norm(np.roll(rest, -1, axis=1) - rest, axis=-1)
@@ -64,11 +77,12 @@ def driven(
         damping=ropes.damping, stiffness=ropes.lateral,
         rest=apart[1:] if cape.closed else apart[1:, :-1],
     )  # fmt: skip
-    return np.concatenate([_followed(cape, body, margin, chains, pattern[0, columns], rest, ropes, one) for one in held])
+    collar, rate = pattern[0, columns], ropes.steps_per_second
+    return np.concatenate([_followed(cape, body, margin, chains, collar, rest, rate, clip) for clip in held])
 
 
 def _followed(
-    cape: Cape, body: tuple[Capsule, ...], margin: float, chains: Chains, collar: Array, rest: Array, ropes: Ropes,
+    cape: Cape, body: tuple[Capsule, ...], margin: float, chains: Chains, collar: Array, rest: Array, rate: float,
     clip: int,
 ) -> Array:  # fmt: skip
     """Return the bones of a clip, (frames, nodes, chains, 3), m, in the frame of the neck.
@@ -78,15 +92,15 @@ def _followed(
     SolveFailure
         If the ropes diverge.
     """
-    parts = max(1, round(ropes.steps_per_second / RATE))
+    parts = max(1, round(rate / RATE))
     step = 1 / (RATE * parts)
-    times = step * np.arange((cape.frames - 1) * parts + 1)
+    times = np.arange((cape.frames - 1) * parts + 1, dtype=float) * step
 
     def poses(at: Array) -> BodyMotion:
         return BodyMotion.of(coordinates(cape.seed, clip, at, cape.drift)[None])
 
     now, before, after = (poses(times + shift) for shift in (0.0, -EARLY, EARLY))
-    roots, past, ahead = (np.einsum("nij,cj->nci", p.rotations[0], collar) + p.places[0][:, None] for p in (now, before, after))
+    roots, past, ahead = (collar @ p.rotations[0].swapaxes(1, 2) + p.places[0][:, None] for p in (now, before, after))
     moves = roots, (ahead - past) / (2 * EARLY), (ahead - 2 * roots + past) / EARLY**2
     axes = frames_of(body, now)
     radii = np.array([part.radius for part in body]) + margin
@@ -103,7 +117,8 @@ def _followed(
             nodes = np.concatenate([roots[number][None], moving.places]) - now.places[0, number]
             found[number // parts] = nodes @ now.rotations[0, number]
         if number + 1 < len(times):
-            obstacle = TurningBody(radii, *(tuple(each[n] for each in axes) for n in (number, number + 1)), step)
+            earlier, later = (tuple(each[n] for each in axes) for n in (number, number + 1))
+            obstacle = TurningBody(radii, earlier, later, step)
             taken = Stepper(replace(chains, root=root, obstacles=(obstacle,)), scheme, step).next_state(moving)
             if not np.all(np.abs(taken.places - now.places[0, number]) < FAR):
                 raise SolveFailure(f"the ropes diverge at t = {times[number]:g} s of clip {clip}")
@@ -155,12 +170,12 @@ class TurningBody:
         return _carried(places, self.before, self.now, self.radii)
 
     def velocity(self, places: Array, time: float) -> Array:
-        """Return the mean velocity (n, 3), m/s, over the step of the nearest capsule's points that are there after it."""
+        """Return the mean velocity (n, 3), m/s, over the step of the nearest capsule's points that end there."""
         return (places - _carried(places, self.now, self.before, self.radii)) / self.step
 
 
 def _nearest(places: Array, axes: Array, radii: Array) -> tuple[Array, Numbers, Array]:
-    """Return distance (n,), m, number (n,) and direction (n, 3) from the axis of the capsule nearest to places (n, 3)."""
+    """Return distance (n,), m, number (n,) and direction from the axis (n, 3) of the capsule nearest to each place."""
     start, along = axes[:, None, 0], axes[:, 1] - axes[:, 0]
     apart = places - start
     share = np.clip(np.einsum("cnk,ck->cn", apart, along) / np.einsum("ck,ck->c", along, along)[:, None], 0.0, 1.0)
@@ -177,7 +192,3 @@ def _carried(places: Array, of: tuple[Array, ...], to: tuple[Array, ...], radii:
     nearest = _nearest(places, of[0], radii)[1]
     arms = np.einsum("nji,nj->ni", of[2][nearest], places - of[1][nearest])
     return np.asarray(to[1][nearest] + np.einsum("nij,nj->ni", to[2][nearest], arms))
-
-
-Driver = Callable[..., Array]
-"""Returns the bones of numbered frames from fitted arrays: see `bone_places`."""

@@ -58,6 +58,12 @@ class NetworkSettings(TrainingSettings):
     expansion: Annotated[Finite, Field(ge=0)] = Field(0.0025, description="of the body in the loss, m; ours")
 
 
+class ShapeSettings(NetworkSettings):
+    """Settings of `skin-shape`: those of both networks, which differ in the learning rate."""
+
+    shape_rate: Positive = Field(1e-5, description="learning rate of the second network at the start")
+
+
 class QuasistaticSettings(NetworkSettings):
     """Settings of `skin-quasistatic`: no collision loss unless asked for."""
 
@@ -70,3 +76,10 @@ class RecurrentSettings(TrainingSettings):
     width: Count = Field(200, description="of the hidden state")
     learning_rate: Positive = Field(2e-3, description="of Adam at the start; a cosine leads it to 0")
     batch: Count = Field(2, description="clips of a step")
+
+
+class ChainSettings(RecurrentSettings):
+    """Settings of `skin-recurrent-chains`: the perceptron is that of `skin-network`, with the same seed."""
+
+    width: Count = Field(100, description="of the hidden state of each unit")
+    skin_epochs: Count = Field(40, description="epochs of the perceptron")

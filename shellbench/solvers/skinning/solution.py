@@ -18,7 +18,7 @@ from shellbench.errors import InputError
 from shellbench.problem import Step
 from shellbench.problems.skinning.case import SkinningCase
 from shellbench.problems.skinning.data import Clips, clips_of
-from shellbench.solvers.skinning.driven import bone_places
+from shellbench.solvers.skinning.units import bones_used
 
 Array = NDArray[np.float64]
 Arrays = Mapping[str, NDArray[Any]]
@@ -67,7 +67,7 @@ class Skinned:
     @cached_property
     def bones(self) -> Array:
         """Bones of the frames that are held out, (n, nodes, chains, 3), m, from which the meshes are made."""
-        return bone_places(self.case, self.clips, self.case.held_out)
+        return bones_used(self.arrays, self.case, self.clips, self.case.held_out)
 
     def meshes_of(self, frames: NDArray[np.int64]) -> Array:
         """Return the meshes of numbered frames, (n, rows, columns, 3), m."""

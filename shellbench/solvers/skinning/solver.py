@@ -12,11 +12,13 @@ from shellbench.problems.skinning.case import SkinningCase
 from shellbench.problems.solving import FreshSolver
 from shellbench.solvers.skinning.settings import (
     BlendSettings,
+    ChainSettings,
     FloorSettings,
     NetworkSettings,
     QuasistaticSettings,
     RecurrentSettings,
     RidgeSettings,
+    ShapeSettings,
 )
 
 if TYPE_CHECKING:
@@ -168,6 +170,56 @@ class NetworkSolver(SkinningSolver):
         from shellbench.solvers.skinning.forward import bone_skin
 
         return bone_skin
+
+
+class ShapeSolver(SkinningSolver):
+    """The paper's neural skinning, and its network of details."""
+
+    name = "skin-shape"
+    capabilities = Capabilities(
+        THEORIES,
+        "neural skinning and shape of Jin et al.: a second perceptron adds PCA modes of what the first one lacks",
+    )
+    settings_type = ShapeSettings
+
+    def answer(self, case: SkinningCase, settings: ShapeSettings, progress: ProgressCallback) -> Skinned:
+        """Train both networks from bones, one after the other."""
+        from shellbench.solvers.skinning.linear import bones
+        from shellbench.solvers.skinning.network import train_dense
+
+        first = train_dense(case, self.name, bones, settings, progress)
+        second = settings.model_copy(update={"learning_rate": settings.shape_rate})
+        return train_dense(case, self.name, bones, second, progress, first)
+
+    def skin(self) -> Skin:
+        """Return the function by which both networks compute meshes."""
+        from shellbench.solvers.skinning.forward import shape_skin
+
+        return shape_skin
+
+
+class ChainsSolver(SkinningSolver):
+    """A network with a memory for each chain, and the paper's neural skinning on top."""
+
+    name = "skin-recurrent-chains"
+    capabilities = Capabilities(
+        THEORIES, "a gated recurrent unit a chain from the body's motion to its bones, then neural skinning"
+    )
+    settings_type = ChainSettings
+
+    def answer(self, case: SkinningCase, settings: ChainSettings, progress: ProgressCallback) -> Skinned:
+        """Train the perceptron on true bones, then the units."""
+        from shellbench.solvers.skinning.linear import bones
+        from shellbench.solvers.skinning.network import train_chains, train_dense
+
+        told = NetworkSettings(modes=settings.modes, epochs=settings.skin_epochs, seed=settings.seed)
+        return train_chains(case, self.name, settings, progress, train_dense(case, self.name, bones, told, progress))
+
+    def skin(self) -> Skin:
+        """Return the function by which units and perceptron compute meshes."""
+        from shellbench.solvers.skinning.forward import chains_skin
+
+        return chains_skin
 
 
 class QuasistaticSolver(SkinningSolver):

@@ -13,6 +13,7 @@ from shellbench.problems.rope.solution import RopeMotion, RopeState
 
 DROP = {key: value for key, value in catalog.named_case("rope_drop").data().items() if key != "name"}
 BALL = {key: value for key, value in catalog.named_case("rope_ball").data().items() if key != "name"}
+NET = {key: value for key, value in catalog.named_case("rope_of_springs").data().items() if key != "name"}
 AROUND = {"kind": "sphere", "centre": [0.0, 0.0, 0.3], "radius": 0.35}
 ORIGIN = (0.0, 0.0, 0.0)
 OBSTACLES = (
@@ -62,7 +63,11 @@ def rope(**changes):
             rope(count=2) | {"quantities": [{"name": "t", "kind": "tension", "link": 3, "primary": True}]},
             "number 3, but 2 is the last",
         ),
-        (BALL | {"rope": DROP["rope"]}, "exactly one of the tables 'chain', 'rope' and 'particles'"),
+        (BALL | {"rope": DROP["rope"]}, "exactly one of the tables 'chain', 'rope', 'particles' and 'net'"),
+        (NET | {"theory": "rigid-links"}, "the theory of a net is 'springs', that of all else 'rigid-links'"),
+        (NET | {"wind": {"drag": 1.0}}, "has no wind and no obstacles"),
+        (NET | {"quantities": [{"name": "t", "kind": "tension", "link": 10, "primary": True}]}, "number 10, but 9 is the last"),
+        (rope(lateral={"stiffness": 1.0}), "springs of 'lateral' are between chains, but the count is 1"),
         (BALL | {"quantities": [{"name": "t", "kind": "tension", "link": 1, "primary": True}]}, "loose masses have none"),
         (BALL | {"quantities": [{"name": "t", "kind": "speed", "node": 6, "primary": True}]}, "number 6, but 5 is the last"),
         (BALL | {"quantities": [{"name": "t", "kind": "speed", "node": 5, "primary": True, "at": -1.0}]}, "before the start"),

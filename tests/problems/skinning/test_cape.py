@@ -17,7 +17,7 @@ from tests.problems.skinning.capes import small
 @pytest.fixture(autouse=True)
 def _own_folder(tmp_path, monkeypatch):
     monkeypatch.setenv(data.FOLDER, str(tmp_path))
-    data._clips.cache_clear()
+    data.simulated_clips.cache_clear()
 
 
 def test_the_held_row_follows_the_body_and_no_vertex_is_inside():
@@ -33,7 +33,7 @@ def test_a_seed_makes_the_same_clips_again_and_another_seed_others():
     once = clips_of(small()).meshes
     for kept in data.kept_at(small().cape, small().body, small().margin).parent.iterdir():
         kept.unlink()
-    data._clips.cache_clear()
+    data.simulated_clips.cache_clear()
     assert clips_of(small()).meshes == pytest.approx(once, abs=1e-6)
     assert np.abs(clips_of(small(cape={"seed": 1})).meshes - once).max() > 1e-3
 
@@ -44,7 +44,7 @@ def test_clips_are_kept_and_a_damaged_file_is_made_anew(capfd):
     path = data.kept_at(case.cape, case.body, case.margin)
     assert [one.name for one in path.parent.iterdir()] == [path.name]
     path.write_bytes(path.read_bytes()[:100])
-    data._clips.cache_clear()
+    data.simulated_clips.cache_clear()
     assert clips_of(case).meshes == pytest.approx(once, abs=1e-6)
     assert data.kept_at(case.cape, case.body, 0.01) != path
 

@@ -12,7 +12,7 @@ from shellbench.problems.skinning.body import distance, segments
 from shellbench.problems.skinning.data import clips_of
 from shellbench.problems.skinning.kind import SKINNING
 from shellbench.problems.skinning.motion import rotations
-from shellbench.solvers.skinning import forward, linear, network, solver
+from shellbench.solvers.skinning import forward, linear, network, solver, units
 from shellbench.solvers.skinning.solution import Skinned
 from tests.problems.skinning.capes import small
 
@@ -31,9 +31,9 @@ SOLVERS = {
 def _own_folder(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(data.FOLDER, str(tmp_path_factory.mktemp("clips")))
-        data._clips.cache_clear()
+        data.simulated_clips.cache_clear()
         yield
-    data._clips.cache_clear()
+    data.simulated_clips.cache_clear()
 
 
 @pytest.fixture(scope="module")
@@ -156,7 +156,7 @@ def test_what_numpy_makes_of_a_network_is_what_torch_trained():
     arrays = {name: tensor.detach().numpy() for name, tensor in unit.named_parameters()}
     arrays |= {"out": draw.normal(size=(5, 4)), "out_bias": draw.normal(size=4), "scale": np.ones(1)}
     arrays |= {"input_mean": np.zeros(9), "input_spread": np.ones(9), "mean": np.zeros(4), "modes": np.eye(4)}
-    hidden, _ = unit(torch.from_numpy(forward.course(clips)))
+    hidden, _ = unit(torch.from_numpy(units.course(clips)))
     wanted = hidden.detach().numpy().reshape(-1, 5) @ arrays["out"] + arrays["out_bias"]
     assert forward.recurrent_skin(arrays, case, clips, np.arange(20)) == pytest.approx(wanted, abs=1e-12)
 
