@@ -12,6 +12,7 @@ from derivations import (
     ball_drape,
     benchmark_shells,
     bent_strip,
+    clothing,
     contact,
     cylinder_modes,
     drape,
@@ -63,6 +64,7 @@ ORIGINS = {
     **origins.MANUFACTURED,
     **shapes_by_series.JUDGES,
     **ropes.JUDGES,
+    **clothing.JUDGES,
     **fields.JUDGES,
     **contact.JUDGES,
     **ball_drape.JUDGES,
@@ -227,7 +229,7 @@ def test_a_tolerance_is_absolute_where_the_error_is():
 def second_form(name, origin):
     if origin == "inextensible elastica of a heavy strip":
         return heavy_strip.elastica_of_weight()
-    for forms in (MODES, *(m.SECOND_FORMS for m in (contact, passport, naghdi, shapes_by_series, folds))):
+    for forms in (MODES, *(m.SECOND_FORMS for m in (contact, clothing, passport, naghdi, shapes_by_series, folds))):
         if name in forms:
             return forms[name]()
     return (POLYNOMIALS[name] if origin.endswith("polynomials of the position") else SECOND_FORMS[origin])()
@@ -256,6 +258,7 @@ def of_quantity(values, quantity):
         "cantilever_pressure",
         pytest.param("pressed_column", marks=pytest.mark.long),
         *contact.JUDGES,
+        *clothing.JUDGES,
         *(pytest.param(name, marks=pytest.mark.long if name in LONG else ()) for name in passport.JUDGES),
         *(pytest.param(name, marks=pytest.mark.long if name in LONG else ()) for name in MODES),
         *(pytest.param(name, marks=pytest.mark.long if name in LONG else ()) for name in FOLDED),
