@@ -173,16 +173,18 @@ FORMULA_NOTE = (
     " `t` is not allowed in it: `centre` moves the body. Where a mass starts, its gradient must not vanish."
 )
 OTHERS = (  # heading, words, model of the case, tables, quantities, example, names of quantities shown
-    ("Ropes", 'kind = "rope"', "Point masses on rigid links: at rest between two ends, in motion from a root, or loose. A file has exactly one of"
-     " `chain`, `rope` and `particles`. `[[obstacles]]` are [those of shells](case_format.md#obstacles-and-contact). A chain at rest has"
+    ("Ropes", 'kind = "rope"', "Point masses on rigid links: at rest between two ends, in motion from a root, or loose; or a net of springs at rest. A file has exactly one of"
+     " `chain`, `net`, `rope` and `particles`. `[[obstacles]]` are [those of shells](case_format.md#obstacles-and-contact). A chain or net at rest has"
      " the quantities `position` and `tension` only.",
-     rope.RopeCase, {"[chain]": rope.Chain, "[rope]": rope.Rope, "[particles]": rope.Particles, "[wind]": rope.Wind},
+     rope.RopeCase, {"[chain]": rope.Chain, "[net]": rope.Net, "[rope]": rope.Rope, "[rope.lateral]": rope.Lateral, "[particles]": rope.Particles,
+                     "[wind]": rope.Wind},
      (asked.NodePosition, asked.LinkTension, asked.NodeSpeed, asked.AngularSpeed, asked.Stretch, asked.Penetration,
       asked.Momentum, asked.Energy, asked.Share), "hanging_chain", ("sag", "end_tension")),
-    ("Capes (skinning)", 'kind = "skinning"', "The mesh of a simulated cape from a few bones, in frames that are held out.",
+    ("Capes (skinning)", 'kind = "skinning"', "The mesh of a simulated cape or skirt from a few bones, in frames that are held out. With `[ropes]`, rope chains are the bones of these frames.",
      skinning.SkinningCase, {"[cape]": cape.Cape, "[[body]]": body.Capsule, "[bones]": skinning.Bones,
-                             '[split] by = "clips"': skinning.ByClips, '[split] by = "frames"': skinning.ByFrames},
-     (skinned.SkinError, skinned.PenetrationShare, skinned.PenetrationDepth), "cape_clips", ("error",)),
+                             '[split] by = "clips"': skinning.ByClips, '[split] by = "frames"': skinning.ByFrames, "[ropes]": skinning.Ropes},
+     (skinned.SkinError, skinned.FineError, skinned.PenetrationShare, skinned.PenetrationDepth, skinned.EdgeStrain, skinned.BoneDistance,
+      skinned.BoneError, skinned.Jitter), "cape_clips", ("error",)),
     ("Series of materials", 'kind = "conditioned"', "One shell for a range of materials, in linear theory or in motion, judged at held-out materials."
      " The table `[shell]` is a shell without title, theory, quantities and the three material keys of `[ranges]`."
      " Quantities have no `at`: motions are judged at their end.",

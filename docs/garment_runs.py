@@ -49,7 +49,7 @@ def draw(ax: plt.Axes, case: SkinningCase, axes: Array, mesh: Array | None, bone
         ax.plot_surface(*capsule(axis, part.radius), color=BODY, linewidth=0, alpha=0.9)
     if mesh is not None:
         whole = np.concatenate([mesh, mesh[:, :1]], axis=1) if case.cape.closed else mesh
-        ax.plot_surface(*np.moveaxis(whole, -1, 0), color=CLOTH, rstride=1, cstride=1, linewidth=0.1, edgecolor="#1F4E79")
+        ax.plot_surface(*np.moveaxis(whole, -1, 0), color=CLOTH, rstride=1, cstride=1, linewidth=0)
     if bones is not None:
         whole = np.concatenate([bones, bones[:, :1]], axis=1) if case.cape.closed else bones
         for chain in range(bones.shape[1]):
