@@ -7,8 +7,11 @@ from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.rope.case import RopeCase
 from shellbench.problems.rope.solving import settled
+from shellbench.solvers.pbd.solver import PbdSolver
 from shellbench.solvers.pendulum.solver import PendulumSolver
+from shellbench.solvers.rope.compiled import HERE
 from shellbench.solvers.rope.solver import ExactSolver, PrintedSolver
+from shellbench.solvers.rope.stepping import spring_forces
 
 ALL = (ExactSolver, PrintedSolver, PendulumSolver)
 
@@ -133,3 +136,27 @@ def test_frames_are_at_the_same_times_whatever_the_steps(solver):
     lengths = np.linalg.norm(np.diff(solution.frames, axis=1), axis=-1)
     assert lengths == pytest.approx(1.0, abs=1e-3)
     assert solution.frames[-1] == pytest.approx(solution.kept[-1].nodes, abs=1e-3)
+
+
+def test_who_knows_no_dampers_and_no_springs_says_so():
+    words = "it knows no damping of links and no springs between chains"
+    for name in ("rope_decay", "rope_lateral"):
+        assert PbdSolver().declines(catalog.named_case(name)) == words
+    assert PendulumSolver().declines(catalog.named_case("rope_lateral")) == "it solves one chain only"
+    if HERE:
+        with pytest.raises(InputError, match="compiled steps know no obstacles, no damping and no springs"):
+            ExactSolver().solve(catalog.named_case("rope_decay"), {"compiled": True})
+
+
+def test_springs_and_dampers_keep_momentum_and_a_ring_is_closed():
+    """Forces on loose ends add up to what the roots hold; each of three chains has a spring to both others."""
+    draw = np.random.default_rng(0)
+    places, rest = draw.normal(size=(4, 3, 3)), np.full((4, 3), 0.5)
+    forces = spring_forces(places, rest, 7.0)
+    assert forces.sum(axis=1) == pytest.approx(np.zeros((4, 3)), abs=1e-12)
+    wanted = sum(
+        7.0 * (1 - 0.5 / np.linalg.norm(d, axis=-1))[:, None] * d
+        for d in (places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
+    )
+    assert forces[:, 0] == pytest.approx(wanted)
+    assert not spring_forces(places, rest[:, :1], 7.0)[:, 2].any()  # two chains of three are joined
