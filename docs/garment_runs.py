@@ -67,7 +67,9 @@ def main(name: str, film: Path | None) -> None:
     """Train, and draw the strip and the film."""
     case = catalog.named_case(name)
     made = ShapeSolver().solve(case)
-    first = Skinned(case, "skin-network", bone_skin, {n: a for n, a in made.arrays.items() if not n.startswith("shape_")})
+    first = Skinned(
+        case, "skin-network", bone_skin, {n: a for n, a in made.arrays.items() if not n.startswith("shape_")}
+    )
     for row, one in (("neural skinning", first), ("neural shape", made)):
         print(row, {q.name: float(f"{q.measure(one):.3g}") for q in case.quantities})
     held = case.held_out[: case.cape.frames]
@@ -76,7 +78,10 @@ def main(name: str, film: Path | None) -> None:
     # in the axes of the world, but held at the neck
     turns = clips.motion.rotations.reshape(-1, 3, 3)[held]
     axes = np.einsum("nij,ncej->ncei", turns, clips.axes[held])
-    rows = [np.einsum("nij,nrcj->nrci", turns, each[:frames]) for each in (made.bones, first.meshes, made.meshes, clips.meshes[held])]
+    rows = [
+        np.einsum("nij,nrcj->nrci", turns, each[:frames])
+        for each in (made.bones, first.meshes, made.meshes, clips.meshes[held])
+    ]
     figure, panels = plt.subplots(4, COLUMNS, figsize=(2.2 * COLUMNS, 9.5), subplot_kw={"projection": "3d"})
     for column, frame in enumerate(np.linspace(20, frames - 1, COLUMNS).astype(int)):
         for row, places in enumerate(rows):

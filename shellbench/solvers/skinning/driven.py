@@ -58,9 +58,8 @@ def driven(
     told = {"bones": bones.model_dump(), "ropes": ropes.model_dump(), "held": held}
     shape = len(held) * cape.frames, bones.nodes, bones.chains, 3
     path = kept_at(cape, body, margin, told, (*MAKERS, stepping, contact, pulls, placing, sys.modules[__name__]))
-    return kept_or_made(path, {"bones": shape}, lambda: {"bones": _driven(cape, body, margin, bones, ropes, held)})[
-        "bones"
-    ]
+    found = kept_or_made(path, {"bones": shape}, lambda: {"bones": _driven(cape, body, margin, bones, ropes, held)})
+    return found["bones"]
 
 
 def _driven(

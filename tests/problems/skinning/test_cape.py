@@ -55,6 +55,17 @@ def test_a_clip_is_the_same_however_many_there_are():
     assert few.places[:, 0] == pytest.approx(0)
 
 
+def test_a_runner_and_a_dancer_keep_their_speed_after_the_start():
+    still, drifting = body_motion(3, 2, 120), body_motion(3, 2, 120, (2.0, 3.0))
+    forward = np.diff(still.places - drifting.places, axis=1)[..., 1] * RATE
+    turning = np.diff(drifting.angles - still.angles, axis=1)[..., 2] * RATE
+    for speed, largest in ((forward, 2.0), (turning * [[1.0], [-1.0]], 3.0)):
+        assert speed[:, 31:] == pytest.approx(np.broadcast_to(speed[:, -1:], speed[:, 31:].shape))
+        assert (largest / 2 <= speed[:, -1]).all()
+        assert (speed[:, -1] <= largest).all()
+        assert (np.diff(speed[:, :30], axis=1) > 0).all()
+
+
 def test_a_free_cloth_in_a_vacuum_falls_as_newton_says():
     case = small(cape={"air": 0.0})
     far = (Capsule(name="far", start=(0.0, 0.0, -90.0), end=(0.0, 0.0, -99.0), radius=0.1),)
