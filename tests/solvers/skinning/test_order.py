@@ -1,4 +1,4 @@
-"""What does not depend on luck: floors, the order of methods on clips that were not seen, and what the loss is for."""
+"""Results that do not depend on luck: floors, the order of methods on clips that were not seen, and the loss's effect."""
 
 import numpy as np
 import pytest
