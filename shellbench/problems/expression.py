@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from shellbench.errors import InputError, without_middle
 from shellbench.problems.formula_functions import CONSTANTS, FUNCTIONS, PIECEWISE
 from shellbench.problems.interval import Interval, interval_of
-from shellbench.problems.taylor import Array, Taylor
+from shellbench.problems.taylor import Array, Taylor, numbers
 
 MAX_LENGTH = 100_000  # characters: the longest formula that is read
 MAX_DEPTH = 200  # deepest nesting of a formula that is read
@@ -212,7 +212,7 @@ def derivatives_of(
 
     Calls that formulas share are made once.
     """
-    xi = np.asarray(points, dtype=float)
+    xi = numbers(points)
     values = {
         "xi1": Taylor.variable(xi[..., 0], axis=0, order=order),
         "xi2": Taylor.variable(xi[..., 1], axis=1, order=order),
@@ -220,9 +220,10 @@ def derivatives_of(
         **formulas[0]._known(order),
     }
     shape = (*xi.shape[:-1], len(formulas))
-    found = {(i, total - i): np.zeros(shape) for total in range(order + 1) for i in range(total, -1, -1)}
-    for number, formula in enumerate(formulas):
-        series = formula._series(values, order)
+    every = [formula._series(values, order) for formula in formulas]
+    kind = np.result_type(float, *(term.dtype for series in every for term in series.terms.values()))
+    found = {(i, total - i): np.zeros(shape, kind) for total in range(order + 1) for i in range(total, -1, -1)}
+    for number, series in enumerate(every):
         for key in series.terms:
             found[key][..., number] = series.derivative(*key)
     return found

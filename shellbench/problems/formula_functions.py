@@ -55,7 +55,8 @@ def _least(arguments: list[Taylor]) -> Taylor:
 def _magnitude(arguments: list[Taylor]) -> Taylor:
     (argument,) = arguments
     found = argument.chosen(-argument, argument.value >= 0, arguments, known=1)
-    found.terms[0, 0] = np.abs(argument.value)
+    if not np.iscomplexobj(argument.value):  # the sharper bounds of an interval
+        found.terms[0, 0] = np.abs(argument.value)
     return found
 
 

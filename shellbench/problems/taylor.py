@@ -136,7 +136,7 @@ class Taylor:
 
     def power(self, exponent: Taylor) -> Taylor:
         """Return self**exponent; a whole constant exponent is also right for a base of zero."""
-        constant = len(exponent.terms) == 1 and exponent.value.ndim == 0
+        constant = len(exponent.terms) == 1 and exponent.value.ndim == 0 and not np.iscomplexobj(exponent.value)
         number = float(exponent.value) if constant else math.nan
         if constant and number.is_integer() and is_interval(self.value):
             return self.compose(lambda v, n: _power(v, number, n))
@@ -159,8 +159,13 @@ def _reciprocal(v: Array, order: int) -> list[Array]:
 
 
 def _term(value: ArrayLike | Interval) -> Array:
-    """Return numbers as an array; intervals, which stand for arrays, as they are."""
-    return value if isinstance(value, Interval) else np.asarray(value, dtype=float)  # type: ignore[return-value]
+    """Return real or complex numbers as an array; intervals, which stand for arrays, as they are."""
+    return value if isinstance(value, Interval) else numbers(value)  # type: ignore[return-value]
+
+
+def numbers(values: ArrayLike) -> Array:
+    """Return values as an array of floating-point numbers; complex ones, of a complex step, stay complex."""
+    return np.asarray(values, dtype=complex if np.iscomplexobj(values) else float)
 
 
 def _power(v: Array, p: float, order: int) -> list[Array]:

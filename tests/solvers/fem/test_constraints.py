@@ -38,7 +38,7 @@ def tilt(solution, points, axis):
     conormal = np.cross(tangent, normal)
     contravariant = np.linalg.inv(bases @ np.swapaxes(bases, 1, 2)) @ bases
     parts = np.einsum("pai,pi->pa", contravariant, conormal)
-    gradient = np.stack([solution.derivative(points, d) for d in ((1, 0), (0, 1))], axis=1)
+    gradient = np.stack([solution.partial(points, d) for d in ((1, 0), (0, 1))], axis=1)
     return np.einsum("pa,pai,pi->p", parts, gradient, normal)
 
 

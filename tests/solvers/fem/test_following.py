@@ -168,7 +168,7 @@ def test_reactions_balance_the_pressure_on_the_deformed_strip():
     x = solution.case.surface.derivatives(points, 1)
     for t in (0.25, 1.0):
         force, moment = solution.reaction("wall", at=t)
-        a1, a2 = (x[key] + solution.derivative(points, key, t) for key in ((1, 0), (0, 1)))
+        a1, a2 = (x[key] + solution.partial(points, key, t) for key in ((1, 0), (0, 1)))
         push = t * weights[:, None] * np.cross(a1, a2)
         arms = x[0, 0] + solution.displacement(points, at=t)
         assert np.allclose(force, -push.sum(axis=0), rtol=0, atol=1e-5)

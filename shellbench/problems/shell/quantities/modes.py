@@ -44,7 +44,7 @@ class ModeQuantity(ShellQuantity):
         """Raise ValueError if a case can't be asked for modes, or also asks for something else."""
         if not shell.linear:
             raise ValueError(f"quantity '{self.name}' needs the theory kirchhoff-love-linear")
-        other = next((q for q in shell.quantities if q.kind != self.kind), None)
+        other = next((q for q in shell.quantities if q.kind not in (self.kind, "derivative")), None)
         if other is not None:
             raise ValueError(
                 f"quantity '{other.name}' is of kind '{other.kind}', but a case that asks for a quantity of kind"

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Union
 
 from pydantic import Field
 
+from shellbench.problems.shell.quantities.derivative_quantities import DerivativeQuantity
 from shellbench.problems.shell.quantities.displacement_quantities import (
     CentreOfMass,
     DisplacementQuantity,
@@ -48,6 +49,7 @@ __all__ = [
     "ContactForce",
     "ContactPoint",
     "CriticalPoint",
+    "DerivativeQuantity",
     "DisplacementQuantity",
     "EnergyQuantity",
     "FieldError",

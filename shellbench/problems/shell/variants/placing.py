@@ -172,6 +172,8 @@ class _Placing:
         return result
 
     def _turn_quantity(self, quantity: dict[str, Any]) -> None:
+        if quantity.get("with_respect_to") == "surface.radius":
+            quantity["with_respect_to"] = "surface.R"  # the constant of the cylinder's formulas
         for name in ("direction", "axis"):
             if name in quantity:
                 given = quantity[name]

@@ -17,7 +17,7 @@ import numpy as np
 from shellbench.errors import InputError
 from shellbench.problem import Variant
 from shellbench.problems.shell.posed.shell import Shell
-from shellbench.problems.shell.quantities.quantities import CentreOfMass, PositionQuantity
+from shellbench.problems.shell.quantities.quantities import CentreOfMass, DerivativeQuantity, PositionQuantity
 from shellbench.problems.shell.question.loads import PointLoad
 from shellbench.problems.shell.variants import reparametrisation
 from shellbench.problems.shell.variants.placing import CYCLE, placed_data, turning
@@ -46,7 +46,13 @@ def _turned(case: Shell) -> dict[str, Any]:
 def _in_units(case: Shell, units: Units) -> dict[str, Any]:
     if case.path.control != "load":
         raise InputError("a displacement in metres marks the states of its path")
+    if any(q.parameter(case).powers is None for q in _derivatives(case)):
+        raise InputError("it has a derivative by a constant of formulas, whose unit is unknown")
     return converted_data(case, units)
+
+
+def _derivatives(case: Shell) -> list[DerivativeQuantity]:
+    return [q for q in case.quantities if isinstance(q, DerivativeQuantity)]
 
 
 def _with_shear(case: Shell, soft: bool) -> dict[str, Any]:
@@ -78,7 +84,12 @@ def _with_shear(case: Shell, soft: bool) -> dict[str, Any]:
 
 
 def _in_chart(make: reparametrisation.MakeChart) -> Callable[[Shell], dict[str, Any]]:
-    return partial(reparametrisation.in_chart, make=make)
+    def made(case: Shell) -> dict[str, Any]:
+        if any(q.parameter(case).group in ("surface", "points") for q in _derivatives(case)):
+            raise InputError("it has a derivative by a number of its surface, which other coordinates do not have")
+        return reparametrisation.in_chart(case, make)
+
+    return made
 
 
 VARIANTS: Mapping[str, Variant] = {

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
         def case(self) -> Case: ...  # noqa: D102
         @property
         def mesh(self) -> TensorMesh: ...  # noqa: D102
-        def derivative(self, points: ArrayLike, order: Derivative, at: float | None) -> Array: ...  # noqa: D102
+        def partial(self, points: ArrayLike, order: Derivative, at: float | None) -> Array: ...  # noqa: D102
 
 
 Array = NDArray[np.float64]
@@ -87,7 +87,7 @@ def contravariant_resultants(solution: FemSolution, part: int, points: Array, at
     """Return n^ab (part 0) or m^ab (1) directly from the strains, (n, 3): 11, 22, 12, at points (n, 2)."""
     wrapped = solution.mesh.domain.wrap(points)
     surface = Midsurface.from_position(solution.case.surface.derivatives(wrapped, order=2))
-    gradients = np.stack([solution.derivative(points, d, at) for d in GRADIENTS], axis=-1)
+    gradients = np.stack([solution.partial(points, d, at) for d in GRADIENTS], axis=-1)
     rows = strain_operator(surface)[:, 3 * part : 3 * part + 3].reshape(len(points), 3, -1)
     strains = (rows @ gradients.reshape(len(points), -1, 1))[..., 0]
     moduli = stiffness_moduli(solution.case.surface, solution.case.material, wrapped)[:, part, None]

@@ -106,9 +106,9 @@ class FemSolution(ShellSolution):
 
     def displacement_at(self, xi: Array, at: float | None) -> Array:
         """Return the displacement (N, 3) at points (N, 2)."""
-        return self.derivative(xi, (0, 0), at)
+        return self.partial(xi, (0, 0), at)
 
-    def derivative(self, points: ArrayLike, order: Derivative, at: float | None = None) -> Array:
+    def partial(self, points: ArrayLike, order: Derivative, at: float | None = None) -> Array:
         """Return a partial derivative (..., 3) of the displacement at points (..., 2)."""
         # u = sum over a and b of F_a(x1) F_b(x2) u_ab, with p + 1 functions along each coordinate. The coefficients are
         # collected once, by cell. The points run fastest, so that sums over a and b are sums of long rows.
@@ -159,7 +159,7 @@ class FemSolution(ShellSolution):
 
         def strained(points: bytes, state: int) -> tuple[Array, Array]:
             xi, at = np.frombuffer(points).reshape(-1, 2), self.states[state]
-            gradients = np.stack([self.derivative(xi, d, at) for d in DERIVATIVES], axis=1)
+            gradients = np.stack([self.partial(xi, d, at) for d in DERIVATIVES], axis=1)
             return self._strains(xi, gradients)
 
         return lru_cache(maxsize=1)(strained)

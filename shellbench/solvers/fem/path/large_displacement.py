@@ -291,7 +291,7 @@ def _stations_on_mesh(mesh: TensorMesh, trail: FemSolution) -> Iterator[Station]
 
 def _interpolated(mesh: TensorMesh, solution: FemSolution, at: float) -> Array:
     points = mesh.domain.wrap(mesh.node_points)
-    nodal = np.stack([solution.derivative(points, kind, at) for kind in KINDS], axis=-1)
+    nodal = np.stack([solution.partial(points, kind, at) for kind in KINDS], axis=-1)
     return np.asarray((nodal * mesh.node_scales[:, None, :]).reshape(mesh.node_count, -1))
 
 
