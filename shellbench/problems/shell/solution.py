@@ -33,7 +33,7 @@ from shellbench.problem import FIELDS, NumberFormat, ProgressCallback, Solution,
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.declining import Beyond, why_not_plain
 from shellbench.problems.shell.field import RESULTANTS
-from shellbench.problems.shell.quantities.quantities import PlacedQuantity, SupportQuantity
+from shellbench.problems.shell.quantities.quantities import DerivativeQuantity, PlacedQuantity, SupportQuantity
 from shellbench.problems.shell.question.contact import Touch
 from shellbench.problems.shell.variants.edit import why_no_edit
 from shellbench.problems.solving import CheckedSolver
@@ -368,6 +368,8 @@ class ShellSolver(CheckedSolver):
             return "this solver states no stress resultants"
         if isinstance(quantity, SupportQuantity) and not self.reactions:
             return "this solver computes no reactions"
+        if isinstance(quantity, DerivativeQuantity):
+            return "this solver gives no derivatives"
         return None
 
     def answer_from(

@@ -18,6 +18,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.quantities import (
     ContactPoint,
     CriticalPoint,
+    DerivativeQuantity,
     DisplacementQuantity,
     EnergyQuantity,
     FieldError,
@@ -259,6 +260,11 @@ def uncertainty_scale(solution: FemSolution, quantity: QuantityModel, quantities
             return 1.0  # it is already relative, and converges to zero
         case LoadQuantity() | LimitPoint() | CriticalPoint() | PotentialEnergy() | ModeQuantity():
             return max(value, tiny)
+        case DerivativeQuantity():
+            other = solution.case.quantity(quantity.derivative_of)
+            per = 1.0 if quantity.relative else abs(quantity.parameter(solution.case).value) or 1.0
+            whole = 1.0 if quantity.relative else uncertainty_scale(solution, other, quantities)
+            return max(value, NEGLIGIBLE * whole / per, tiny)
         case LargestPenetration():
             return max(_largest_displacement(solution, quantity.at), tiny)
         case LargestDisplacement() | DisplacementQuantity():
@@ -320,6 +326,8 @@ def rounding_error(equilibrium: Equilibrium, quantity: QuantityModel, quantities
             return EPSILON * value
         case ModeQuantity():
             return (ROUNDING_FACTOR * change**2 + EPSILON) * value
+        case DerivativeQuantity():
+            return ROUNDING_FACTOR * max(change, EPSILON) * uncertainty_scale(solution, quantity, quantities)
         case _:
             energy = sum(solution.energies(quantity.at))
             share = math.sqrt(noise / energy) if energy > 0 else 0.0

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, get_args
 from shellbench.problem import Capabilities, ProgressCallback, Quantity, Settings, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.declining import Beyond
-from shellbench.problems.shell.quantities.quantities import ResultantQuantity
+from shellbench.problems.shell.quantities.quantities import DerivativeQuantity, ResultantQuantity
 from shellbench.problems.shell.solution import ShellSolver
 from shellbench.solvers.fem.settings import FemSettings, takes_bubbles
 
@@ -54,6 +54,11 @@ class FemSolver(ShellSolver):
 
     def declines_quantity(self, case: Case, quantity: Quantity) -> str | None:
         """Return the reason that a quantity of a case that it takes has no value, or None."""
+        if isinstance(quantity, DerivativeQuantity):
+            from shellbench.solvers.fem.derivatives.answer import why_no_derivative
+
+            other = case.quantity(quantity.derivative_of)
+            return self.declines_quantity(case, other) or why_no_derivative(case, other, quantity.parameter(case))
         if not (case.linear and isinstance(quantity, ResultantQuantity)):
             return None
         from shellbench.solvers.fem.mechanics.resultants import why_infinite
@@ -96,10 +101,11 @@ class FemSolver(ShellSolver):
     def load(self, path: Path) -> FemSolution | MotionSolution:
         """Read a file of `save`; InputError in one sentence if it is no such file."""
         from shellbench.problems.shell.solution import read_solution
+        from shellbench.solvers.fem.derivatives.answer import FemAnswer
         from shellbench.solvers.fem.mechanics.solution import FORMATS, FemSolution
         from shellbench.solvers.fem.motion.motion_solution import MotionSolution
 
         def kind(case: Case) -> type[FemSolution | MotionSolution]:
-            return FemSolution if case.dynamics is None else MotionSolution
+            return FemAnswer if case.dynamics is None else MotionSolution
 
         return read_solution(path, FORMATS, kind)

@@ -18,6 +18,7 @@ from shellbench.problems.shell.quantities.measure import measure_all, measure_re
 from shellbench.problems.shell.quantities.quantities import EnergyQuantity
 from shellbench.problems.shell.records.path_end import cut_short
 from shellbench.problems.shell.solution import checked_start
+from shellbench.solvers.fem.derivatives.answer import FemAnswer
 from shellbench.solvers.fem.linear import equilibrium
 from shellbench.solvers.fem.linear.modes import solve_modes
 from shellbench.solvers.fem.linear.symmetry import Folding
@@ -100,7 +101,12 @@ def _refine(case: Case, chosen: FemSettings, start: FemSolution | None, progress
     # Meshes of the non-linear theory are not graded toward edges: this would slow down their steps.
     graded = case.linear and chosen.grading != 1 and not case.prescribed
     toward, slowest = _gradings(case) if graded else ((UNGRADED, UNBROKEN), ASYMPTOTIC)
-    on_mesh, trials = _solvers_on_meshes(case, chosen, toward, start, progress)
+    solve_on, trials = _solvers_on_meshes(case, chosen, toward, start, progress)
+
+    def on_mesh(cells: Cells) -> equilibrium.Equilibrium:
+        found = solve_on(cells)
+        return replace(found, solution=FemAnswer.of(found.solution))
+
     tolerance = chosen.tolerance or usual_tolerance(case, case_degree(case, chosen))
     solved_once = case.linear or case.prescribed  # or never: where all is prescribed
     largest = chosen.max_unknowns or (MOST_UNKNOWNS if solved_once else MOST_LARGE_UNKNOWNS)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from shellbench.problems.expression import Expression
+from shellbench.problems.taylor import numbers
 from shellbench.protocol.schema import LARGEST, SMALLEST, Finite, Flag, Model, Name, Positive, Vector
 
 Component = Literal["x", "y", "z"]
@@ -248,7 +249,7 @@ class Material(Model):
         self, points: ArrayLike, constants: Mapping[str, float]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the factors (...) of modulus and thickness at points (..., 2), with the surface's constants."""
-        xi = np.asarray(points, dtype=float)
+        xi = numbers(points)
         formulas = (
             Expression(f, ("xi1", "xi2"), constants, piecewise=True)
             for f in (self.modulus_factor, self.thickness_factor)

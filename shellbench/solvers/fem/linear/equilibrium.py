@@ -19,12 +19,13 @@ from shellbench.solvers.fem.algebra.choices import Method
 from shellbench.solvers.fem.algebra.direct_solve import LinearSolution, StrainSystem, solve_reduced
 from shellbench.solvers.fem.linear.contact import solve_contact
 from shellbench.solvers.fem.mechanics.assembly import InternalForces, root_operators, spring_blocks, stiffness
-from shellbench.solvers.fem.mechanics.clamping import clamped_edges
+from shellbench.solvers.fem.mechanics.clamping import ClampedEdge, clamped_edges
 from shellbench.solvers.fem.mechanics.constraints import support_ties
 from shellbench.solvers.fem.mechanics.contact_points import ContactPoints
 from shellbench.solvers.fem.mechanics.loads import Loading
 from shellbench.solvers.fem.mechanics.rigid_motions import determinate_pins, nodal_rigid_motions
 from shellbench.solvers.fem.mechanics.solution import FemSolution, mean_rigid_motion
+from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.mesh.basis import COMPONENTS
 from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature
@@ -58,6 +59,94 @@ class Equilibrium:
     noise: float = 0.0
 
 
+@dataclass(frozen=True)
+class LinearShell:
+    """A linear case assembled on a mesh: K with springs and clamps, the ties of supports, and free rigid motions pinned.
+
+    Attributes
+    ----------
+    case, mesh, quadrature, method
+        The case, the mesh, its rule and the direct solver.
+    ties
+        The supports and pins.
+    loose
+        (6, n) free rigid motions.
+    roots
+        See `root_operators`.
+    matrix, springs, system
+        K of the shell with springs, that of springs alone or None, and K with the terms of clamps between nodes.
+    clamps
+        Edges with such terms.
+    careful
+        Internal forces from strains, once a solve had to refine by them; they have less rounding than K q.
+    """
+
+    case: Case
+    mesh: TensorMesh
+    quadrature: Quadrature
+    method: Method
+    ties: Ties
+    loose: Array
+    roots: list[Array]
+    matrix: BlockMatrix | CellMatrices
+    springs: BlockMatrix | CellMatrices | None
+    system: BlockMatrix | CellMatrices
+    clamps: list[ClampedEdge]
+    careful: list[InternalForces]
+
+    @classmethod
+    def on_mesh(
+        cls, case: Case, mesh: TensorMesh, states: Sequence[float], quadrature: Quadrature, method: Method
+    ) -> LinearShell:
+        """Assemble; InputError if supports contradict each other."""
+        ties = support_ties(case, mesh, states)
+        # a case that removes no rigid motion was checked to have no free one
+        loose = free_motions(case) if case.remove_rigid_motions else np.zeros((len(RIGID_MOTIONS), 0))
+        if loose.size:
+            ties = ties.with_pins(*determinate_pins(ties.nodes, nodal_rigid_motions(case, mesh) @ loose))
+        roots = root_operators(mesh, case.surface, case.material, quadrature)
+        matrix = stiffness(mesh, case.surface, case.material, quadrature, roots)
+        springs = replace(matrix, blocks=spring_blocks(case, mesh)) if case.springs else None
+        if springs:
+            matrix = replace(matrix, blocks=matrix.blocks + springs.blocks)
+        clamps = list(clamped_edges(case, mesh, states))
+        system = matrix
+        if clamps and isinstance(matrix, CellMatrices):
+            system = matrix.with_cells_copied(np.concatenate([clamp.cells for clamp in clamps]))
+        elif clamps:
+            system = replace(matrix, blocks=matrix.blocks.copy())
+        for clamp in clamps:
+            clamp.add_to(system)
+        return cls(case, mesh, quadrature, method, ties, loose, roots, matrix, springs, system, clamps, [])
+
+    def internal_forces(self, nodal: Array) -> Array:
+        """Return the nodal forces (nodes, 12, n) of strains and springs."""
+        if not self.careful:
+            return self.matrix @ nodal
+        return self.careful[0](nodal) + (self.springs @ nodal if self.springs else 0.0)
+
+    def solve(
+        self, forces: Array, particular: Array, system: BlockMatrix | CellMatrices | None = None
+    ) -> tuple[Array, LinearSolution]:
+        """Return the nodal answer (nodes, 12, n) to nodal forces; `system` has further terms in K, of contact."""
+        ties, system = self.ties, self.system if system is None else system
+
+        def resisted(nodal: Array) -> Array:
+            if not self.careful:
+                self.careful.append(InternalForces(self.mesh, self.quadrature, self.roots))
+            held = system @ nodal - self.matrix @ nodal if system is not self.matrix else 0.0
+            return self.internal_forces(nodal) + held
+
+        by_strains = StrainSystem(
+            residual=lambda unknowns: ties.to_free(forces - resisted(ties.to_nodal(unknowns) + particular)),
+            product=lambda unknowns: ties.to_free(resisted(ties.to_nodal(unknowns))),
+        )
+        right = ties.to_free(forces - system @ particular)
+        reduced = ties.reduce_cells(system) if isinstance(system, CellMatrices) else ties.reduce(system)
+        answer = solve_reduced(reduced, right, self.mesh, self.method, by_strains)
+        return ties.to_nodal(answer.unknowns) + particular, answer
+
+
 def solve(
     case: Case,
     mesh: TensorMesh,
@@ -84,71 +173,33 @@ def solve(
     # have less rounding.
     quadrature = Quadrature.of_order(mesh, quadrature_order)
     loading = Loading.on_mesh(case, mesh, quadrature, states)
-    ties = support_ties(case, mesh, states)
-    # a case that removes no rigid motion was checked to have no free one
-    loose = free_motions(case) if case.remove_rigid_motions else np.zeros((len(RIGID_MOTIONS), 0))
+    shell = LinearShell.on_mesh(case, mesh, states, quadrature, method)
+    ties, clamps, loose = shell.ties, shell.clamps, shell.loose
     check_balance(loading, loose)
-    if loose.size:
-        ties = ties.with_pins(*determinate_pins(ties.nodes, nodal_rigid_motions(case, mesh) @ loose))
-
-    roots = root_operators(mesh, case.surface, case.material, quadrature)
-    matrix = stiffness(mesh, case.surface, case.material, quadrature, roots)
-    springs = replace(matrix, blocks=spring_blocks(case, mesh)) if case.springs else None
-    if springs:
-        matrix = replace(matrix, blocks=matrix.blocks + springs.blocks)
-    clamps = list(clamped_edges(case, mesh, states))
-    system = matrix
-    if clamps and isinstance(matrix, CellMatrices):
-        system = matrix.with_cells_copied(np.concatenate([clamp.cells for clamp in clamps]))
-    elif clamps:
-        system = replace(matrix, blocks=matrix.blocks.copy())
     forces = loading.nodal
     for clamp in clamps:
-        clamp.add_to(system)
         forces = forces + clamp.right_hand_side(mesh.node_count)
-    careful: list[InternalForces] = []
-
-    def internal_forces(nodal: Array) -> Array:
-        if not careful:
-            return matrix @ nodal
-        return careful[0](nodal) + (springs @ nodal if springs else 0.0)
 
     def solved(
         system: BlockMatrix | CellMatrices, forces: Array, state: slice = slice(None)
     ) -> tuple[Array, LinearSolution]:
-        particular = ties.particular[..., state]
-
-        def resisted(nodal: Array) -> Array:
-            if not careful:
-                careful.append(InternalForces(mesh, quadrature, roots))
-            held = system @ nodal - matrix @ nodal if system is not matrix else 0.0
-            return internal_forces(nodal) + held
-
-        by_strains = StrainSystem(
-            residual=lambda unknowns: ties.to_free(forces - resisted(ties.to_nodal(unknowns) + particular)),
-            product=lambda unknowns: ties.to_free(resisted(ties.to_nodal(unknowns))),
-        )
-
-        right = ties.to_free(forces - system @ particular)
-        reduced = ties.reduce_cells(system) if isinstance(system, CellMatrices) else ties.reduce(system)
-        answer = solve_reduced(reduced, right, mesh, method, by_strains)
-        return ties.to_nodal(answer.unknowns) + particular, answer
+        return shell.solve(forces, ties.particular[..., state], system)
 
     pushed: Array | float = 0.0
     touching = None
     if case.obstacles:
         points = ContactPoints.on_mesh(case, mesh)
         found = [
-            solve_contact(points, system, forces[..., k : k + 1], t, partial(solved, state=slice(k, k + 1)), near)
+            solve_contact(points, shell.system, forces[..., k : k + 1], t, partial(solved, state=slice(k, k + 1)), near)
             for k, t in enumerate(states)
         ]
         q, answer = np.concatenate([f.q for f in found], axis=-1), found[-1].answer
         pushed = np.concatenate([points.nodal_forces(f.forces) for f in found], axis=-1)
         touching = tuple(points.touch(f.forces) for f in found)
     else:
-        q, answer = solved(system, forces)
+        q, answer = solved(shell.system, forces)
 
-    internal = internal_forces(q)
+    internal = shell.internal_forces(q)
     energy = np.sum(q[..., -1] * (internal / 2 - loading.nodal)[..., -1])
     unbalanced = internal - loading.nodal - pushed + sum(clamp.gap_forces(q) for clamp in clamps)
     reactions = unbalanced[ties.nodes]

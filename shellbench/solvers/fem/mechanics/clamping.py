@@ -172,6 +172,12 @@ class ClampedEdge:
         gap = self.tilt @ np.swapaxes(local, 1, 2).reshape(len(self.nodes), self.tilt.shape[-1], -1) - self.target
         return self._nodal_forces(self.moment, gap, len(q))
 
+    def transposed_gap(self, q: Array) -> Array:
+        """Return the transpose (nodes, 12) of `gap_forces`, less its constant part, applied to a motion (nodes, 12)."""
+        local = q[self.nodes].reshape(len(self.nodes), len(CORNERS), COMPONENTS, self.kinds)
+        moments = self.moment @ np.swapaxes(local, 1, 2).reshape(len(self.nodes), -1, 1)
+        return self._nodal_forces(self.tilt, moments, len(q))[..., 0]
+
     def _nodal_forces(self, rows: Array, values: Array, node_count: int) -> Array:
         work = np.swapaxes(rows, 1, 2) @ (values * self.weights[..., None])
         local = work.reshape(len(self.nodes), COMPONENTS, len(CORNERS), self.kinds, -1)

@@ -1,0 +1,74 @@
+"""The finite element answer with derivatives of its quantities."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.errors import InputError
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.quantities.quantities import DerivativeQuantity, ModeQuantity, QuantityModel
+from shellbench.problems.shell.question.parameters import Parameter, parameters_of
+from shellbench.solvers.fem.derivatives.adjoint import Adjoint
+from shellbench.solvers.fem.mechanics.solution import FemSolution
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FemAnswer(FemSolution):
+    """A solution of `fem` that gives derivatives of its quantities with respect to parameters of its case."""
+
+    @classmethod
+    def of(cls, solution: FemSolution) -> Self:
+        """Return a solution as one that gives derivatives."""
+        return cls(**{field.name: getattr(solution, field.name) for field in fields(FemSolution)})
+
+    def derivative(self, quantity: QuantityModel, parameter: str) -> float:
+        """Return dQ/dp of a quantity of the case, in the units of both; see `gradient`."""
+        # all that the case asks of this quantity come from one solve
+        if (quantity.name, parameter) not in self._known:
+            asked = [q for q in self.case.quantities if isinstance(q, DerivativeQuantity)]
+            names = [q.with_respect_to for q in asked if q.derivative_of == quantity.name]
+            chosen = list(dict.fromkeys([*names, parameter]))
+            for name, value in zip(chosen, self.gradient(quantity, chosen), strict=True):
+                self._known[quantity.name, name] = float(value)
+        return self._known[quantity.name, parameter]
+
+    def gradient(self, quantity: QuantityModel, parameters: Sequence[str]) -> Array:
+        """Return dQ/dp (parameters,) of a quantity with respect to parameters, from one further solve.
+
+        Raises
+        ------
+        InputError
+            If there is no such parameter, or `fem` gives no derivative of this quantity.
+        """
+        known = parameters_of(self.case)
+        if unknown := [name for name in parameters if name not in known]:
+            raise InputError(f"{self.case.name} has no parameter '{unknown[0]}'; known are {', '.join(known)}")
+        chosen = [known[name] for name in parameters]
+        if reason := why_no_derivative(self.case, quantity):
+            raise InputError(f"{self.case.name}: {reason}")
+        return self._adjoint.gradient(quantity, chosen)
+
+    @cached_property
+    def _known(self) -> dict[tuple[str, str], float]:
+        return {}
+
+    @cached_property
+    def _adjoint(self) -> Adjoint:
+        return Adjoint(self)
+
+
+def why_no_derivative(case: Case, quantity: QuantityModel, parameter: Parameter | None = None) -> str | None:
+    """Return the reason that `fem` gives no derivative of a quantity (by a parameter), as one clause, or None."""
+    if case.prescribed:
+        return "nothing is solved for where the whole surface is prescribed"
+    if isinstance(quantity, ModeQuantity) or not case.linear:
+        return f"fem gives no derivative of a quantity of kind '{quantity.kind}'"
+    return None
