@@ -110,13 +110,15 @@ class Adjoint:
         InputError
             If this quantity has no derivative here.
         """
-        works, deviations = self.works, [Deviation(self.solution.case, p) for p in parameters]
         u = self.solution.coefficients[..., self.solution.state(quantity.at)]
-        target = self.target(quantity, u)
+        deviations = [Deviation(self.solution.case, p) for p in parameters]
+        return self.total(self.target(quantity, u), u, deviations, quantity.at)
+
+    def total(self, target: Target, u: Array, deviations: Sequence[Deviation], t: float) -> Array:
+        """Return the derivatives (deviations,) of a function of the displacement at the load factor t."""
         turned, adjoint = self.opposed(target.slope)
-        found = target.explicit(deviations)
-        found -= works.virtual_work(np.stack([u, adjoint], axis=-1), deviations, quantity.at)
-        return found - np.array([self._turning(off, u, adjoint, turned, quantity.at) for off in deviations])
+        found = target.explicit(deviations) - self.works.virtual_work(np.stack([u, adjoint], axis=-1), deviations, t)
+        return np.asarray(found - np.array([self._turning(off, u, adjoint, turned, t) for off in deviations]))
 
     def opposed(self, slope: Array) -> tuple[Array, Array]:
         """Return K lambda - Q_u (nodes, dofs), and lambda as coefficients (nodes, 3, kinds)."""
@@ -217,23 +219,10 @@ class Adjoint:
 
     def _turning(self, off: Deviation, u: Array, adjoint: Array, turned: Array, t: float) -> float:
         """Return mu . (C_p lambda) + s . (g_p - C_p u): zero unless conditions of supports change."""
-        if not off.moves_surface:
+        if (found := self.turns(off, t)) is None:
             return 0.0
         shell, works, mesh = self.shell, self.works, self.solution.mesh
-        scale = abs(off.parameter.value) or 1.0
-        stated = [self._conditions(off, k * TURNING * scale, t) for k in (-2, -1, 1, 2)]
-        if max(np.ptp([c.rows for c in some], axis=0).max(initial=0.0) for some in zip(*stated, strict=True)) < FIXED:
-            same = [np.ptp([c.values for c in some], axis=0).max(initial=0.0) for some in zip(*stated, strict=True)]
-            if max(same) < FIXED * max(float(np.abs(c.values).max(initial=0.0)) for c in stated[0]) or not max(same):
-                return 0.0
-        at_rest = self._conditions(off, 0.0, t)
-        rates = [
-            [(s[0] - 8 * s[1] + 8 * s[2] - s[3]) / (12 * TURNING * scale) for s in parts]
-            for parts in (
-                zip(*([c.rows for c in some] for some in stated), strict=True),
-                zip(*([c.values[..., 0] for c in some] for some in stated), strict=True),
-            )
-        ]
+        at_rest, rates = found
         nodal, opposite = works.scaled(u), works.scaled(adjoint)
         loads = Loading.on_mesh(self.solution.case, mesh, works.quadrature, (t,)).nodal
         for clamp in shell.clamps:
@@ -250,6 +239,21 @@ class Adjoint:
             found += float(held @ forces[node] @ (row_rates @ opposite[node]))
             found += float(held @ turned[node] @ (value_rates - row_rates @ nodal[node]))
         return found
+
+    def turns(self, off: Deviation, t: float) -> tuple[list[Conditions], list[list[Array]]] | None:
+        """Return the conditions of supports, and the derivatives of rows and of values; None if they do not change."""
+        if not off.moves_surface:
+            return None
+        step = TURNING * (abs(off.parameter.value) or 1.0)
+        stated = [self._conditions(off, k * step, t) for k in (-2, -1, 0, 1, 2)]
+        rates, changes = [], 0.0
+        for name in ("rows", "values"):
+            every = [[getattr(c, name) for c in some] for some in zip(*stated, strict=True)]
+            size = max((float(np.abs(one[2]).max(initial=0.0)) for one in every), default=0.0)
+            change = max((float(np.ptp(one, axis=0).max(initial=0.0)) for one in every), default=0.0)
+            changes = max(changes, change / size if size else 0.0)
+            rates.append([(one[0] - 8 * one[1] + 8 * one[3] - one[4]) / (12 * step) for one in every])
+        return (stated[2], [rates[0], [values[..., 0] for values in rates[1]]]) if changes > FIXED else None
 
     def _conditions(self, off: Deviation, step: float, t: float) -> list[Conditions]:
         """Return the conditions of supports with the parameter off by a real step, on the mesh that follows it."""

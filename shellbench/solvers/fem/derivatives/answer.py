@@ -15,6 +15,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.quantities import DerivativeQuantity, ModeQuantity, QuantityModel
 from shellbench.problems.shell.question.parameters import Parameter, parameters_of
 from shellbench.solvers.fem.derivatives.adjoint import Adjoint
+from shellbench.solvers.fem.derivatives.modal import mode_gradient
 from shellbench.solvers.fem.mechanics.solution import FemSolution
 
 Array = NDArray[np.float64]
@@ -54,6 +55,8 @@ class FemAnswer(FemSolution):
         chosen = [known[name] for name in parameters]
         if reason := why_no_derivative(self.case, quantity):
             raise InputError(f"{self.case.name}: {reason}")
+        if isinstance(quantity, ModeQuantity):
+            return mode_gradient(self, quantity, chosen)
         return self._adjoint.gradient(quantity, chosen)
 
     @cached_property
@@ -69,6 +72,6 @@ def why_no_derivative(case: Case, quantity: QuantityModel, parameter: Parameter 
     """Return the reason that `fem` gives no derivative of a quantity (by a parameter), as one clause, or None."""
     if case.prescribed:
         return "nothing is solved for where the whole surface is prescribed"
-    if isinstance(quantity, ModeQuantity) or not case.linear:
+    if not case.linear:
         return f"fem gives no derivative of a quantity of kind '{quantity.kind}'"
     return None

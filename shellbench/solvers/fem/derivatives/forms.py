@@ -64,6 +64,25 @@ def length(vectors: Numbers) -> Numbers:
     return np.sqrt(dot(vectors, vectors))[:, None]
 
 
+Density = Callable[[Strained, Numbers, Case], Numbers]
+"""From strains, from D and B (n, 2), and from the case to a density per area (n,)."""
+
+
+def work_of(first: Key, second: Key, parts: Sequence[int] = PARTS) -> Density:
+    """Return the work of the stresses of one variation of the strains on another one, as a density."""
+
+    def density(strains: Strained, moduli: Numbers, case: Case) -> Numbers:
+        ratios = case.material.poissons_ratios
+        return np.asarray(sum(moduli[:, k] * strains.work(ratios[k], k, first, second) for k in parts))
+
+    return density
+
+
+def rates(deviations: Sequence[Deviation], values: Numbers) -> Array:
+    """Return the derivatives (deviations,) of numbers made with deviating cases."""
+    return np.array([off.rate(value) for off, value in zip(deviations, values, strict=True)])
+
+
 @dataclass(frozen=True)
 class Works:
     """Virtual works of fields on a mesh.
@@ -83,39 +102,33 @@ class Works:
         """The rule on cells."""
         return Quadrature.of_order(self.mesh, self.order)
 
-    def on_cells(
-        self, fields: Array, deviations: Sequence[Deviation], density: Callable[[Strained, Numbers, Any], Numbers]
-    ) -> Array:
-        """Return the derivatives (deviations,) of the integral over the area of a density of two fields' strains.
+    def on_cells(self, fields: Array, deviations: Sequence[Deviation], density: Density, order: int = 1) -> Numbers:
+        """Return the integrals (deviations,) over the area of a density of two fields' strains, with each deviation.
 
-        `fields` are coefficients (nodes, 3, kinds, 2) of u and v; `density` takes strains, D and B (n, 2), and the case.
+        `fields` are coefficients (nodes, 3, kinds, 2) of u and v; the strains are their variations up to an order.
+        Integrals are zero where a parameter changes no strain and no stiffness.
         """
-        found = np.zeros(len(deviations))
+        found = np.zeros(len(deviations), dtype=complex)
         for cells in cell_portions(self.mesh, PORTION):
             points, weights = self.quadrature.on_cells(self.mesh, cells)
             flat, measure = points.reshape(-1, 2), weights.ravel()
             gradients = derivatives_on_cells(self.mesh, cells, self.quadrature, fields)
             known: Strained | None = None
             for number, off in enumerate(deviations):
-                if off.part is not None or off.parameter.point or off.parameter.name == "material.areal_density":
+                if off.part is not None or off.parameter.point:
                     continue
                 if off.moves_surface or known is None:
-                    strains = strained(off.position(flat), {FIRST: gradients[..., 0], SECOND: gradients[..., 1]}, 1)
+                    strains = strained(off.position(flat), {FIRST: gradients[..., 0], SECOND: gradients[..., 1]}, order)
                     known = known if off.moves_surface else strains
                 else:
                     strains = known
                 moduli = stiffness_moduli(off.moved.surface, off.moved.material, off.sites(flat)[0])
-                found[number] += off.rate(measure @ (strains.area * density(strains, moduli, off.moved)))
+                found[number] += measure @ (strains.area * density(strains, moduli, off.moved))
         return found
 
     def stress_work(self, fields: Array, deviations: Sequence[Deviation], parts: Sequence[int] = PARTS) -> Array:
         """Return the derivatives of the work of the stresses of u on the strains of v."""
-
-        def density(strains: Strained, moduli: Numbers, case: Case) -> Numbers:
-            ratios = case.material.poissons_ratios
-            return sum(moduli[:, k] * strains.work(ratios[k], k, FIRST, SECOND) for k in parts)  # type: ignore[return-value]
-
-        return self.on_cells(fields, deviations, density)
+        return rates(deviations, self.on_cells(fields, deviations, work_of(FIRST, SECOND, parts)))
 
     def virtual_work(self, fields: Array, deviations: Sequence[Deviation], t: float) -> Array:
         """Return the derivatives (deviations,) of R(u) . v at the load factor t."""
@@ -195,23 +208,40 @@ class Works:
         case = off.part or off.moved
         if not case.springs or not (off.moves_surface or off.part is not None):
             return 0.0
-        quadrature, found = Quadrature.of_order(self.mesh, SPRING_ORDER), 0j
+
+        def stiffness(case: Case, points: Array, xi: Numbers) -> Numbers:
+            found = np.zeros((len(points), 3), dtype=complex)
+            for spring in (off.part or case).springs:
+                held = ["xyz".index(c) for c in spring.components]
+                found[:, held] += case.formula(spring.stiffness).derivatives(xi, 0)[0, 0][:, None]
+            return found
+
+        found = self.products(fields, off, stiffness, SPRING_ORDER)
+        return found.real if off.part is not None else off.rate(found)
+
+    def mass_density(self, case: Case, points: Array, xi: Numbers) -> Numbers:
+        """Return the mass per area (n, 1), kg/m^2."""
+        return np.full((len(points), 1), case.material.areal_density)
+
+    def products(
+        self, fields: Array, off: Deviation, density: Callable[[Case, Array, Numbers], Numbers], order: int = 0
+    ) -> complex:
+        """Return the integral over the area of a density, by component, times the products of u and v."""
+        quadrature = Quadrature.of_order(self.mesh, order) if order else self.quadrature
+        found = 0j
         for cells in cell_portions(self.mesh, PORTION):
             points, weights = quadrature.on_cells(self.mesh, cells)
             flat = points.reshape(-1, 2)
             u, v = np.moveaxis(derivatives_on_cells(self.mesh, cells, quadrature, fields, ((0, 0),))[:, 0], -1, 0)
-            x, xi = off.position(flat, 1), off.sites(flat)[0]
+            x = off.position(flat, 1)
             area = weights.ravel() * length(cross(x[1, 0], x[0, 1]))[:, 0]
-            for spring in case.springs:
-                held = ["xyz".index(c) for c in spring.components]
-                stiffness = case.formula(spring.stiffness).derivatives(xi, 0)[0, 0]
-                found += complex(area @ (stiffness * dot(u[:, held], v[:, held])))
-        return float(np.real(found)) if off.part is not None else off.rate(found)
+            found += complex(area @ dot(density(off.moved, flat, off.sites(flat)[0]) * u, v))
+        return found
 
-    def clamp_work(self, fields: Array, off: Deviation, t: float, symmetric: bool = True) -> float:
+    def clamp_work(self, fields: Array, off: Deviation, t: float | None, symmetric: bool = True) -> float:
         """Return the derivative of the work of the terms of clamps between nodes (see `mechanics.clamping`).
 
-        Without `symmetric` only of m(v) (theta(u) - theta0), which is no force of the support.
+        At rest where t is None. Without `symmetric` only of m(v) (theta(u) - theta0), which is no force of the support.
         """
         found = 0j
         case = off.moved
@@ -235,8 +265,9 @@ class Works:
             ratio = case.material.poissons_ratios[1]
             moments = [bent * unit.work(ratio, 1, (0, 0), key) for key in (FIRST, SECOND)]
             tilts = [sum(raised[:, a] * dot(f[:, a], normal) for a in (0, 1)) for f in both]
-            motion = self.case.motion(support, edge, rule.points, t, order=1)
-            tilts[0] = tilts[0] - sum(raised[:, a] * dot(motion[d], normal) for a, d in enumerate(((1, 0), (0, 1))))
+            if t is not None:
+                motion = self.case.motion(support, edge, rule.points, t, order=1)
+                tilts[0] = tilts[0] - sum(raised[:, a] * dot(motion[d], normal) for a, d in enumerate((FIRST, SECOND)))
             speed = length(x[(0, 1) if edge.axis == 0 else (1, 0)])[:, 0]
             height = (strains.area / speed).reshape(shape).mean(axis=1) * rule.sizes[:, edge.axis]
             spring = GAMMA * ((self.mesh.degree - 1) / 2) ** 2 * bent.reshape(shape).max(axis=1) / height
