@@ -12,9 +12,22 @@ from numpy.typing import NDArray
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.quantities.quantities import DerivativeQuantity, ModeQuantity, QuantityModel
+from shellbench.problems.shell.quantities.quantities import (
+    DerivativeQuantity,
+    DisplacementQuantity,
+    EnergyQuantity,
+    LimitPoint,
+    LoadQuantity,
+    ModeQuantity,
+    PositionQuantity,
+    PotentialEnergy,
+    QuantityModel,
+    ReactionQuantity,
+    TorqueQuantity,
+)
 from shellbench.problems.shell.question.parameters import Parameter, parameters_of
 from shellbench.solvers.fem.derivatives.adjoint import Adjoint
+from shellbench.solvers.fem.derivatives.finite import FiniteAdjoint
 from shellbench.solvers.fem.derivatives.modal import mode_gradient
 from shellbench.solvers.fem.mechanics.solution import FemSolution
 
@@ -65,13 +78,17 @@ class FemAnswer(FemSolution):
 
     @cached_property
     def _adjoint(self) -> Adjoint:
-        return Adjoint(self)
+        return Adjoint(self) if self.case.linear else FiniteAdjoint(self)
 
 
 def why_no_derivative(case: Case, quantity: QuantityModel, parameter: Parameter | None = None) -> str | None:
     """Return the reason that `fem` gives no derivative of a quantity (by a parameter), as one clause, or None."""
     if case.prescribed:
         return "nothing is solved for where the whole surface is prescribed"
-    if not case.linear:
-        return f"fem gives no derivative of a quantity of kind '{quantity.kind}'"
+    kinds: tuple[type, ...] = (DisplacementQuantity, PositionQuantity, EnergyQuantity)
+    kinds += (
+        (PotentialEnergy, ReactionQuantity, TorqueQuantity, ModeQuantity) if case.linear else (LoadQuantity, LimitPoint)
+    )
+    if not isinstance(quantity, kinds):
+        return f"fem gives no derivative of a quantity of kind '{quantity.kind}' in this theory"
     return None

@@ -102,10 +102,17 @@ class Works:
         """The rule on cells."""
         return Quadrature.of_order(self.mesh, self.order)
 
-    def on_cells(self, fields: Array, deviations: Sequence[Deviation], density: Density, order: int = 1) -> Numbers:
+    def on_cells(
+        self,
+        fields: Array,
+        deviations: Sequence[Deviation],
+        density: Density,
+        order: int = 1,
+        keys: tuple[Key, Key] = (FIRST, SECOND),
+    ) -> Numbers:
         """Return the integrals (deviations,) over the area of a density of two fields' strains, with each deviation.
 
-        `fields` are coefficients (nodes, 3, kinds, 2) of u and v; the strains are their variations up to an order.
+        `fields` are coefficients (nodes, 3, kinds, 2) of u and v with their powers in the variations of the strains.
         Integrals are zero where a parameter changes no strain and no stiffness.
         """
         found = np.zeros(len(deviations), dtype=complex)
@@ -118,7 +125,7 @@ class Works:
                 if off.part is not None or off.parameter.point:
                     continue
                 if off.moves_surface or known is None:
-                    strains = strained(off.position(flat), {FIRST: gradients[..., 0], SECOND: gradients[..., 1]}, order)
+                    strains = strained(off.position(flat), {key: gradients[..., k] for k, key in enumerate(keys)}, order)
                     known = known if off.moves_surface else strains
                 else:
                     strains = known
@@ -138,13 +145,13 @@ class Works:
             found[number] -= self.load_work(fields[..., 1], off, t)
         return found
 
-    def load_work(self, field: Array, off: Deviation, t: float) -> float:
-        """Return the derivative of the work of the loads on a field (nodes, 3, kinds)."""
+    def load_work(self, field: Array, off: Deviation, t: float, loads: Sequence[Load] | None = None) -> float:
+        """Return the derivative of the work of the loads, all or some, on a field (nodes, 3, kinds)."""
         if off.part is not None:
             loading = Loading.on_mesh(off.part, self.mesh, self.quadrature, (t,))
             return float(np.sum(loading.nodal[..., 0] * self.scaled(field)))
         found = 0.0
-        for load in self.case.loads:
+        for load in self.case.loads if loads is None else loads:
             if isinstance(load, PointLoad):
                 found += sum(self._point_work(load, name, field, off, t) for name in load.on)
             elif off.changes_loads:

@@ -201,7 +201,7 @@ def elasticity(surface: Midsurface, poissons_ratio: float) -> Array:
     """
     metric = surface.contravariant_metric
     nu = poissons_ratio
-    h = np.empty((len(surface.area), 3, 3))
+    h = np.empty((len(surface.area), 3, 3), dtype=np.result_type(float, type(nu)))  # complex for a complex step
     for row, (a, b) in enumerate(STRAINS):
         for column, (c, d) in enumerate(STRAINS[: row + 1]):
             times = (1 if a == b else 2) * (1 if c == d else 2)

@@ -165,7 +165,7 @@ class StrainEnergy:
             strains = deformation.strains
             stress = portion.stresses(strains)
             energies += _work(strains, stress)
-            self._add_forces(forces, portion, deformation.first_variation(stress))
+            self.add_forces(forces, portion, deformation.first_variation(stress))
             deformations.append(deformation)
             stresses.append(stress)
         return StrainedMesh(float(energies[0]), float(energies[1]), forces, tuple(deformations), tuple(stresses))
@@ -227,7 +227,7 @@ class StrainEnergy:
         shape = (COMPONENTS, len(CORNERS), len(KINDS))
         return matrices.reshape(count, *shape, *shape)
 
-    def _add_forces(self, forces: Array, portion: Portion, work: Array) -> None:
+    def add_forces(self, forces: Array, portion: Portion, work: Array) -> None:
         """Add the nodal forces of the stresses (n, 15) conjugate to the derivatives."""
         count, points = len(portion.steps), len(self.quadrature.points)
         by_derivative = work.T.reshape(len(DERIVATIVES), COMPONENTS, count, points)
