@@ -259,10 +259,18 @@ class Adjoint:
         """Return the conditions of supports with the parameter off by a real step, on the mesh that follows it."""
         mesh, case = self.solution.mesh, self.solution.case
         if step:
-            case = changed(case, off.parameter, off.parameter.value + step)
-            old, new = mesh.domain, case.surface.domain
-            first, second = (
-                new.lower[k] + (line - old.lower[k]) / old.size[k] * new.size[k] for k, line in enumerate(mesh.lines)
-            )
+            moved = changed(case, off.parameter, off.parameter.value + step)
+            old, new = mesh.domain, moved.surface.domain
+
+            def follow(xi: Array, axis: int) -> Array:
+                return np.asarray(new.lower[axis] + (xi - old.lower[axis]) / old.size[axis] * new.size[axis])
+
+            units = [180 / np.pi if angle else 1.0 for angle in new.angle]
+            points = {
+                name: tuple(float(follow(np.asarray(x), k)) * units[k] for k, x in enumerate(old.internal(xi)))
+                for name, xi in case.points.items()
+            }
+            case = moved.model_copy(update={"points": points})
+            first, second = (follow(line, axis) for axis, line in enumerate(mesh.lines))
             mesh = TensorMesh(new, (first, second), mesh.degree, mesh.folds)
         return list(support_conditions(case, mesh, (t,)))
