@@ -25,7 +25,7 @@ from shellbench.errors import InputError
 from shellbench.problem import Problem
 from shellbench.problems.rope.case import RopeCase
 from shellbench.problems.shell.case import Case
-from shellbench.testing import answers, convergence, keeping, mechanics, ropes
+from shellbench.testing import answers, convergence, derivatives, keeping, mechanics, ropes
 from shellbench.testing.between import between_points
 from shellbench.testing.conforming import Line, needed_checks, store_results
 from shellbench.testing.examination import (
@@ -68,6 +68,7 @@ OF_CASE: Mapping[str, Callable[[Examination, Case], Verdict]] = {
     "energies": mechanics.energies,
     "work": mechanics.work,
     "strains": mechanics.strain_fields,
+    "derivatives": derivatives.derivatives,
     "history": answers.history,
     "saving": keeping.saving,
     "parameters": keeping.counts,
