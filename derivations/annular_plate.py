@@ -7,8 +7,6 @@ w = w' = 0 at r = a and, at r = b, no bending moment, w'' + nu w' / r = 0, and n
 
 from __future__ import annotations
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -68,7 +66,9 @@ class Ring:
     def deflection(self, r: np.ndarray) -> np.ndarray:
         """Return the downward displacement (n,), metres, at radii (n,)."""
         c1, c2, c3, c4 = self.coefficients()
-        return self.load * r**4 / (64 * self.bending_stiffness) + c1 + c2 * np.log(r) + c3 * r**2 + c4 * r**2 * np.log(r)
+        return (
+            self.load * r**4 / (64 * self.bending_stiffness) + c1 + c2 * np.log(r) + c3 * r**2 + c4 * r**2 * np.log(r)
+        )
 
 
 def deflection(r: np.ndarray) -> np.ndarray:
@@ -93,7 +93,7 @@ def annular_plate() -> dict[str, Estimate]:
     }
 
 
-def rim_deflection_by_ritz(degree: int = 14, ring: Ring = Ring(), at: float | None = None) -> float:  # noqa: B008
+def rim_deflection_by_ritz(degree: int = 14, ring: Ring = Ring(), at: float | None = None) -> float:
     """Return the rim's deflection by minimising the energy over (r - a)^2 times polynomials: no rim condition but the clamp.
 
     E = pi B int [(w'' + w'/r)^2 - 2 (1 - nu) w'' w'/r] r dr - 2 pi q int w r dr. With `at`, the deflection at a radius.

@@ -156,7 +156,7 @@ def of_cylinder(
     fine, coarse = value(shell, 0), value(shell, 1)
     found = {}
     for name, (number, unit) in fine.items():
-        noise = shell.rounding * 100
+        noise = shell.rounding * 3
         found[name] = Estimate.between(number, coarse[name][0], unit, noise * abs(number))
         energy = 1 + (unit == "J")
         for parameter in by[name]:

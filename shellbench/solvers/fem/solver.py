@@ -102,7 +102,7 @@ class FemSolver(ShellSolver):
         """Read a file of `save`; InputError in one sentence if it is no such file."""
         from shellbench.problems.shell.solution import read_solution
         from shellbench.solvers.fem.derivatives.answer import FemAnswer
-        from shellbench.solvers.fem.mechanics.solution import FORMATS, FemSolution
+        from shellbench.solvers.fem.mechanics.solution import FORMATS
         from shellbench.solvers.fem.motion.motion_solution import MotionSolution
 
         def kind(case: Case) -> type[FemSolution | MotionSolution]:

@@ -37,9 +37,7 @@ def test_derivatives_against_differences(solution):
     for axis, (first, second) in enumerate((((1, 0), (2, 0)), ((0, 1), (0, 2)))):
         shift = step * np.eye(2)[axis]
         for lower, higher in (((0, 0), first), (first, second)):
-            slope = (solution.partial(points + shift, lower) - solution.partial(points - shift, lower)) / (
-                2 * step
-            )
+            slope = (solution.partial(points + shift, lower) - solution.partial(points - shift, lower)) / (2 * step)
             exact = solution.partial(points, higher)
             assert np.allclose(slope, exact, atol=1e-6 * np.abs(exact).max())
 

@@ -132,7 +132,10 @@ def scaled(part: Any, factor: float) -> Any:
     fields = {name: getattr(part, name) for name in MEASURES if name in type(part).model_fields}
     return _copy(
         part,
-        **{n: tuple(times(f, factor) for f in v) if isinstance(v, tuple) else times(v, factor) for n, v in fields.items()},
+        **{
+            n: tuple(times(f, factor) for f in v) if isinstance(v, tuple) else times(v, factor)
+            for n, v in fields.items()
+        },
     )
 
 

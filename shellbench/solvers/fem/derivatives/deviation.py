@@ -106,5 +106,3 @@ class Deviation:
             at = np.array([domain.internal(self.case.points[name])])
             speed = -np.imag(self.sites(at)[0][0]) / self.step
         return speed
-
-

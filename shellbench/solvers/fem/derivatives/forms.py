@@ -125,7 +125,9 @@ class Works:
                 if off.part is not None or off.parameter.point:
                     continue
                 if off.moves_surface or known is None:
-                    strains = strained(off.position(flat), {key: gradients[..., k] for k, key in enumerate(keys)}, order)
+                    strains = strained(
+                        off.position(flat), {key: gradients[..., k] for k, key in enumerate(keys)}, order
+                    )
                     known = known if off.moves_surface else strains
                 else:
                     strains = known
@@ -255,7 +257,11 @@ class Works:
         if off.part is not None or off.parameter.point:
             return 0.0
         for support, edge in self.case.supported_places():
-            if not support.clamped or not isinstance(edge, Edge) or constant_normal(self.case, self.mesh, edge) is not None:
+            if (
+                not support.clamped
+                or not isinstance(edge, Edge)
+                or constant_normal(self.case, self.mesh, edge) is not None
+            ):
                 continue
             rule = EdgeRule.on_edge(self.mesh, edge, GAUSS_POINTS)
             x, shape = off.position(rule.points), (len(rule.cells), GAUSS_POINTS)
@@ -268,7 +274,9 @@ class Works:
             raised = np.stack([m11 * parts[:, 0] + m12 * parts[:, 1], m12 * parts[:, 0] + m22 * parts[:, 1]], axis=-1)
             pairs = np.stack([parts[:, 0] ** 2, parts[:, 1] ** 2, parts[:, 0] * parts[:, 1]])
             bent = stiffness_moduli(case.surface, case.material, off.sites(rule.points)[0])[:, 1]
-            unit = Strained(strains.area, strains.metric, {(0, 0): np.concatenate([0 * pairs, pairs]), **strains.strains})
+            unit = Strained(
+                strains.area, strains.metric, {(0, 0): np.concatenate([0 * pairs, pairs]), **strains.strains}
+            )
             ratio = case.material.poissons_ratios[1]
             moments = [bent * unit.work(ratio, 1, (0, 0), key) for key in (FIRST, SECOND)]
             tilts = [sum(raised[:, a] * dot(f[:, a], normal) for a in (0, 1)) for f in both]
