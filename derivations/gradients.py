@@ -23,6 +23,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
+from itertools import pairwise
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -56,7 +57,7 @@ def slope(value: Callable[[float], float], at: float, unit: str, noise: float = 
     """
     size = abs(at) or 1.0
     quotients = [(value(at + s * size) - value(at - s * size)) / (2 * s * size) for s in STEPS]
-    fourth = [(4 * b - a) / 3 for a, b in zip(quotients, quotients[1:], strict=False)]
+    fourth = [(4 * b - a) / 3 for a, b in pairwise(quotients)]
     sixth = (16 * fourth[1] - fourth[0]) / 15
     rounding = 4 * noise * abs(value(at)) / (STEPS[-1] * size)
     return Estimate(float(sixth), float(abs(sixth - fourth[1]) + rounding), unit)

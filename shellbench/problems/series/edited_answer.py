@@ -14,7 +14,7 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +63,8 @@ class Timed:
 class EditedAnswer:
     """Answer to an edited shell: quantities (2, n), first from the earlier solution, then from scratch, m."""
 
+    problem: ClassVar[Any] = EditingCase
+
     case: EditingCase
     values: NDArray[np.float64]
     unknowns: int
@@ -99,13 +101,13 @@ class EditedAnswer:
         return file
 
     @classmethod
-    def load(cls, path: Path) -> EditedAnswer:
+    def load(cls, path: Path) -> Self:
         """Read a file of `save`; InputError in one sentence if it is no such file."""
         try:
             with safe_open(path, framework="numpy") as file:
                 told, values = dict(file.metadata() or {}), file.get_tensor("values")
             return cls(
-                case=EditingCase.model_validate_json(told["case"]), values=values, unknowns=int(told["unknowns"])
+                case=cls.problem.model_validate_json(told["case"]), values=values, unknowns=int(told["unknowns"])
             )
         except (OSError, SafetensorError, KeyError, ValueError, ValidationError) as error:
             raise InputError(f"{path} holds no edited answer: {' '.join(str(error).split())[:200]}") from None

@@ -61,8 +61,8 @@ class DerivativeQuantity(ShellQuantity):
         known = parameters_of(shell)
         if self.with_respect_to not in known:
             raise ValueError(
-                f"quantity '{self.name}' is a derivative with respect to '{self.with_respect_to}', which is no parameter"
-                f" of the case; known are {', '.join(known)}"
+                f"quantity '{self.name}' is a derivative with respect to '{self.with_respect_to}', which is no"
+                f" parameter of the case; known are {', '.join(known)}"
             )
         return known[self.with_respect_to]
 

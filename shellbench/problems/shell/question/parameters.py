@@ -130,13 +130,11 @@ def changed(shell: Any, parameter: Parameter, value: Any) -> Any:
 def scaled(part: Any, factor: float) -> Any:
     """Return a load or a spring times a factor."""
     fields = {name: getattr(part, name) for name in MEASURES if name in type(part).model_fields}
-    return _copy(
-        part,
-        **{
-            n: tuple(times(f, factor) for f in v) if isinstance(v, tuple) else times(v, factor)
-            for n, v in fields.items()
-        },
-    )
+    return _copy(part, **{n: _times(value, factor) for n, value in fields.items()})
+
+
+def _times(value: Any, factor: float) -> Any:
+    return tuple(times(f, factor) for f in value) if isinstance(value, tuple) else times(value, factor)
 
 
 def _copy(model: Any, **changes: Any) -> Any:

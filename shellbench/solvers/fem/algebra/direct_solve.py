@@ -75,6 +75,8 @@ class LinearSolution:
         Largest change by the last refinement over the largest unknown.
     noise
         Energy of that change, J.
+    factor
+        The inverse of K as a function, for further solves.
     """
 
     unknowns: Array
@@ -82,6 +84,7 @@ class LinearSolution:
     backward_error: float
     correction: float
     noise: float
+    factor: Solve
 
 
 class StrainSystem(NamedTuple):
@@ -105,6 +108,7 @@ def solve_reduced(
     mesh: TensorMesh,
     method: Method,
     careful: StrainSystem | None = None,
+    factor: Solve | None = None,
 ) -> LinearSolution:
     """Solve K z = f.
 
@@ -120,6 +124,8 @@ def solve_reduced(
         The direct solver.
     careful
         The same system with less rounding, if available.
+    factor
+        Its factor by an earlier solve, if available.
 
     Raises
     ------
@@ -142,7 +148,7 @@ def solve_reduced(
         #    in higher precision. Strains serve as well, and also correct the rounding of K.
         # 3. If K resists some motion by rounding alone, steps by its factor are far too long or too short. Conjugate
         #    gradients take their lengths from the strains.
-        backward = _FACTORISATIONS[method](matrix, mesh)
+        backward = factor or _FACTORISATIONS[method](matrix, mesh)
         much = CAREFUL_CELLS if isinstance(matrix, CellMatrices) else CAREFUL
         unknowns = backward(right)
         correction = noise = 0.0
@@ -167,7 +173,7 @@ def solve_reduced(
             f"the stiffness matrix is singular to working precision on {_cells(mesh)} cells: a mechanism that the"
             " supports leave, or a thickness that is lost in rounding beside the shell's size"
         ) from None
-    answer = LinearSolution(unknowns, relative, backward_error, correction, noise)
+    answer = LinearSolution(unknowns, relative, backward_error, correction, noise, backward)
     # Written so that NaN fails.
     if not answer.backward_error <= LARGEST_BACKWARD_ERROR:
         raise RoundingError(

@@ -35,6 +35,7 @@ from shellbench.problems.shell.quantities.quantities import (
 )
 from shellbench.problems.shell.question.parameters import Parameter, changed
 from shellbench.solvers.fem.algebra.choices import Method
+from shellbench.solvers.fem.algebra.direct_solve import Solve
 from shellbench.solvers.fem.derivatives.deviation import Deviation
 from shellbench.solvers.fem.derivatives.forms import Works, functions_at
 from shellbench.solvers.fem.linear.equilibrium import LinearShell
@@ -97,6 +98,10 @@ class Adjoint:
         found, quadrature = self.solution, self.works.quadrature
         return LinearShell.on_mesh(found.case, found.mesh, found.states, quadrature, self.method)
 
+    @cached_property
+    def _factor(self) -> list[Solve]:
+        return []  # of K, from the first solve on
+
     def field(self, nodal: Array) -> Array:
         """Return scaled degrees of freedom (nodes, dofs) as coefficients (nodes, 3, kinds)."""
         mesh = self.solution.mesh
@@ -128,7 +133,8 @@ class Adjoint:
             works = np.einsum("ndm,nd->m", motions, slope)
             if np.abs(works).max() > LOOSE * np.abs(motions).max() * np.abs(slope).sum():
                 raise InputError("its quantity moves with a rigid motion that nothing holds: it has no derivative here")
-        found, _ = shell.solve(slope[..., None], np.zeros((*slope.shape, 1)))
+        found, answer = shell.solve(slope[..., None], np.zeros((*slope.shape, 1)), factor=next(iter(self._factor), None))
+        self._factor[:] = [answer.factor]
         return (shell.system @ found)[..., 0] - slope, self.field(found[..., 0])
 
     def target(self, quantity: QuantityModel, u: Array) -> Target:

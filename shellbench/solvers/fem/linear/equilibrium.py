@@ -16,7 +16,7 @@ from shellbench.problems.shell.question.conditions import RIGID_MOTIONS
 from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix
 from shellbench.solvers.fem.algebra.cell_matrices import CellMatrices
 from shellbench.solvers.fem.algebra.choices import Method
-from shellbench.solvers.fem.algebra.direct_solve import LinearSolution, StrainSystem, solve_reduced
+from shellbench.solvers.fem.algebra.direct_solve import LinearSolution, Solve, StrainSystem, solve_reduced
 from shellbench.solvers.fem.linear.contact import solve_contact
 from shellbench.solvers.fem.mechanics.assembly import InternalForces, root_operators, spring_blocks, stiffness
 from shellbench.solvers.fem.mechanics.clamping import ClampedEdge, clamped_edges
@@ -61,7 +61,7 @@ class Equilibrium:
 
 @dataclass(frozen=True)
 class LinearShell:
-    """A linear case assembled on a mesh: K with springs and clamps, the ties of supports, and free rigid motions pinned.
+    """A linear case assembled on a mesh: K with springs and clamps, ties of supports, and pins of free rigid motions.
 
     Attributes
     ----------
@@ -126,7 +126,11 @@ class LinearShell:
         return self.careful[0](nodal) + (self.springs @ nodal if self.springs else 0.0)
 
     def solve(
-        self, forces: Array, particular: Array, system: BlockMatrix | CellMatrices | None = None
+        self,
+        forces: Array,
+        particular: Array,
+        system: BlockMatrix | CellMatrices | None = None,
+        factor: Solve | None = None,
     ) -> tuple[Array, LinearSolution]:
         """Return the nodal answer (nodes, 12, n) to nodal forces; `system` has further terms in K, of contact."""
         ties, system = self.ties, self.system if system is None else system
@@ -143,7 +147,7 @@ class LinearShell:
         )
         right = ties.to_free(forces - system @ particular)
         reduced = ties.reduce_cells(system) if isinstance(system, CellMatrices) else ties.reduce(system)
-        answer = solve_reduced(reduced, right, self.mesh, self.method, by_strains)
+        answer = solve_reduced(reduced, right, self.mesh, self.method, by_strains, factor)
         return ties.to_nodal(answer.unknowns) + particular, answer
 
 
