@@ -99,6 +99,8 @@ def gradient_plate() -> Values:
         f"{W}_by_load": power(deflection, 1, 1.0, "m"),
         f"{W}_by_side_1": power(deflection, 2, side, "m/m"),
         f"{W}_by_side_2": power(deflection, -2, side, "m/m"),
+        f"{U}_by_modulus": power(work, -1, PLATE.young, "J/Pa"),
+        f"{U}_by_load": power(work, 2, 1.0, "J"),
         f"{U}_by_thickness": power(work, -3, PLATE.thickness, "J/m"),
         f"{U}_by_side_1": power(work, 3, side, "J/m"),
     }

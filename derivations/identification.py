@@ -39,7 +39,9 @@ def strip_data(young: float, factor: float) -> np.ndarray:
 def roof_by_polynomials(thickness: float) -> np.ndarray:
     """Deflections of the edge at mid-length and at a quarter of it, and of the crown, m."""
     series = solve_roof(roof(thickness), 199, 56)
-    return np.array([series.deflection(25.0, HALF_ANGLE), series.deflection(12.5, HALF_ANGLE), series.deflection(25.0, 0.0)])
+    return np.array(
+        [series.deflection(25.0, HALF_ANGLE), series.deflection(12.5, HALF_ANGLE), series.deflection(25.0, 0.0)]
+    )
 
 
 @cache
@@ -132,7 +134,10 @@ def identified_strip_closed() -> Values:
     truth = {"modulus": (float(young), "Pa"), "bending_factor": (float(bending * 12 / young / HEIGHT**3), "")}
     values = _values(truth, NOISE * np.array([YOUNG, FACTOR * np.sqrt(1 + 1 / 3)]), 10 * ROUNDING)
     loose = 4 / np.sqrt(2 * DRAWS)
-    return {n: Estimate(v.value, loose * v.value if n.endswith("scatter") else v.uncertainty, v.unit) for n, v in values.items()}
+    return {
+        n: Estimate(v.value, loose * v.value if n.endswith("scatter") else v.uncertainty, v.unit)
+        for n, v in values.items()
+    }
 
 
 def identified_roof() -> Values:
@@ -150,7 +155,10 @@ def identified_roof_by_exponentials() -> Values:
     spread = NOISE * THICKNESS / np.sqrt(np.sum(slopes**2))
     values = _values({"thickness": (found, "m")}, np.array([spread]), 1e-8)
     loose = 4 / np.sqrt(2 * DRAWS)
-    return {n: Estimate(v.value, loose * v.value if n.endswith("scatter") else v.uncertainty, v.unit) for n, v in values.items()}
+    return {
+        n: Estimate(v.value, loose * v.value if n.endswith("scatter") else v.uncertainty, v.unit)
+        for n, v in values.items()
+    }
 
 
 JUDGES = {"identified_strip": identified_strip, "identified_roof": identified_roof}

@@ -1,8 +1,8 @@
 """Check of a solver's derivatives: by differences of its own answers, and by the sum rule, which needs no known value.
 
 If all lengths of a shell grow by a factor s at constant moduli, and forces F, forces per length n and moments per
-length m by s^2, s and s^2, strains stay; a quantity of dimension Pa^a length^d grows by s^d. The derivative by s, at s =
-1, is the sum rule: with L the lengths and F Q_F the derivative by the factor of a force,
+length m by s^2, s and s^2, strains stay; a quantity of dimension Pa^a length^d grows by s^d. The derivative by s, at
+s = 1, is the sum rule: with L the lengths and F Q_F the derivative by the factor of a force,
 
     sum of L Q_L + 2 F Q_F + n Q_n + 2 m Q_m - k Q_k = d Q,
 

@@ -23,7 +23,7 @@ import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,6 +36,7 @@ from shellbench.problems.shell.field import RESULTANTS
 from shellbench.problems.shell.quantities.quantities import DerivativeQuantity, PlacedQuantity, SupportQuantity
 from shellbench.problems.shell.question.contact import Touch
 from shellbench.problems.shell.variants.edit import why_no_edit
+from shellbench.problems.shell.variants.slopes import DERIVATIVES, from_energies, key, why_not_from_energies
 from shellbench.problems.solving import CheckedSolver
 from shellbench.protocol.notebook import solution_html
 
@@ -213,6 +214,18 @@ class ShellSolution:
         """Return the membrane and the bending part of the strain energy of the whole shell, J."""
         raise NotImplementedError
 
+    def derivative(self, quantity: Any, parameter: str) -> float:
+        """Return dQ/dp of a quantity of the case: by kept differences, or from energies (see `variants.slopes`).
+
+        Raises
+        ------
+        ValueError
+            If neither gives it.
+        """
+        kept = self.diagnostics.get(DERIVATIVES, {})
+        name = key(quantity.name, parameter)
+        return float(kept[name]) if name in kept else from_energies(self, quantity, parameter)
+
     def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force and moment about `centre` (3,) of the case's support of this number."""
         raise NotImplementedError
@@ -351,10 +364,13 @@ class ShellSolver(CheckedSolver):
         Properties beyond the plainest shells that it takes; it declines cases with more.
     reactions
         False if its solutions have no forces of supports.
+    slopes
+        Origin of its derivatives with respect to parameters; empty if it gives none.
     """
 
     takes: ClassVar[frozenset[Beyond]] = frozenset()
     reactions: ClassVar[bool] = True
+    slopes: ClassVar[Literal["", "energies", "differences"]] = ""
 
     def declines(self, case: Case) -> str | None:
         """Return the reason that the solver declines a case, as one clause, or None if it takes it."""
@@ -368,9 +384,17 @@ class ShellSolver(CheckedSolver):
             return "this solver states no stress resultants"
         if isinstance(quantity, SupportQuantity) and not self.reactions:
             return "this solver computes no reactions"
-        if isinstance(quantity, DerivativeQuantity):
+        if not isinstance(quantity, DerivativeQuantity):
+            return None
+        other = case.quantity(quantity.derivative_of)
+        if not self.slopes:
             return "this solver gives no derivatives"
-        return None
+        if refusal := self.declines_quantity(case, other):
+            return refusal
+        if self.slopes == "energies":
+            return why_not_from_energies(case, other, quantity.with_respect_to)
+        parameter = quantity.parameter(case)
+        return "its differences move no bounds and no points" if parameter.bound or parameter.point else None
 
     def answer_from(
         self, start: Solution | Path | None, case: Case, settings: Any, progress: ProgressCallback

@@ -6,7 +6,7 @@ The module also lists the reasons for which the mesh of triangles and hinges dec
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
@@ -14,6 +14,7 @@ from shellbench.problems.shell.declining import why_not_by_load, why_not_plain
 from shellbench.problems.shell.question.conditions import Support
 from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.problems.shell.solution import ShellSolver
+from shellbench.problems.shell.variants.slopes import by_differences
 from shellbench.solvers.cst.settings import CstSettings
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ class CstSolver(ShellSolver):
         label="constant-strain triangles with hinge bending (as cloth simulators)",
     )
     settings_type: ClassVar[type[Settings]] = CstSettings
+    slopes: ClassVar[Literal["", "energies", "differences"]] = "differences"
 
     def declines(self, case: Case) -> str | None:
         """Return the reason that the solver declines this case, as one clause, or None if it takes it."""
@@ -49,7 +51,8 @@ class CstSolver(ShellSolver):
         """
         from shellbench.solvers.cst import solving
 
-        return solving.solve(case, settings, progress)
+        found: CstSolution = by_differences(case, lambda of: solving.solve(of, settings, progress))
+        return found
 
     def load(self, path: Path) -> CstSolution:
         """Read a file of `save`; InputError in one sentence if it is no such file."""

@@ -19,7 +19,7 @@ STEP = 1e-3  # of log p, of central differences: their error is its square
 
 
 class FemIdentifySolver(IdentifyingSolver):
-    """Gauss and Newton with derivatives by the adjoint: one solve of the shell, and one further solve for each datum."""
+    """Gauss and Newton with derivatives by the adjoint: one solve of the shell, and one more for each datum."""
 
     name: ClassVar[str] = "fem-identify"
     capabilities: ClassVar[Capabilities] = Capabilities(THEORIES, "fem, derivatives by the adjoint")

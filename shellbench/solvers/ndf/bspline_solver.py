@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from shellbench.problem import Capabilities, ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
@@ -23,6 +23,7 @@ class SplineSolver(FieldSolver):
         theories=("kirchhoff-love-linear",), label="grid of cubic B-splines, solved for (Ritz)"
     )
     settings_type: ClassVar[type[SplineSettings]] = SplineSettings
+    slopes: ClassVar[Literal["", "energies", "differences"]] = "energies"
     takes: ClassVar[frozenset[Beyond]] = frozenset(
         {
             "varying stiffness",

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from shellbench.problem import Capabilities, ProgressCallback, Quantity, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.quantities.quantities import SupportQuantity
+from shellbench.problems.shell.quantities.quantities import DerivativeQuantity, SupportQuantity
 from shellbench.solvers.ndf.field_solver import FieldSolver
 from shellbench.solvers.ndf.published.published_settings import NDF_PUBLISHED, PublishedSettings
 
@@ -34,6 +34,8 @@ class PublishedSolver(FieldSolver):
         """Return the reason that it can't give a quantity of a case that it takes, as one clause, or None if it can."""
         if case.dynamics is not None and isinstance(quantity, SupportQuantity) and len(case.supports) > 1:
             return f"it can't tell the reaction of support '{quantity.support}' from that of others"
+        if isinstance(quantity, DerivativeQuantity):
+            return "its weights were trained at one material: their derivative by another one is not in them"
         return super().declines_quantity(case, quantity)
 
     def load(self, path: Path) -> Solution:

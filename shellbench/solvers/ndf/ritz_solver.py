@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from shellbench.problem import Capabilities, ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
@@ -26,6 +26,7 @@ class RitzSolver(FieldSolver):
         devices=("cpu", "cuda"),
     )
     settings_type: ClassVar[type[RitzSettings]] = RitzSettings
+    slopes: ClassVar[Literal["", "energies", "differences"]] = "energies"
     uses_start: ClassVar[bool] = True
     takes: ClassVar[frozenset[Beyond]] = frozenset(
         {

@@ -133,7 +133,9 @@ class Adjoint:
             works = np.einsum("ndm,nd->m", motions, slope)
             if np.abs(works).max() > LOOSE * np.abs(motions).max() * np.abs(slope).sum():
                 raise InputError("its quantity moves with a rigid motion that nothing holds: it has no derivative here")
-        found, answer = shell.solve(slope[..., None], np.zeros((*slope.shape, 1)), factor=next(iter(self._factor), None))
+        found, answer = shell.solve(
+            slope[..., None], np.zeros((*slope.shape, 1)), factor=next(iter(self._factor), None)
+        )
         self._factor[:] = [answer.factor]
         return (shell.system @ found)[..., 0] - slope, self.field(found[..., 0])
 
