@@ -155,7 +155,7 @@ SECTIONS = (  # heading, words, common base, classes
      " Where supports meet and hold the same direction, they share a concentrated reaction equally.", quantities.ShellQuantity,
      ("DisplacementQuantity", "PositionQuantity", "CentreOfMass", "LargestDisplacement", "FieldError", "EnergyQuantity", "MotionEnergy", "PotentialEnergy",
        "ReactionQuantity", "TorqueQuantity", "ContactForce", "LargestPenetration", "ContactPoint", "LoadQuantity", "LimitPoint", "CriticalPoint",
-       "Frequency", "BucklingLoad", "MembraneForce", "Moment", "ShearForce", "Stress")),
+       "Frequency", "BucklingLoad", "MembraneForce", "Moment", "ShearForce", "Stress", "DerivativeQuantity")),
     ("Other names", "`also_known_as`: any number of names under which others know the case, as inline tables."
      " They change no answer. `shellbench list WORDS` finds cases by them.", None, ("OtherName",)),
     ("Known values", "`[[known]]`: any number, in your own case only. `shellbench gate FILE` judges by them. A tolerance here is for all "

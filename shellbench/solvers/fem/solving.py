@@ -105,7 +105,7 @@ def _refine(case: Case, chosen: FemSettings, start: FemSolution | None, progress
 
     def on_mesh(cells: Cells) -> equilibrium.Equilibrium:
         found = solve_on(cells)
-        return replace(found, solution=FemAnswer.of(found.solution))
+        return replace(found, solution=FemAnswer.of(found.solution, found.assembled), assembled=None)
 
     tolerance = chosen.tolerance or usual_tolerance(case, case_degree(case, chosen))
     solved_once = case.linear or case.prescribed  # or never: where all is prescribed

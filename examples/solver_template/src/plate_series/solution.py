@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from shellbench.problems.shell.case import Case
@@ -67,6 +67,19 @@ class PlateSolution(ShellSolution):
     def energies(self, at: float | None = None) -> tuple[float, float]:
         """Return the membrane and the bending part of the strain energy, J."""
         return 0.0, series.bending_energy(self.plate, self.coefficients)
+
+    def derivative(self, quantity: Any, parameter: str) -> float:
+        """Return dQ/dp of a quantity of the case: all values are proportional to a power of q / B, energies to q^2 / B."""
+        material, value = self.case.material, float(quantity.measure(self))
+        nu = material.poissons_ratio
+        by_stiffness = {  # d log B / dp
+            "material.youngs_modulus": 1 / material.youngs_modulus,
+            "material.thickness": 3 / material.thickness,
+            "material.poissons_ratio": 2 * nu / (1 - nu**2),
+        }
+        if parameter == "loads.1":
+            return value * (2 if "energy" in quantity.kind else 1)
+        return -value * by_stiffness[parameter]
 
     def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that the rim exerts on the plate.

@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 from pydantic import Field
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.quantities.quantities import DerivativeQuantity
 from shellbench.problems.shell.records.history import settled
 from shellbench.problems.shell.solution import ShellSolver
 
@@ -44,6 +45,17 @@ class PlateSeriesSolver(ShellSolver):
     def declines(self, case: Case) -> str | None:
         """Return the reason why the solver can't take this case, as one clause, or None if it can."""
         return reading.declines(case)
+
+    def declines_quantity(self, case: Case, quantity: Any) -> str | None:
+        """Return the reason why it can't give a quantity, as one clause, or None if it can."""
+        if not isinstance(quantity, DerivativeQuantity):
+            return super().declines_quantity(case, quantity)
+        of = case.quantity(quantity.derivative_of)
+        if of.kind not in ("displacement", "strain_energy", "bending_energy"):
+            return f"it gives no derivatives of a quantity of kind '{of.kind}'"
+        known = ("material.youngs_modulus", "material.thickness", "material.poissons_ratio", "loads.1")
+        single = len(case.loads) == 1 and quantity.with_respect_to in known
+        return None if single else f"it gives derivatives of plates under one load, by {', '.join(known)}"
 
     def answer(
         self, case: Case, settings: PlateSettings, start: Solution | Path | None, progress: ProgressCallback

@@ -26,9 +26,11 @@ from shellbench.problems.shell.quantities.quantities import (
     TorqueQuantity,
 )
 from shellbench.problems.shell.question.parameters import Parameter, parameters_of
+from shellbench.solvers.fem.algebra.direct_solve import Solve
 from shellbench.solvers.fem.derivatives.adjoint import Adjoint
 from shellbench.solvers.fem.derivatives.finite import FiniteAdjoint
 from shellbench.solvers.fem.derivatives.modal import mode_gradient
+from shellbench.solvers.fem.linear.equilibrium import LinearShell
 from shellbench.solvers.fem.mechanics.solution import FemSolution
 
 Array = NDArray[np.float64]
@@ -39,9 +41,12 @@ class FemAnswer(FemSolution):
     """A solution of `fem` that gives derivatives of its quantities with respect to parameters of its case."""
 
     @classmethod
-    def of(cls, solution: FemSolution) -> Self:
-        """Return a solution as one that gives derivatives."""
-        return cls(**{field.name: getattr(solution, field.name) for field in fields(FemSolution)})
+    def of(cls, solution: FemSolution, assembled: tuple[LinearShell, Solve] | None = None) -> Self:
+        """Return a solution as one that gives derivatives; it keeps the assembled shell if that is of the same mesh."""
+        found = cls(**{field.name: getattr(solution, field.name) for field in fields(FemSolution)})
+        if assembled is not None and assembled[0].mesh is solution.mesh:
+            vars(found._adjoint).update(shell=assembled[0], _factor=[assembled[1]])
+        return found
 
     def derivative(self, quantity: QuantityModel, parameter: str) -> float:
         """Return dQ/dp of a quantity of the case, in the units of both; see `gradient`."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.posed.rigid import free_motions
+from shellbench.problems.shell.quantities.quantities import DerivativeQuantity
 from shellbench.problems.shell.question.conditions import RIGID_MOTIONS
 from shellbench.solvers.fem.algebra.block_matrix import BlockMatrix
 from shellbench.solvers.fem.algebra.cell_matrices import CellMatrices
@@ -50,6 +51,8 @@ class Equilibrium:
         Energy of strains and springs less the work of the loads at the last state, J.
     residual, correction, noise
         See `shellbench.solvers.fem.algebra.direct_solve.LinearSolution`.
+    assembled
+        The shell and the inverse of its K, kept for derivatives if the case asks for some.
     """
 
     solution: FemSolution
@@ -57,6 +60,7 @@ class Equilibrium:
     residual: float
     correction: float = 0.0
     noise: float = 0.0
+    assembled: tuple[LinearShell, Solve] | None = None
 
 
 @dataclass(frozen=True)
@@ -223,7 +227,9 @@ def solve(
         parameters=int(np.count_nonzero(ties.free)),
         touching=touching or (),
     )
-    return Equilibrium(solution, float(energy), answer.residual, answer.correction, answer.noise)
+    asks = any(isinstance(quantity, DerivativeQuantity) for quantity in case.quantities)
+    kept = (shell, answer.factor) if asks else None
+    return Equilibrium(solution, float(energy), answer.residual, answer.correction, answer.noise, kept)
 
 
 def check_balance(loading: Loading, loose: Array) -> None:
