@@ -52,6 +52,8 @@ from .cylinder_modes import JUDGES as CYLINDERS
 from .discrete_catenary import hanging_chain
 from .fields import JUDGES as FIELDS
 from .garments import JUDGES as GARMENTS
+from .gradients import JUDGES as GRADIENTS
+from .identification import JUDGES as IDENTIFIED
 from .naghdi import JUDGES as NAGHDI
 from .passport import JUDGES as PASSPORT
 from .plate_modes import JUDGES as PLATES
@@ -120,6 +122,8 @@ CASES = {
     **NAGHDI,
     **RESULTANTS,
     **BENCHMARKS,
+    **GRADIENTS,
+    **IDENTIFIED,
 }
 TITLE = "case", "quantity", "value", "uncertainty", "unit"
 ROW = "{:<31} {:<21} {:>19} {:>11} {}"

@@ -42,8 +42,9 @@ ROOMS = {  # of a package, from the lowest up; what stands at its root is a room
         *("declining", "solution", "deck", "records", "sheet", "kind"),
     ),
     "solvers.fem": (
-        *("conditioned_settings", "mesh", "algebra", "settings", "mechanics", "linear", "path", "refinement", "motion"),
-        *("solving", "solver", "editing_solver", "conditioned", "conditioned_solver"),
+        *("conditioned_settings", "mesh", "algebra", "settings", "mechanics", "linear", "path", "derivatives"),
+        *("refinement", "motion", "solving", "solver", "editing_solver", "identifying_solver"),
+        *("conditioned", "conditioned_solver"),
     ),
     "solvers.ndf": (
         *("field", "strains", "linear", "field_solver", "bspline", "path", "bspline_solver", "motion", "ritz"),

@@ -58,6 +58,7 @@ def derivatives(exam: Examination, case: Case) -> Verdict:
     if not given:
         return not_applicable("it gives no derivatives")
     findings, q = Findings(), values[case.primary.name]
+    headline: Any = case.primary
     limit = max(MOST, 3 * own_uncertainty(exam.solve(asked)))
     for name in COMPARED:
         if name in given:
@@ -69,7 +70,7 @@ def derivatives(exam: Examination, case: Case) -> Verdict:
             findings.hold(error <= limit, f"by {name} it is off by {error:.1e} of Q/p", f"{name} {error:.1e}")
     if rule and rule.keys() <= given.keys():
         total = sum(weight * given[name] * known[name].value for name, weight in rule.items())
-        length, force = case.primary.dimension(case)
+        length, force = headline.dimension(case)
         error = abs(total - (length + 2 * force) * q) / abs(q)
         findings.hold(error <= limit, f"the sum rule is missed by {error:.1e}", f"sum rule {error:.1e}")
     return findings.verdict()

@@ -20,7 +20,9 @@ from derivations import (
     fields,
     folds,
     garments,
+    gradients,
     heavy_strip,
+    identification,
     naghdi,
     passport,
     plane_strip,
@@ -79,6 +81,8 @@ ORIGINS = {
     **resultants.JUDGES,
     **folds.JUDGES,
     **benchmark_shells.JUDGES,
+    **gradients.JUDGES,
+    **identification.JUDGES,
 }
 MODES = {
     **plate_modes_by_splines.SECOND_FORMS,
@@ -87,9 +91,17 @@ MODES = {
     **strip_on_edge.SECOND_FORMS,
     **resultants.SECOND_FORMS,
     **benchmark_shells.SECOND_FORMS,
+    **gradients.SECOND_FORMS,
+    **identification.SECOND_FORMS,
 }
 LONG = {
     "pressed_column",
+    "gradient_cantilever",
+    "gradient_diaphragm",
+    "gradient_free_mode",
+    "gradient_pinched",
+    "gradient_roof",
+    "identified_roof",
     "pressed_oval",
     *folds.LONG,
     *strip_on_edge.JUDGES,

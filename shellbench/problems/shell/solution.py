@@ -386,7 +386,7 @@ class ShellSolver(CheckedSolver):
             return "this solver computes no reactions"
         if not isinstance(quantity, DerivativeQuantity):
             return None
-        other = case.quantity(quantity.derivative_of)
+        other: Any = case.quantity(quantity.derivative_of)
         if not self.slopes:
             return "this solver gives no derivatives"
         if refusal := self.declines_quantity(case, other):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -261,7 +262,7 @@ def uncertainty_scale(solution: FemSolution, quantity: QuantityModel, quantities
         case LoadQuantity() | LimitPoint() | CriticalPoint() | PotentialEnergy() | ModeQuantity():
             return max(value, tiny)
         case DerivativeQuantity():
-            other = solution.case.quantity(quantity.derivative_of)
+            other: Any = solution.case.quantity(quantity.derivative_of)
             per = 1.0 if quantity.relative else abs(quantity.parameter(solution.case).value) or 1.0
             whole = 1.0 if quantity.relative else uncertainty_scale(solution, other, quantities)
             return max(value, NEGLIGIBLE * whole / per, tiny)

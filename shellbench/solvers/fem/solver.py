@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, get_args
 
 from shellbench.problem import Capabilities, ProgressCallback, Quantity, Settings, Solution
 from shellbench.problems.shell.case import Case
@@ -57,7 +57,7 @@ class FemSolver(ShellSolver):
         if isinstance(quantity, DerivativeQuantity):
             from shellbench.solvers.fem.derivatives.answer import why_no_derivative
 
-            other = case.quantity(quantity.derivative_of)
+            other: Any = case.quantity(quantity.derivative_of)
             return self.declines_quantity(case, other) or why_no_derivative(case, other, quantity.parameter(case))
         if not (case.linear and isinstance(quantity, ResultantQuantity)):
             return None

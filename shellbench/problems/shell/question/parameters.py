@@ -65,13 +65,13 @@ class Parameter:
     def bound(self) -> tuple[int, int] | None:
         """Number of the coordinate and of its end (0, 1) if it is a bound of the surface; else None."""
         axis, end = BOUNDS.get(self.key, ("", 0)) if self.group == "surface" else ("", 0)
-        return (AXES.index(axis), end) if axis else None  # type: ignore[arg-type]
+        return (AXES.index(axis), end) if axis else None
 
     @property
     def point(self) -> tuple[str, int] | None:
         """Name of the point and number of the coordinate if it is a coordinate of a point; else None."""
         name, _, axis = self.key.rpartition(".")
-        return (name, AXES.index(axis)) if self.group == "points" else None  # type: ignore[arg-type]
+        return (name, AXES.index(axis)) if self.group == "points" else None
 
 
 def parameters_of(shell: Any) -> dict[str, Parameter]:
@@ -90,7 +90,7 @@ def parameters_of(shell: Any) -> dict[str, Parameter]:
     for name, value in getattr(surface, "constants", {}).items():
         found.append(Parameter(f"surface.{name}", value, "", None))
     for name, (axis, end) in BOUNDS.items() if surface.kind != "mesh" else ():
-        number = AXES.index(axis)  # type: ignore[arg-type]
+        number = AXES.index(axis)
         if not surface.domain.periodic[number]:
             found.append(Parameter(f"surface.{name}", getattr(surface, axis)[end], *coordinate[number]))
     for name, xi in shell.points.items():

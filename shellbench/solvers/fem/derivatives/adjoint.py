@@ -227,10 +227,11 @@ class Adjoint:
 
     def _turning(self, off: Deviation, u: Array, adjoint: Array, turned: Array, t: float) -> float:
         """Return mu . (C_p lambda) + s . (g_p - C_p u): zero unless conditions of supports change."""
-        if (found := self.turns(off, t)) is None:
+        turned_by = self.turns(off, t)
+        if turned_by is None:
             return 0.0
         shell, works, mesh = self.shell, self.works, self.solution.mesh
-        at_rest, rates = found
+        at_rest, rates = turned_by
         nodal, opposite = works.scaled(u), works.scaled(adjoint)
         loads = Loading.on_mesh(self.solution.case, mesh, works.quadrature, (t,)).nodal
         for clamp in shell.clamps:

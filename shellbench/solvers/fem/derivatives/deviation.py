@@ -92,7 +92,7 @@ class Deviation:
         """Return derivatives (n, 3) of the midsurface by the mesh's coordinates at points (n, 2) of the mesh."""
         xi, (first, second) = self.sites(points)
         x = self.moved.surface.derivatives(xi if self.parameter.bound else points, order)
-        return {(i, j): first**i * second**j * value for (i, j), value in x.items()}
+        return {(i, j): np.asarray(first**i * second**j * value, dtype=complex) for (i, j), value in x.items()}
 
     def slide(self, name: str) -> Array:
         """Return the speed (2,) of a named point or corner in the mesh's coordinates, per unit of the parameter."""

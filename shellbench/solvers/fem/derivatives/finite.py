@@ -40,8 +40,8 @@ from shellbench.solvers.fem.derivatives.forms import rates, work_of
 from shellbench.solvers.fem.mechanics.clamping import finite_clamps
 from shellbench.solvers.fem.mechanics.kinematics import DERIVATIVES
 from shellbench.solvers.fem.mesh.basis import COMPONENTS, KINDS
+from shellbench.solvers.fem.path.continuation import dof_row
 from shellbench.solvers.fem.path.finite_state import Constraint, FiniteState, UnsymmetricFactor, solve_on_free
-from shellbench.solvers.fem.path.large_displacement import dof_row
 from shellbench.solvers.fem.path.newton import state_on_path
 from shellbench.solvers.fem.path.problem import FiniteProblem
 from shellbench.solvers.stepping.control import NotConvergedError

@@ -131,7 +131,8 @@ class Works:
                     known = known if off.moves_surface else strains
                 else:
                     strains = known
-                moduli = stiffness_moduli(off.moved.surface, off.moved.material, off.sites(flat)[0])
+                sites: Any = off.sites(flat)[0]
+                moduli = stiffness_moduli(off.moved.surface, off.moved.material, sites)
                 found[number] += measure @ (strains.area * density(strains, moduli, off.moved))
         return found
 
@@ -273,13 +274,14 @@ class Works:
             m11, m22, m12 = strains.metric
             raised = np.stack([m11 * parts[:, 0] + m12 * parts[:, 1], m12 * parts[:, 0] + m22 * parts[:, 1]], axis=-1)
             pairs = np.stack([parts[:, 0] ** 2, parts[:, 1] ** 2, parts[:, 0] * parts[:, 1]])
-            bent = stiffness_moduli(case.surface, case.material, off.sites(rule.points)[0])[:, 1]
+            sites: Any = off.sites(rule.points)[0]
+            bent = stiffness_moduli(case.surface, case.material, sites)[:, 1]
             unit = Strained(
                 strains.area, strains.metric, {(0, 0): np.concatenate([0 * pairs, pairs]), **strains.strains}
             )
             ratio = case.material.poissons_ratios[1]
             moments = [bent * unit.work(ratio, 1, (0, 0), key) for key in (FIRST, SECOND)]
-            tilts = [sum(raised[:, a] * dot(f[:, a], normal) for a in (0, 1)) for f in both]
+            tilts: list[Any] = [sum(raised[:, a] * dot(f[:, a], normal) for a in (0, 1)) for f in both]
             if t is not None:
                 motion = self.case.motion(support, edge, rule.points, t, order=1)
                 tilts[0] = tilts[0] - sum(raised[:, a] * dot(motion[d], normal) for a, d in enumerate((FIRST, SECOND)))

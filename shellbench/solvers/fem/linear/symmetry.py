@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice, product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -205,7 +206,7 @@ class FoldedMesh:
             images=(images[0] if begun[0] else 1, images[1] if begun[1] else 1),
         )
         count = images[0] * images[1]
-        energies = {"potential_energy": found.potential_energy * count, "noise": found.noise * count}
+        energies: dict[str, Any] = {"potential_energy": found.potential_energy * count, "noise": found.noise * count}
         return replace(found, solution=answer, **energies)
 
 
