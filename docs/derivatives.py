@@ -1,6 +1,6 @@
 """The figure and the tables of docs/derivatives.md.
 
-python docs/derivatives.py --figure     docs/figures/derivative_steps.png
+python docs/derivatives.py --figure     docs/derivative_steps.png
 python docs/derivatives.py --seconds    seconds of ten derivatives beside those of the solve
 python docs/derivatives.py --identify   adjoint and differences side by side
 """
@@ -21,7 +21,7 @@ from shellbench.solvers.fem.derivatives.answer import FemAnswer
 from shellbench.solvers.fem.linear.equilibrium import solve
 from shellbench.solvers.fem.mesh.mesh import TensorMesh
 
-FIGURE = Path(__file__).parent / "figures" / "derivative_steps.png"
+FIGURE = Path(__file__).parent / "derivative_steps.png"
 STEPS = 10.0 ** -np.arange(0.5, 12.1, 0.5)  # relative
 KNOWN = {"thickness": "edge_deflection_by_thickness", "radius": "edge_deflection_by_radius"}
 COLOURS = {"thickness": "#0072B2", "radius": "#D55E00"}

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shellbench.problem import NumberFormat
-from shellbench.problems.shell.solution import EXPONENT_BYTES, expanded, shortened
+from shellbench.problems.shortened import EXPONENT_BYTES, expanded, shortened
 
 UNIT = {"float64": 0.0, "float32": 2.0**-24, "float16": 2.0**-11}  # unit roundoff (IEEE 754-2008, table 3.5)
 TINY = 2.0**-39  # of the largest number: half the spacing of subnormals of binary16, 2**-25, against 2**14 and more

@@ -6,6 +6,7 @@ import contextlib
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from shellbench.problems.shell.quantities.measure import measure_all, measure_re
 from shellbench.problems.shell.quantities.quantities import EnergyQuantity
 from shellbench.problems.shell.records.path_end import cut_short
 from shellbench.problems.shell.solution import checked_start
-from shellbench.solvers.fem.derivatives.answer import FemAnswer
+from shellbench.solvers.fem.derivatives.answer import with_derivatives
 from shellbench.solvers.fem.linear import equilibrium
 from shellbench.solvers.fem.linear.modes import solve_modes
 from shellbench.solvers.fem.linear.symmetry import Folding
@@ -102,11 +103,6 @@ def _refine(case: Case, chosen: FemSettings, start: FemSolution | None, progress
     graded = case.linear and chosen.grading != 1 and not case.prescribed
     toward, slowest = _gradings(case) if graded else ((UNGRADED, UNBROKEN), ASYMPTOTIC)
     solve_on, trials = _solvers_on_meshes(case, chosen, toward, start, progress)
-
-    def on_mesh(cells: Cells) -> equilibrium.Equilibrium:
-        found = solve_on(cells)
-        return replace(found, solution=FemAnswer.of(found.solution, found.assembled), assembled=None)
-
     tolerance = chosen.tolerance or usual_tolerance(case, case_degree(case, chosen))
     solved_once = case.linear or case.prescribed  # or never: where all is prescribed
     largest = chosen.max_unknowns or (MOST_UNKNOWNS if solved_once else MOST_LARGE_UNKNOWNS)
@@ -117,6 +113,7 @@ def _refine(case: Case, chosen: FemSettings, start: FemSolution | None, progress
     try:
         meshes = _Meshes.of_case(case, chosen, toward, trials, start)
         forgiven = 0 if case.linear or chosen.cells else FORGIVEN
+        on_mesh = partial(with_derivatives, solve_on)
         for level in levels(case, iter(meshes), on_mesh, _measure, forgiven, slowest):
             seconds = time.perf_counter() - began
             found = level.equilibrium

@@ -163,7 +163,7 @@ class Adjoint:
 
                 def energy(offs: Sequence[Deviation]) -> Array:
                     rest = [works.spring_work(both, off) / 2 - works.load_work(u, off, t) for off in offs]
-                    return works.stress_work(both, offs) / 2 + np.array(rest)
+                    return np.asarray(works.stress_work(both, offs) / 2 + np.array(rest))
 
                 return Target(slope, energy)
             case ReactionQuantity() | TorqueQuantity():
@@ -221,7 +221,7 @@ class Adjoint:
                 works.clamp_work(both, off, quantity.at, symmetric=False) - works.clamp_work(both, off, quantity.at)
                 for off in offs
             ]
-            return whole + np.array(rest)
+            return np.asarray(whole + np.array(rest))
 
         return Target(slope, explicit)
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Self
 
@@ -30,8 +30,9 @@ from shellbench.solvers.fem.algebra.direct_solve import Solve
 from shellbench.solvers.fem.derivatives.adjoint import Adjoint
 from shellbench.solvers.fem.derivatives.finite import FiniteAdjoint
 from shellbench.solvers.fem.derivatives.modal import mode_gradient
-from shellbench.solvers.fem.linear.equilibrium import LinearShell
+from shellbench.solvers.fem.linear.equilibrium import Equilibrium, LinearShell
 from shellbench.solvers.fem.mechanics.solution import FemSolution
+from shellbench.solvers.fem.mesh.grading import Cells
 
 Array = NDArray[np.float64]
 
@@ -84,6 +85,12 @@ class FemAnswer(FemSolution):
     @cached_property
     def _adjoint(self) -> Adjoint:
         return Adjoint(self) if self.case.linear else FiniteAdjoint(self)
+
+
+def with_derivatives(solve: Callable[[Cells], Equilibrium], cells: Cells) -> Equilibrium:
+    """Solve on a mesh; return the answer with a solution that gives derivatives."""
+    found = solve(cells)
+    return replace(found, solution=FemAnswer.of(found.solution, found.assembled), assembled=None)
 
 
 def why_no_derivative(case: Case, quantity: QuantityModel, parameter: Parameter | None = None) -> str | None:

@@ -15,7 +15,8 @@ from scipy.sparse import csr_matrix
 from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.question.contact import Touch, kept_touch, restored_touch
-from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, expanded, shortened, time_reached
+from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, time_reached
+from shellbench.problems.shortened import expanded, shortened
 from shellbench.solvers.fem.mechanics.solution import FORMATS, EnergyRule, FemSolution
 from shellbench.solvers.fem.mesh.basis import COMPONENTS, kind_scales, tabulate
 from shellbench.solvers.fem.mesh.mesh import TensorMesh

@@ -24,7 +24,7 @@ from torch import Tensor
 from shellbench.errors import InputError
 from shellbench.problem import NumberFormat, Step
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.solution import shortened
+from shellbench.problems.shortened import shortened
 from shellbench.protocol.schema import Finite, Model, one_sentence
 from shellbench.solvers.ndf.field.choices import FieldSpec
 from shellbench.solvers.ndf.field.jets import activation
