@@ -18,6 +18,7 @@ from shellbench.solvers.fem.linear import equilibrium, modes
 from shellbench.solvers.fem.mechanics.kinematics import Deformation, Midsurface
 from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.path import large_displacement
+from shellbench.solvers.fem.solver import FemSolver
 from shellbench.testing.derivatives import sum_rule_weights
 
 STEP = 2e-3  # of the parameter: the difference of sixth order has 1e-16 of truncation, and 1e-9 of rounding
@@ -219,3 +220,12 @@ def test_a_relative_derivative_has_no_unit():
     values = {q.name: q.measure(answer) for q in case.quantities}
     slope = answer.derivative(case.primary, "material.thickness")
     assert values["d"] == pytest.approx(slope * 0.05 / values["moved"], rel=1e-14)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["gradient_roof@turned", "gradient_roof@units", "gradient_cantilever@oblique"])
+def test_variants_have_the_same_derivatives(name):
+    case, known = catalog.find_case(name), catalog.known_values(name.partition("@")[0])
+    answer = FemSolver().solve(case)
+    for q in case.quantities:
+        assert q.factor * q.measure(answer) == pytest.approx(known.judge(q.name, case.theory).value, rel=1e-5), q.name
