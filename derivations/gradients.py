@@ -159,7 +159,7 @@ def of_cylinder(
     fine, coarse = value(shell, 0), value(shell, 1)
     found = {}
     for name, (number, unit) in fine.items():
-        noise = shell.rounding * 3
+        noise = shell.rounding
         found[name] = Estimate.between(number, coarse[name][0], unit, noise * abs(number))
         energy = 1 + (unit == "J")
         for parameter in by[name]:

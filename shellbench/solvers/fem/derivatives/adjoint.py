@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.errors import InputError
+from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.measure import unit
 from shellbench.problems.shell.quantities.quantities import (
     DisplacementQuantity,
@@ -250,36 +251,43 @@ class Adjoint:
         return found
 
     def turns(self, off: Deviation, t: float) -> tuple[list[Conditions], list[list[Array]]] | None:
-        """Return the conditions of supports, and the derivatives of rows and of values; None if they do not change."""
-        if not off.moves_surface:
-            return None
-        step = TURNING * (abs(off.parameter.value) or 1.0)
-        stated = [self._conditions(off, k * step, t) for k in (-2, -1, 0, 1, 2)]
-        rates, changes = [], 0.0
-        for name in ("rows", "values"):
-            every = [[getattr(c, name) for c in some] for some in zip(*stated, strict=True)]
-            size = max((float(np.abs(one[2]).max(initial=0.0)) for one in every), default=0.0)
-            change = max((float(np.ptp(one, axis=0).max(initial=0.0)) for one in every), default=0.0)
-            changes = max(changes, change / size if size else 0.0)
-            rates.append([(one[0] - 8 * one[1] + 8 * one[3] - one[4]) / (12 * step) for one in every])
-        return (stated[2], [rates[0], [values[..., 0] for values in rates[1]]]) if changes > FIXED else None
+        """Return `turning` of the solution's case on its mesh."""
+        return turning(self.solution.case, self.solution.mesh, off, t)
 
-    def _conditions(self, off: Deviation, step: float, t: float) -> list[Conditions]:
-        """Return the conditions of supports with the parameter off by a real step, on the mesh that follows it."""
-        mesh, case = self.solution.mesh, self.solution.case
-        if step:
-            moved = changed(case, off.parameter, off.parameter.value + step)
-            old, new = mesh.domain, moved.surface.domain
 
-            def follow(xi: Array, axis: int) -> Array:
-                return np.asarray(new.lower[axis] + (xi - old.lower[axis]) / old.size[axis] * new.size[axis])
+def turning(
+    case: Case, mesh: TensorMesh, off: Deviation, t: float
+) -> tuple[list[Conditions], list[list[Array]]] | None:
+    """Return the conditions of supports, and the derivatives of rows and of values; None if they do not change."""
+    if not off.moves_surface:
+        return None
+    step = TURNING * (abs(off.parameter.value) or 1.0)
+    stated = [_conditions(case, mesh, off, k * step, t) for k in (-2, -1, 0, 1, 2)]
+    rates, changes = [], 0.0
+    for name in ("rows", "values"):
+        every = [[getattr(c, name) for c in some] for some in zip(*stated, strict=True)]
+        size = max((float(np.abs(one[2]).max(initial=0.0)) for one in every), default=0.0)
+        change = max((float(np.ptp(one, axis=0).max(initial=0.0)) for one in every), default=0.0)
+        changes = max(changes, change / size if size else 0.0)
+        rates.append([(one[0] - 8 * one[1] + 8 * one[3] - one[4]) / (12 * step) for one in every])
+    return (stated[2], [rates[0], [values[..., 0] for values in rates[1]]]) if changes > FIXED else None
 
-            units = [180 / np.pi if angle else 1.0 for angle in new.angle]
-            points = {
-                name: tuple(float(follow(np.asarray(x), k)) * units[k] for k, x in enumerate(old.internal(xi)))
-                for name, xi in case.points.items()
-            }
-            case = moved.model_copy(update={"points": points})
-            first, second = (follow(line, axis) for axis, line in enumerate(mesh.lines))
-            mesh = TensorMesh(new, (first, second), mesh.degree, mesh.folds)
-        return list(support_conditions(case, mesh, (t,)))
+
+def _conditions(case: Case, mesh: TensorMesh, off: Deviation, step: float, t: float) -> list[Conditions]:
+    """Return the conditions of supports with the parameter off by a real step, on the mesh that follows it."""
+    if step:
+        moved = changed(case, off.parameter, off.parameter.value + step)
+        old, new = mesh.domain, moved.surface.domain
+
+        def follow(xi: Array, axis: int) -> Array:
+            return np.asarray(new.lower[axis] + (xi - old.lower[axis]) / old.size[axis] * new.size[axis])
+
+        units = [180 / np.pi if angle else 1.0 for angle in new.angle]
+        points = {
+            name: tuple(float(follow(np.asarray(x), k)) * units[k] for k, x in enumerate(old.internal(xi)))
+            for name, xi in case.points.items()
+        }
+        case = moved.model_copy(update={"points": points})
+        first, second = (follow(line, axis) for axis, line in enumerate(mesh.lines))
+        mesh = TensorMesh(new, (first, second), mesh.degree, mesh.folds)
+    return list(support_conditions(case, mesh, (t,)))

@@ -25,16 +25,24 @@ from shellbench.problems.shell.quantities.quantities import (
     ReactionQuantity,
     TorqueQuantity,
 )
+from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.problems.shell.question.parameters import Parameter, parameters_of
 from shellbench.solvers.fem.algebra.direct_solve import Solve
-from shellbench.solvers.fem.derivatives.adjoint import Adjoint
+from shellbench.solvers.fem.derivatives.adjoint import Adjoint, turning
+from shellbench.solvers.fem.derivatives.deviation import Deviation
 from shellbench.solvers.fem.derivatives.finite import FiniteAdjoint
 from shellbench.solvers.fem.derivatives.modal import mode_gradient
 from shellbench.solvers.fem.linear.equilibrium import Equilibrium, LinearShell
+from shellbench.solvers.fem.linear.modes import FULL_LOAD
+from shellbench.solvers.fem.mechanics.constraints import support_ties
 from shellbench.solvers.fem.mechanics.solution import FemSolution
-from shellbench.solvers.fem.mesh.grading import Cells
+from shellbench.solvers.fem.mesh.basis import CUBIC
+from shellbench.solvers.fem.mesh.grading import UNBROKEN, UNGRADED, Cells, graded_mesh
+from shellbench.solvers.fem.mesh.mesh import TensorMesh
 
 Array = NDArray[np.float64]
+
+COARSE = (4, 4)  # cells of the mesh on which conditions of supports are looked at
 
 
 @dataclass(frozen=True)
@@ -72,8 +80,9 @@ class FemAnswer(FemSolution):
         if unknown := [name for name in parameters if name not in known]:
             raise InputError(f"{self.case.name} has no parameter '{unknown[0]}'; known are {', '.join(known)}")
         chosen = [known[name] for name in parameters]
-        if reason := why_no_derivative(self.case, quantity):
-            raise InputError(f"{self.case.name}: {reason}")
+        for parameter in chosen:
+            if reason := why_no_derivative(self.case, quantity, parameter):
+                raise InputError(f"{self.case.name}: {reason}")
         if isinstance(quantity, ModeQuantity):
             return mode_gradient(self, quantity, chosen)
         return self._adjoint.gradient(quantity, chosen)
@@ -95,6 +104,8 @@ def with_derivatives(solve: Callable[[Cells], Equilibrium], cells: Cells) -> Equ
 
 def why_no_derivative(case: Case, quantity: QuantityModel, parameter: Parameter | None = None) -> str | None:
     """Return the reason that `fem` gives no derivative of a quantity (by a parameter), as one clause, or None."""
+    if case.surface.fold_lines:
+        return "fem gives no derivatives of shells with folds"
     if case.prescribed:
         return "nothing is solved for where the whole surface is prescribed"
     kinds: tuple[type, ...] = (DisplacementQuantity, PositionQuantity, EnergyQuantity)
@@ -103,4 +114,32 @@ def why_no_derivative(case: Case, quantity: QuantityModel, parameter: Parameter 
     )
     if not isinstance(quantity, kinds):
         return f"fem gives no derivative of a quantity of kind '{quantity.kind}' in this theory"
+    if isinstance(quantity, LimitPoint) and not quantity.gives == quantity.turning == "load":
+        return "fem gives derivatives of limit loads alone, not of displacements there"
+    mesh = graded_mesh(
+        case, COARSE, 1.0, UNGRADED, UNBROKEN, CUBIC
+    )  # conditions of supports are of the same kind on any
+    if isinstance(quantity, ReactionQuantity | TorqueQuantity):
+        sharing = support_ties(case, mesh, case.states).sharing
+        number = [support.name for support in case.supports].index(quantity.support)
+        if np.any(sharing.holders[sharing.meeting, number]):
+            return f"support '{quantity.support}' meets another one, and fem gives no derivative of its force"
+    return None if parameter is None else _why_not_by(case, quantity, parameter, mesh)
+
+
+def _why_not_by(case: Case, quantity: QuantityModel, parameter: Parameter, mesh: TensorMesh) -> str | None:
+    held = {name for support in case.supports for name in support.on if name in case.points}
+    if parameter.bound and (held or case.edge_parts or any(case.kinks)):
+        return "named points with supports, parts of edges and kinks do not follow a bound of the surface"
+    if parameter.point and parameter.point[0] in held:
+        return f"a support holds the point '{parameter.point[0]}'"
+    if parameter.group != "surface":
+        return None
+    if isinstance(quantity, TorqueQuantity):
+        return "fem gives no derivative of a torque by a number of the surface"
+    if not case.linear and (case.following or any(isinstance(load, MomentLoad) for load in case.loads)):
+        return "at finite strain moments and following pressures are not differentiated by a number of the surface"
+    turns = case.modal or not case.linear
+    if turns and turning(case, mesh, Deviation(case, parameter), case.states[-1] if not case.modal else FULL_LOAD):
+        return f"its supports turn with '{parameter.name}', which fem takes into account in linear statics only"
     return None
