@@ -458,6 +458,14 @@ def gradient_sleeve_by_energies() -> Values:
     return found
 
 
+# Limit load ---------------------------------------------------------------------------------------------------------
+
+
+def gradient_limit() -> Values:
+    """By the exponents: the load of a state is proportional to E, and its factor to 1 / load; relative derivatives."""
+    return {"limit_load_by_modulus": Estimate.exact(1.0, ""), "limit_load_by_load": Estimate.exact(-1.0, "")}
+
+
 JUDGES: dict[str, Callable[[], Values]] = {
     "gradient_plate": gradient_plate,
     "gradient_roof": partial(of_cylinder, roof(), roof_by_polynomials, ROOF_BY),
@@ -469,6 +477,7 @@ JUDGES: dict[str, Callable[[], Values]] = {
     "gradient_cantilever": gradient_cantilever,
     "gradient_ring": gradient_ring,
     "gradient_sleeve": gradient_sleeve,
+    "gradient_limit": gradient_limit,
 }
 SECOND_FORMS: dict[str, Callable[[], Values]] = {
     "gradient_plate": gradient_plate_by_levy,

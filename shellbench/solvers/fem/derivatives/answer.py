@@ -139,7 +139,10 @@ def _why_not_by(case: Case, quantity: QuantityModel, parameter: Parameter, mesh:
         return "fem gives no derivative of a torque by a number of the surface"
     if not case.linear and (case.following or any(isinstance(load, MomentLoad) for load in case.loads)):
         return "at finite strain moments and following pressures are not differentiated by a number of the surface"
-    turns = case.modal or not case.linear
-    if turns and turning(case, mesh, Deviation(case, parameter), case.states[-1] if not case.modal else FULL_LOAD):
+    try:
+        turned = turning(case, mesh, Deviation(case, parameter), FULL_LOAD if case.modal else case.states[-1])
+    except InputError as error:  # such as a plane of symmetry that would lean
+        return f"with another '{parameter.name}' its supports make no sense: {error}"
+    if turned and (case.modal or not case.linear):
         return f"its supports turn with '{parameter.name}', which fem takes into account in linear statics only"
     return None
