@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -215,6 +216,14 @@ class Child:
         solution = self.solutions[key]
         return {quantity.name: float(quantity.measure(solution)) for quantity in solution.case.quantities}
 
+    def derivatives(self, key: str) -> dict[str, float]:
+        """Return the derivatives that a solution gives, of those that its case asks for, by name."""
+        solution, found = self.solutions[key], {}
+        for quantity in (q for q in solution.case.quantities if q.kind == "derivative"):
+            with contextlib.suppress(Exception):
+                found[quantity.name] = float(quantity.measure(solution))
+        return found
+
     def headline(self, key: str) -> float:
         """Return the headline quantity of a solution."""
         solution = self.solutions[key]
@@ -227,6 +236,7 @@ def facts(solution: Solution, kind: str) -> dict[str, Any]:
         "faults": solution_faults(solution, kind),
         "history": [asdict(step) for step in solution.history],
         "parameters": _number(solution.parameters),
+        "derivatives": callable(getattr(solution, "derivative", None)),
         "storage_bytes": _number(solution.storage_bytes),
         "unsettled": getattr(solution, "unsettled", None),
         "uncertainty": {str(k): float(v) for k, v in dict(solution.uncertainty).items()},

@@ -49,21 +49,24 @@ def derivatives(exam: Examination, case: Case) -> Verdict:
     """Check derivatives of the headline with respect to modulus and thickness, and the sum rule."""
     if case.dynamics is not None or case.obstacles or case.modal:
         return not_applicable("it needs a shell at rest without obstacles")
+    if not exam.solve(case).facts["derivatives"]:
+        return not_applicable("it gives no derivatives")
     rule = sum_rule_weights(case) or {}
     known = parameters_of(case)
     names = [*COMPARED, *(name for name in rule if name not in COMPARED)]
     asked = Case.model_validate(case.data() | {"name": case.name, "suites": [], "quantities": _quantities(case, names)})
-    values = _values(exam, asked)
+    answer = exam.solve(asked)
+    values = dict(answer.subject.call("derivatives", answer.key))
     given = {name: values[key] for key, name in zip(map(_key, range(len(names))), names, strict=True) if key in values}
     if not given:
         return not_applicable("it gives no derivatives")
-    findings, q = Findings(), values[case.primary.name]
+    findings, q = Findings(), answer.headline()
     headline: Any = case.primary
-    limit = max(MOST, 3 * own_uncertainty(exam.solve(asked)))
+    limit = max(MOST, 3 * own_uncertainty(answer))
     for name in COMPARED:
         if name in given:
             difference = sum(
-                w * _values(exam, _changed(case, known[name], share))[case.primary.name]
+                w * exam.solve(_changed(case, known[name], share)).headline()
                 for w, share in zip(WEIGHTS, CHANGES, strict=True)
             )
             error = abs(given[name] * known[name].value - difference) / abs(q)
@@ -93,8 +96,3 @@ def _quantities(case: Case, names: list[str]) -> list[dict[str, Any]]:
 def _changed(case: Case, parameter: Parameter, share: float) -> Case:
     data = changed(case, parameter, parameter.value * (1 + share)).data()
     return Case.model_validate(data | {"name": case.name, "suites": []})
-
-
-def _values(exam: Examination, case: Case) -> dict[str, float]:
-    answer = exam.solve(case)
-    return dict(answer.subject.call("values", answer.key))

@@ -55,6 +55,7 @@ FAULTS = {
     "half": "energies",
     "soft": "work",
     "sign": "strains",
+    "slope": "derivatives",
     "no_history": "history",
     "clock": "history",
     "progress": "history",
@@ -136,6 +137,14 @@ class NavierSolution:
         x = self.case.surface.derivatives(xi, order=1)[1, 0]
         turned = x * np.sin(xi[..., :1])
         return turned + 0.1 * x * xi[..., :1] if self.fault == "slit" else turned
+
+    def derivative(self, quantity, parameter):
+        material, power = self.case.material, 2 if self.fault == "slope" else 3
+        slopes = {
+            "material.youngs_modulus": -1 / material.youngs_modulus,
+            "material.thickness": -power / material.thickness,
+        }
+        return slopes[parameter] * quantity.measure(self)
 
     def velocity(self, points, at=None):
         return np.zeros((*np.shape(points)[:-1], 3))

@@ -46,7 +46,7 @@ def examined(attribute, module="navier", **wish):
 
 
 NOT_OF_STATICS = {"course"}
-NOT_OF_A_FALL = {"seam", "linearity", "work", "convergence"}
+NOT_OF_A_FALL = {"seam", "linearity", "work", "convergence", "derivatives"}
 UNTOLD_OF_A_FALL = {"storage"}  # its file has no arrays
 
 

@@ -65,7 +65,8 @@ class Answers:
             if q.kind == "derivative":
                 p = q.parameter(case)
                 values[q.name] = size.get(p.name, 0) * w / (p.value or 1)
-        return SimpleNamespace(subject=SimpleNamespace(call=lambda *_: values), key="", facts={"uncertainty": {}})
+        subject = SimpleNamespace(call=lambda *_: {name: v for name, v in values.items() if name != case.primary.name})
+        return SimpleNamespace(subject=subject, key="", facts={"derivatives": True}, headline=lambda: w)
 
 
 def test_the_check_passes_right_derivatives_and_fails_wrong_ones(monkeypatch):
