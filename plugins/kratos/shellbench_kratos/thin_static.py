@@ -54,7 +54,7 @@ class ThinProblem:
     @cached_property
     def loose(self) -> Loose:
         """Rigid motions that no support holds."""
-        return Loose.from_supports(self.supports, self.positions)
+        return Loose.from_supports(self.supports)
 
     @cached_property
     def loads(self) -> Loads:
