@@ -15,21 +15,19 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.deck import nodal
 from shellbench.problems.shell.deck.grid import Grid
 from shellbench.problems.shell.question.conditions import Support
-from shellbench.problems.shell.question.places import Edge, Place, Point
+from shellbench.problems.shell.question.places import Edge, Place
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))  # of a cell, in Kratos' order: the normal is then along a1 x a2
 FEWEST_AROUND = 3  # cells around a closed coordinate: with fewer, quadrilaterals would share two sides
-ON_NODE = 1e-9  # of a cell's side, by which a point may lie beside a node
 
 
 @dataclass(frozen=True)
@@ -89,21 +87,6 @@ class QuadMesh:
     def _number(self, i: Integers, j: Integers) -> Integers:
         n1, n2 = self.counts
         return (i % n1) * n2 + j % n2
-
-    def edge(self, axis: int, last: bool) -> Integers:
-        """Return the nodes at the lower or upper bound of a coordinate, in order."""
-        running = np.arange(self.counts[1 - axis])
-        fixed = np.full_like(running, self.counts[axis] - 1 if last else 0)
-        return self._number(fixed, running) if axis == 0 else self._number(running, fixed)
-
-    def node_at(self, xi: ArrayLike) -> int | None:
-        """Return the node at a point (2,), or None if it lies on none."""
-        offset = np.subtract(xi, self.lower)
-        place = np.where(self.closed, offset % np.subtract(self.upper, self.lower), offset) / self.steps
-        near = np.rint(place).astype(np.int64)
-        if np.abs(place - near).max() > ON_NODE or np.any(near < 0) or np.any(near > self.cells):
-            return None
-        return int(self._number(near[:1], near[1:])[0])
 
     def locate(self, points: Array) -> tuple[Integers, Array]:
         """Return the quadrilateral (n,) that each point (n, 2) of the rectangle lies in, and its place (n, 2) there.
@@ -177,7 +160,7 @@ def held_nodes(case: Case, mesh: QuadMesh, supported: Iterable[tuple[int, Suppor
     moved = np.zeros((count, mesh.node_count, 3), dtype=bool)
     turned = np.zeros_like(moved)
     for number, support, place in supported:
-        nodes = nodes_of(place, mesh)
+        nodes = mesh.grid.nodes_of(place)
         for component in support.held:
             moved[number, nodes, "xyz".index(component)] = True
         for rotation in held_rotations(case, place, support) or ():
@@ -220,32 +203,6 @@ class Supports:
             If two supports move a node that they share to different places.
         """
         return nodal.prescribed(self.case, self.mesh.grid, t)[:, :3]
-
-
-def nodes_of(place: Place, mesh: QuadMesh) -> Integers:
-    """Return the nodes of a place.
-
-    Raises
-    ------
-    InputError
-        If a point lies on no node.
-    """
-    match place:
-        case Edge(axis=axis, side=side):
-            return mesh.edge(axis, side == "max")
-        case Point():
-            return np.array([node_at(place, mesh)])
-        case _:
-            return np.zeros(0, dtype=np.int64)
-
-
-def node_at(point: Point, mesh: QuadMesh) -> int:
-    """Return the node at a point; InputError if there is none."""
-    node = mesh.node_at(point.xi)
-    if node is None:
-        n1, n2 = mesh.cells
-        raise InputError(f"field 'cells': '{point.name}' lies on no node of {n1} x {n2} cells; choose other cells")
-    return node
 
 
 @dataclass(frozen=True)
