@@ -86,7 +86,7 @@ class Thick4(Element):
     """ShellThickElement3D4N: bilinear, MITC4 shear, five enhanced strains in the membrane, a drilling penalty.
 
     Since 10.4 the name stands for MITCThickShellElement3D4N, which takes a law of Reissner and Mindlin's shells alone.
-    The penalty is a hundredth of the shear modulus (STABILIZATION_FACTOR, left at its default). Warp is kept.
+    The penalty is a tenth of the shear modulus (STABILIZATION_FACTOR, left at its default). Warp is kept.
     """
 
     name: ClassVar[str] = "kratos-thick4"
