@@ -102,7 +102,7 @@ class Thick3(Element):
 
     Shear stiffness is reduced by h^2 / (h^2 + l^2 / 10), l the longest side (Lyly). The stiffness depends on which
     corner is a cell's first: plugins/kratos/decks/deck.py. That of CSDSG3ThickShellLinearElement3D3N does not, which
-    Kratos' maintainers advise in its place (issue 14454).
+    Kratos' maintainers advise in its place (issue 14454). It stiffens on thin doubly curved shells as cells shrink.
     """
 
     name: ClassVar[str] = "kratos-thick3"
