@@ -34,8 +34,8 @@ def _components(variable: str) -> list[Any]:
     return [getattr(kratos, f"{variable}_{c}") for c in "XYZ"]
 
 
-def _model(positions: Array, quads: Integers, material: Material) -> FreshModel:
-    """Return a model of nodes at positions (v, 3) and quadrilaterals (e, 4) between them; Kratos counts from 1."""
+def _model(positions: Array, cells: Integers, material: Material, element: str = ELEMENT, law: str = LAW) -> FreshModel:
+    """Return a model of nodes at positions (v, 3) and elements (e, k) between them; Kratos counts from 1."""
     model = fresh_model(kratos.DISPLACEMENT, kratos.ROTATION, kratos.REACTION, kratos.REACTION_MOMENT)
     part = model.part
     part.SetBufferSize(STEPS_KEPT)
@@ -46,9 +46,9 @@ def _model(positions: Array, quads: Integers, material: Material) -> FreshModel:
     properties[kratos.POISSON_RATIO] = material.poissons_ratio
     properties[kratos.THICKNESS] = material.thickness
     properties[kratos.DENSITY] = 0.0  # gravity comes with the other loads
-    properties[kratos.CONSTITUTIVE_LAW] = getattr(structural, LAW)()
-    for number, quad in enumerate(quads + 1, start=1):
-        part.CreateNewElement(ELEMENT, number, quad.tolist(), properties)
+    properties[kratos.CONSTITUTIVE_LAW] = getattr(structural, law)()
+    for number, nodes in enumerate(cells + 1, start=1):
+        part.CreateNewElement(element, number, nodes.tolist(), properties)
     for moved, reaction in (("DISPLACEMENT", "REACTION"), ("ROTATION", "REACTION_MOMENT")):
         for dof, force in zip(_components(moved), _components(reaction), strict=True):
             kratos.VariableUtils().AddDof(dof, force, part)
@@ -67,17 +67,21 @@ class Elements:
     ----------
     positions
         (v, 3) of the nodes at rest, m.
-    quads
-        (e, 4).
+    cells
+        (e, k) nodes of each element.
+    element, law
+        Kratos' names of the element and of its constitutive law; an element of 10.4 crashes with another's law.
     """
 
     positions: Array
-    quads: Integers
+    cells: Integers
     material: Material
+    element: str = ELEMENT
+    law: str = LAW
 
     @cached_property
     def _model(self) -> FreshModel:
-        return _model(self.positions, self.quads, self.material)
+        return _model(self.positions, self.cells, self.material, self.element, self.law)
 
     @cached_property
     def _system(self) -> tuple[Any, Any, tuple[Any, Any, Any]]:

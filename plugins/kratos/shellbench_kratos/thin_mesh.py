@@ -15,22 +15,19 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import qr
+from numpy.typing import NDArray
 
-from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.quantities.measure import load_density
-from shellbench.problems.shell.question.conditions import RIGID_MOTIONS, Support
-from shellbench.problems.shell.question.loads import EdgeLoad, MomentLoad, PointLoad
-from shellbench.problems.shell.question.places import Edge, Place, Point
+from shellbench.problems.shell.deck import nodal
+from shellbench.problems.shell.deck.grid import Grid
+from shellbench.problems.shell.question.conditions import Support
+from shellbench.problems.shell.question.places import Edge, Place
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))  # of a cell, in Kratos' order: the normal is then along a1 x a2
 FEWEST_AROUND = 3  # cells around a closed coordinate: with fewer, quadrilaterals would share two sides
-ON_NODE = 1e-9  # of a cell's side, by which a point may lie beside a node
 
 
 @dataclass(frozen=True)
@@ -51,6 +48,11 @@ class QuadMesh:
     upper: tuple[float, float]
     closed: tuple[bool, bool]
     cells: tuple[int, int]
+
+    @cached_property
+    def grid(self) -> Grid:
+        """The same mesh as other programs get it; its nodes have the same numbers."""
+        return Grid(self.lower, self.upper, self.closed, self.cells)
 
     @property
     def counts(self) -> tuple[int, int]:
@@ -86,21 +88,6 @@ class QuadMesh:
         n1, n2 = self.counts
         return (i % n1) * n2 + j % n2
 
-    def edge(self, axis: int, last: bool) -> Integers:
-        """Return the nodes at the lower or upper bound of a coordinate, in order."""
-        running = np.arange(self.counts[1 - axis])
-        fixed = np.full_like(running, self.counts[axis] - 1 if last else 0)
-        return self._number(fixed, running) if axis == 0 else self._number(running, fixed)
-
-    def node_at(self, xi: ArrayLike) -> int | None:
-        """Return the node at a point (2,), or None if it lies on none."""
-        offset = np.subtract(xi, self.lower)
-        place = np.where(self.closed, offset % np.subtract(self.upper, self.lower), offset) / self.steps
-        near = np.rint(place).astype(np.int64)
-        if np.abs(place - near).max() > ON_NODE or np.any(near < 0) or np.any(near > self.cells):
-            return None
-        return int(self._number(near[:1], near[1:])[0])
-
     def locate(self, points: Array) -> tuple[Integers, Array]:
         """Return the quadrilateral (n,) that each point (n, 2) of the rectangle lies in, and its place (n, 2) there.
 
@@ -119,8 +106,6 @@ def bilinear(places: Array) -> Array:
 
 SAMPLES = 33  # points of an edge at which its direction is looked at
 STRAIGHT = 1e-9  # sine of an angle that is rounding
-CONTRADICTION = 1e-9  # of the shell's size: how far two supports may move one node apart
-GAUSS_POINTS = 3  # along a side of a cell; exact to degree 5
 
 
 def constant_axis(vectors: Array) -> int | None:
@@ -175,7 +160,7 @@ def held_nodes(case: Case, mesh: QuadMesh, supported: Iterable[tuple[int, Suppor
     moved = np.zeros((count, mesh.node_count, 3), dtype=bool)
     turned = np.zeros_like(moved)
     for number, support, place in supported:
-        nodes = nodes_of(place, mesh)
+        nodes = mesh.grid.nodes_of(place)
         for component in support.held:
             moved[number, nodes, "xyz".index(component)] = True
         for rotation in held_rotations(case, place, support) or ():
@@ -217,52 +202,7 @@ class Supports:
         InputError
             If two supports move a node that they share to different places.
         """
-        result = np.zeros((self.mesh.node_count, 3))
-        for support, place in self.case.supported_places():
-            if support.motion is None:
-                continue
-            nodes = nodes_of(place, self.mesh)
-            moved = self.case.motion(support, place, self.mesh.nodes[nodes], t)[0, 0]
-            for component in support.held:
-                result[nodes, "xyz".index(component)] = moved[:, "xyz".index(component)]
-        self._check(result, t)
-        return result
-
-    def _check(self, result: Array, t: float) -> None:
-        size = np.ptp(self.case.surface.position(self.mesh.nodes), axis=0).max()
-        for support, place in self.case.supported_places():
-            nodes = nodes_of(place, self.mesh)
-            columns = ["xyz".index(c) for c in support.held]
-            moved = self.case.motion(support, place, self.mesh.nodes[nodes], t)[0, 0] if support.motion else 0.0
-            gap = np.abs(result[nodes] - moved)[:, columns]
-            if gap.max(initial=0.0) > CONTRADICTION * size:
-                raise InputError(f"{self.case.name}: two supports move a node on '{place.name}' to different places")
-
-
-def nodes_of(place: Place, mesh: QuadMesh) -> Integers:
-    """Return the nodes of a place.
-
-    Raises
-    ------
-    InputError
-        If a point lies on no node.
-    """
-    match place:
-        case Edge(axis=axis, side=side):
-            return mesh.edge(axis, side == "max")
-        case Point():
-            return np.array([node_at(place, mesh)])
-        case _:
-            return np.zeros(0, dtype=np.int64)
-
-
-def node_at(point: Point, mesh: QuadMesh) -> int:
-    """Return the node at a point; InputError if there is none."""
-    node = mesh.node_at(point.xi)
-    if node is None:
-        n1, n2 = mesh.cells
-        raise InputError(f"field 'cells': '{point.name}' lies on no node of {n1} x {n2} cells; choose other cells")
-    return node
+        return nodal.prescribed(self.case, self.mesh.grid, t)[:, :3]
 
 
 @dataclass(frozen=True)
@@ -281,23 +221,9 @@ class Loose:
     pins: Integers
 
     @classmethod
-    def from_supports(cls, supports: Supports, positions: Array) -> Loose:
-        """Choose pins among the free displacements of nodes at positions (v, 3)."""
-        names = supports.case.remove_rigid_motions
-        chosen = [RIGID_MOTIONS.index(name) for name in names]
-        centre = (positions.max(axis=0) + positions.min(axis=0)) / 2
-        size = np.ptp(positions, axis=0).max()
-        motions = np.zeros((len(positions), 6, 6))
-        motions[:, :3, :3] = np.eye(3)
-        for axis, unit in enumerate(np.eye(3)):
-            motions[:, :3, 3 + axis] = np.cross(unit, positions - centre) / size
-            motions[:, 3:, 3 + axis] = unit / size
-        motions = motions[:, :, chosen]
-        free = supports.free[supports.free % 6 < 3]
-        if not names:
-            return cls(motions, np.zeros(0, dtype=np.int64))
-        _, _, order = qr(motions.reshape(-1, len(names))[free].T, mode="economic", pivoting=True)
-        return cls(motions, free[np.sort(order[: len(names)])])
+    def from_supports(cls, supports: Supports) -> Loose:
+        """Choose pins among the free displacements of the nodes."""
+        return cls(*nodal.loose(supports.case, supports.mesh.grid, supports.held))
 
     def removed(self, values: Array, areas: Array) -> Array:
         """Return displacements and rotations (v, 6) without their mean part along the motions.
@@ -326,65 +252,10 @@ class Loads:
     mesh: QuadMesh
 
     @cached_property
-    def _rule(self) -> tuple[Array, Array, Array]:
-        """Points (e q, 2), the corners' shares (q, 4) and the areas (e, q) that points stand for, m^2."""
-        x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
-        places = np.stack(np.meshgrid((x + 1) / 2, (x + 1) / 2, indexing="ij"), axis=-1).reshape(-1, 2)
-        corners = np.stack([a.ravel() for a in np.indices(self.mesh.cells)], axis=-1)
-        points = (self.mesh.lower + (corners[:, None] + places) * self.mesh.steps).reshape(-1, 2)
-        tangents = self.case.surface.derivatives(points, order=1)
-        stretch = np.linalg.norm(np.cross(tangents[1, 0], tangents[0, 1]), axis=-1)
-        weights = np.outer(w, w).ravel() / 4 * np.prod(self.mesh.steps)
-        return points, bilinear(places), stretch.reshape(len(corners), -1) * weights
-
-    def _shared(self, density: Array) -> Array:
-        """Return the shares (v, k) of the nodes in densities (e q, k) per area."""
-        _, shares, areas = self._rule
-        by_corner = np.einsum("qa,eq,eqk->eak", shares, areas, density.reshape(*areas.shape, -1))
-        total = np.zeros((self.mesh.node_count, density.shape[-1]))
-        np.add.at(total, self.mesh.quads, by_corner)
-        return total
-
-    @cached_property
     def areas(self) -> Array:
         """(v,) area of each node, m^2."""
-        return self._shared(np.ones((len(self._rule[0]), 1)))[:, 0]
+        return nodal.areas(self.case, self.mesh.grid)
 
     def forces(self, t: float) -> Array:
         """Return forces and moments (v, 6) at a load factor, N and N m."""
-        case = self.case
-        total = np.zeros((self.mesh.node_count, 6))
-        total[:, :3] = self._shared(load_density(case, self._rule[0], t))
-        for load in case.loads:
-            for name in load.on if isinstance(load, EdgeLoad | MomentLoad | PointLoad) else ():
-                place = case.places[name]
-                if isinstance(load, PointLoad) and isinstance(place, Point):
-                    force = case.evaluate(load.force, np.asarray(place.xi), t)[0, 0]
-                    total[node_at(place, self.mesh), :3] += force
-                elif isinstance(load, EdgeLoad | MomentLoad) and isinstance(place, Edge):
-                    columns = slice(0, 3) if isinstance(load, EdgeLoad) else slice(3, 6)
-                    total[:, columns] += self._on_edge(place, load, t)
-        return total
-
-    def _on_edge(self, edge: Edge, load: EdgeLoad | MomentLoad, t: float) -> Array:
-        """Return the shares (v, 3) of nodes in a load on an edge."""
-        total = np.zeros((self.mesh.node_count, 3))
-        case, running = self.case, 1 - edge.axis
-        x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
-        local = (x + 1) / 2
-        count, step = self.mesh.cells[running], self.mesh.steps[running]
-        places = self.mesh.lower[running] + (np.arange(count)[:, None] + local).ravel() * step
-        points = edge.points(case.surface.domain, places)
-        tangent = case.surface.derivatives(points, order=1)[(0, 1) if running == 1 else (1, 0)]
-        lengths = np.linalg.norm(tangent, axis=-1) * np.tile(w / 2 * step, count)
-        if isinstance(load, EdgeLoad):
-            density = case.evaluate(load.vector, points, t)[0, 0]
-        else:
-            axis = np.asarray(load.axis) / np.linalg.norm(load.axis)
-            density = case.formula(load.value).derivatives(points, 0, t)[0, 0][:, None] * axis
-        parts = (lengths[:, None] * density).reshape(count, GAUSS_POINTS, 3)
-        nodes = self.mesh.edge(edge.axis, edge.side == "max")
-        ends = np.append(nodes, nodes[:1]) if self.mesh.closed[running] else nodes
-        np.add.at(total, ends[:-1], np.einsum("q,nqc->nc", 1 - local, parts))
-        np.add.at(total, ends[1:], np.einsum("q,nqc->nc", local, parts))
-        return total
+        return nodal.forces(self.case, self.mesh.grid, t)

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import SuperLU, splu
 from scipy.spatial.transform import Rotation
 
@@ -21,7 +21,7 @@ from shellbench_kratos.thin_mesh import Loads, Loose, QuadMesh, Supports
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-BALANCE = 1e-6  # of all loads: the force of a pin that says that loads are not in balance
+BALANCE = 1e-6  # of all loads: a force, of a pin or left over, that says that there is no balance
 REFINEMENTS = 2  # of a linear solve, by its residual
 MOST_ITERATIONS = 25  # Newton iterations of one load step
 SHORTEST = 2.0**-10  # of the path: the smallest load step
@@ -54,7 +54,7 @@ class ThinProblem:
     @cached_property
     def loose(self) -> Loose:
         """Rigid motions that no support holds."""
-        return Loose.from_supports(self.supports, self.positions)
+        return Loose.from_supports(self.supports)
 
     @cached_property
     def loads(self) -> Loads:
@@ -112,6 +112,39 @@ def factorised(matrix: csc_matrix) -> SuperLU:
         raise SolveFailure("the stiffness matrix is singular") from None
 
 
+@dataclass(frozen=True)
+class LinearSystem:
+    """Stiffness (6 v, 6 v) of elements at rest, factorised for the degrees of freedom that are free."""
+
+    stiffness: csr_matrix
+    free: Integers
+    factors: SuperLU
+
+    @classmethod
+    def at_rest(cls, elements: Elements, free: Integers) -> LinearSystem:
+        """Assemble and factorise; SolveFailure if the matrix is singular."""
+        elements.begin()
+        stiffness, _ = elements.assemble()
+        return cls(stiffness, free, factorised(stiffness[free][:, free].tocsc()))
+
+    def solve(self, forces: Array, prescribed: Array) -> Array:
+        """Return displacements and rotations (v, 6) under forces (v, 6), with those that are not free as prescribed.
+
+        Raises
+        ------
+        SolveFailure
+            If what is found is not in balance.
+        """
+        flat = prescribed.ravel().copy()
+        for _ in range(1 + REFINEMENTS):
+            flat[self.free] += self.factors.solve((forces.ravel() - self.stiffness @ flat)[self.free])
+        internal = self.stiffness @ flat
+        gap = np.abs((forces.ravel() - internal)[self.free]).max(initial=0.0)
+        if not gap <= BALANCE * max(np.abs(forces).max(initial=0.0), np.abs(internal).max(initial=0.0)):
+            raise SolveFailure("the stiffness matrix is singular")
+        return flat.reshape(-1, DOFS)
+
+
 def solve_linear(problem: ThinProblem, states: tuple[float, ...]) -> list[ThinState]:
     """Solve a linear case at each load factor.
 
@@ -120,21 +153,15 @@ def solve_linear(problem: ThinProblem, states: tuple[float, ...]) -> list[ThinSt
     SolveFailure
         If the stiffness matrix is singular, or loads are not in balance where nothing holds the shell.
     """
-    free = problem.free
-    problem.elements.begin()
-    stiffness, _ = problem.elements.assemble()
-    solver = factorised(stiffness[free][:, free].tocsc())
+    system = LinearSystem.at_rest(problem.elements, problem.free)
     found = []
     for t in states:
         forces = problem.loads.forces(t)
         values = np.zeros(forces.shape)
         values[:, :3] = problem.supports.prescribed(t)
-        flat = values.ravel()
-        for _ in range(1 + REFINEMENTS):
-            flat[free] += solver.solve((forces.ravel() - stiffness @ flat)[free])
-        if not np.all(np.isfinite(flat)):
-            raise SolveFailure("the stiffness matrix is singular")
-        found.append(_state(problem, t, values, forces, (stiffness @ flat).reshape(-1, DOFS), 1))
+        values = system.solve(forces, values)
+        internal = (system.stiffness @ values.ravel()).reshape(-1, DOFS)
+        found.append(_state(problem, t, values, forces, internal, 1))
     return found
 
 

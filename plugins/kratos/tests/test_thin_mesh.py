@@ -21,13 +21,10 @@ def test_a_closed_coordinate_has_no_seam():
     assert TUBE.node_count - len(sides) + len(quads) == 0
 
 
-def test_edges_are_the_nodes_at_the_bounds_in_order():
-    for axis in (0, 1):
-        for last in (False, True):
-            nodes = OPEN.nodes[OPEN.edge(axis, last)]
-            assert np.all(nodes[:, axis] == (OPEN.upper if last else OPEN.lower)[axis])
-            assert np.all(np.diff(nodes[:, 1 - axis]) > 0)
-            assert len(nodes) == OPEN.cells[1 - axis] + 1
+@pytest.mark.parametrize("mesh", [OPEN, TUBE, QuadMesh((0.0, 0.0), (1.0, 6.0), (False, True), (2, 4))])
+def test_its_nodes_and_cells_are_those_of_the_shared_grid(mesh):
+    np.testing.assert_allclose(mesh.grid.nodes, mesh.nodes, atol=1e-14)
+    np.testing.assert_array_equal(mesh.grid.cells, mesh.quads)
 
 
 def test_what_is_bilinear_is_reproduced_everywhere():
@@ -40,8 +37,3 @@ def test_what_is_bilinear_is_reproduced_everywhere():
 
     nodal = function(OPEN.nodes)[OPEN.quads[quad]]
     np.testing.assert_allclose(np.sum(bilinear(places) * nodal, axis=1), function(points), rtol=1e-12)
-
-
-@pytest.mark.parametrize(("xi", "node"), [((3.0, 2.0), 19), ((1.5, 0.0), 5), ((1.6, 0.0), None), ((3.5, 0.0), None)])
-def test_a_point_is_a_node_or_none(xi, node):
-    assert OPEN.node_at(xi) == node
