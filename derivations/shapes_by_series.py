@@ -1,4 +1,4 @@
-"""The cases of the suites `shapes` and `bridge_shell`, of `buckling` a ring, and of `verification` a plate, that closed forms and series answer: what judges each, and its second form."""
+"""The cases of the suites `shapes` and `bridge_shell`, of `buckling` a ring, and of `benchmarks` a plate, that closed forms and series answer: what judges each, and its second form."""
 
 from __future__ import annotations
 
