@@ -277,7 +277,7 @@ def run_and_judge(
 
 @nox.session
 def ablations(session: nox.Session) -> None:
-    """Run the ablations of the paper's Table 3 and print them; nothing is gated."""
+    """Run the ablations of the preprint's Table 3 and print them; nothing is gated."""
     install(session)
     session.run("shellbench", "run", "--suite", "ablations", *session.posargs, success_codes=[0, 1])
     session.run("shellbench", "table", "--suite", "ablations")

@@ -354,6 +354,7 @@ def _stages(
 JUDGES: dict[str, Callable[[], dict[str, Estimate]]] = {
     "contact_strip_hinged": lambda: _estimates(_on_floor(span, False), 10 * ROUNDING),
     "contact_strip_clamped": lambda: _estimates(_on_floor(span, True), 10 * ROUNDING),
+    "contact_strip_mesh": lambda: _estimates(_on_floor(span, True), 10 * ROUNDING),
     "contact_strip_stages": lambda: _stages(touch, span, _pressed, 10 * ROUNDING),
     "contact_hill": lambda: _estimates(_on_hill(span), SMALL_SLOPES),
     "contact_plate": lambda: plate_on_floor(HINGED_PLATE),
@@ -366,6 +367,7 @@ JUDGES: dict[str, Callable[[], dict[str, Estimate]]] = {
 SECOND_FORMS: dict[str, Callable[[], dict[str, Estimate]]] = {
     "contact_strip_hinged": lambda: _estimates(_on_floor(span_by_collocation, False), 1e4 * COLLOCATED),
     "contact_strip_clamped": lambda: _estimates(_on_floor(span_by_collocation, True), 1e4 * COLLOCATED),
+    "contact_strip_mesh": lambda: _estimates(_on_floor(span_by_collocation, True), 1e4 * COLLOCATED),
     "contact_strip_stages": lambda: _stages(
         touch_by_superposition, span_by_collocation, _pressed_by_balance, 1e4 * COLLOCATED
     ),

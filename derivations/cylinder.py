@@ -8,7 +8,7 @@ with w *outward*. With d e_theta / d theta = -e_r and d e_r / d theta = e_theta,
 
 and once more for the second derivatives. All Christoffel symbols of (x, theta) vanish. The linear
 strains eps_ab = (a_a . u,b + a_b . u,a) / 2 and kappa_ab = -u,ab . a3, the exact linearisation of
-bbar_ab - b_ab, are therefore, in physical components and with a3 = e_r (Kairanda et al., eqs. (15),
+bbar_ab - b_ab, are therefore, in physical components and with a3 = e_r (Kairanda et al. 2023, eqs. (15),
 (16), (30); cf. Koiter 1966),
 
     eps_x  = u_x          eps_t  = (v_theta + w) / R       2 eps_xt   = u_theta / R + v_x

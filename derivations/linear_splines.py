@@ -3,7 +3,7 @@ r"""Linear Kirchhoff-Love shells by Ritz's method on tensor-product splines, in 
 The displacement is u = sum_c F_c(xi) phi_c(xi): three splines phi along three smooth vector fields F, the frame. In the
 Cartesian frame a support holds Cartesian components. In the frame (x,1  x,2  x,1 cross x,2) a clamped edge is one
 where phi_1 = phi_2 = 0 and phi_3 vanishes with its slope, for u = 0 leaves u,1 . a3 to phi_3 alone. The strains are products
-of vectors (Kairanda et al., eq. (30), linear):
+of vectors (Kairanda et al. 2023, eq. (30), linear):
 
     eps_ab = (x,a . u,b + x,b . u,a) / 2,    kap_ab = -(u,ab - Gamma^m_ab u,m) . a3.
 

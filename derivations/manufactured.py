@@ -1,7 +1,7 @@
 r"""Manufactured solutions: a displacement is prescribed, and the load is sought under which the shell takes it.
 
 The energy of a Kirchhoff-Love shell is the integral of (N^ab eps_ab + M^ab kappa_ab) / 2, with N = D H eps and
-M = B H kappa (Kairanda et al., eqs. (17)-(19)). In the linear theory, with
+M = B H kappa (Kairanda et al. 2023, eqs. (17)-(19)). In the linear theory, with
 
     eps_ab = (x,a . u,b + x,b . u,a) / 2,    kappa_ab = -(u,ab - Gamma^m_ab u,m) . a3
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from . import naghdi_hypar, naghdi_revolution, naghdi_slices
 from .estimate import Estimate
+from .naghdi_polynomials import hypar_naghdi, hypar_naghdi_by_polynomials
 from .naghdi_ritz import FACTOR, plate, roof_values
 from .naghdi_roof import solve_roof
 from .plate_series import Rectangle, Uniform, levy
@@ -156,12 +157,14 @@ JUDGES: dict[str, Values] = {
     "square_plate@naghdi": partial(hard_plate, SQUARE),
     "square_plate@naghdi_soft": partial(plate_by_slices, SQUARE),
     **{name: partial(hyperboloid, *of) for name, of in HYPERBOLOIDS.items()},
+    "hypar_naghdi": hypar_naghdi,
     **{f"hypar_clamped_{name}@naghdi": partial(hypar, name) for name in naghdi_hypar.LEVELS},
 }
 SECOND_FORMS: dict[str, Values] = {
     "scordelis_lo_naghdi": scordelis_lo_by_polynomials,
     "scordelis_lo@naghdi": lambda: _with_bending(scordelis_lo_by_polynomials()),
     "scordelis_lo@naghdi_soft": soft_roof_by_polynomials,
+    "hypar_naghdi": hypar_naghdi_by_polynomials,
     "thick_plate_naghdi": partial(plate_by_polynomials, THICK, False, (20, 14), 1e-13),
     "thick_plate_naghdi@naghdi_soft": partial(plate_by_polynomials, THICK, True, (36, 24), 1e-13),
     "square_plate@naghdi": partial(plate_by_polynomials, SQUARE, False, (28, 20), 1e-12),

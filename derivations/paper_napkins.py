@@ -1,4 +1,4 @@
-r"""Known values of the napkins of Kairanda et al. (section E.1) while they have any: `spline_motion` on graded meshes.
+r"""Known values of the napkins of Kairanda et al. 2023 (section E.1) while they have any: `spline_motion` on graded meshes.
 
 - napkin_corner, napkin_moving_corners: held at points, in their own plane. The energy grows with the fourth power of
   the stretch, which makes a point support meaningful: points have a capacity in W^{1,4}. Close to one the displacement

@@ -2,7 +2,7 @@ r"""Linear Kirchhoff-Love shells of revolution once more: vectors in the turning
 
 No covariant derivative and no curvature of the surface is formed. The displacement is U cos(n theta) e_r +
 V sin(n theta) e_theta + W cos(n theta) e_z. With x,1 = x_t and x,2 = x_theta, the strains are products of vectors
-(Kairanda et al., eq. (30), linear):
+(Kairanda et al. 2023, eq. (30), linear):
 
     eps_ab = (x,a . u,b + x,b . u,a) / 2,    kap_ab = -(u,ab - Gamma^m_ab u,m) . a3,
 

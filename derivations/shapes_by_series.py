@@ -1,4 +1,4 @@
-"""The cases of the suites `shapes` and `bridge_shell`, and of `buckling` a ring, that closed forms and series answer: what judges each, and its second form."""
+"""The cases of the suites `shapes` and `bridge_shell`, of `buckling` a ring, and of `benchmarks` a plate, that closed forms and series answer: what judges each, and its second form."""
 
 from __future__ import annotations
 
@@ -42,6 +42,7 @@ from .rigid_turn import (
 )
 from .ring_twist import ring_twist, ring_twist_by_ritz
 from .rippled_plate import rippled_plate, rippled_plate_by_ritz
+from .sine_plate import sine_plate, sine_plate_by_polynomials
 from .sprung_motion import sprung_motion, sprung_motion_by_splines
 from .turned_saddle import turned_saddle, turned_saddle_by_simpson
 from .turned_strip import turned_cantilever, turned_cantilever_by_polynomials
@@ -89,6 +90,7 @@ JUDGES: dict[str, Values] = {
     "lifted_plate": lifted_plate,
     "swung_cantilever": swung_cantilever,
     "bridge_plate": bridge_plate,
+    "sine_plate": sine_plate,
 }
 SECOND_FORMS: dict[str, Values] = {
     "clamped_plate_uniform": partial(by_goursat, clamped_plate_uniform()),
@@ -130,4 +132,5 @@ SECOND_FORMS: dict[str, Values] = {
     "lifted_plate": lifted_plate_by_navier,
     "swung_cantilever": swung_cantilever_by_polynomials,
     "bridge_plate": bridge_plate_by_ritz,
+    "sine_plate": sine_plate_by_polynomials,
 }

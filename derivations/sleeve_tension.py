@@ -1,4 +1,4 @@
-r"""The least membrane energy of the sleeve of Kairanda et al. (section E.2) twisted far, between two bounds.
+r"""The least membrane energy of the sleeve of Kairanda et al. 2023 (section E.2) twisted far, between two bounds.
 
 The stress W'(eps) is that of Saint Venant and Kirchhoff, eps of the midsurface; bending only adds.
 

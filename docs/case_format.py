@@ -146,7 +146,7 @@ SECTIONS = (  # heading, words, common base, classes
      ("AreaLoad", "PressureLoad", "GravityLoad", "EdgeLoad", "PointLoad", "MomentLoad")),
     ("Obstacles and contact", "`[[obstacles]]`: any number of rigid bodies that the shell cannot enter; in linear theory without friction, and in motion."
      " They can move, but do not turn. All kinds have the first two keys; [contact](theory.md#contact) has the theory.", obstacle.Body,
-     ("HalfSpace", "Plate", "Sphere", "Capsule", "Box", "FormulaBody", "Contact")),
+     ("HalfSpace", "Plate", "Sphere", "Capsule", "Box", "ConvexMesh", "FormulaBody", "Contact")),
     ("Path", "`[path]` is for the non-linear theory at rest.", None, ("Path",)),
     ("Dynamics", "`[dynamics]` makes the case a motion. It needs the non-linear theory and an areal density.", None, ("Dynamics",)),
     ("Quantities", "`[[quantities]]`: at least one. All kinds have the keys of the first rows; the unit in the row of a kind is its default `unit`."

@@ -1,4 +1,4 @@
-"""Studies of motion after Kairanda et al., sections G, H, F and I.1: runs, records and figures of docs/studies.md.
+"""Studies of motion after Kairanda et al. 2023, sections G, H, F and I.1: runs, records and figures of docs/studies.md.
 
 python docs/studies.py run [NAME]     make the missing runs, one at a time; an interrupted study resumes
 python docs/studies.py keep [NAME]    write the runs' figures to reports/studies/NAME.csv

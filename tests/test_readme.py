@@ -192,7 +192,7 @@ def the_course():
     trained = [kept(case)["values"][named[case]]["value"] / judges[case]["value"] - 1 for case in LINEAR[:3]]
     assert kept(LINEAR[3])["status"] == "failed"
     yield f"{line} fail |", "`ndf-published`, NeuralClothSim as printed", *map(error, trained), "failed", "-", "-"
-    for label, title in (("Analytical", "usually quoted"), ("NeuralClothSim", "NeuralClothSim, Table 3")):
+    for label, title in (("Analytical", "usually quoted"), ("NeuralClothSim", "NeuralClothSim, preprint, Table 3")):
         said = [
             one(v["value"] for v in known(c) if (v["quantity"], v.get("label")) == (named[c], label)) for c in LINEAR
         ]

@@ -7,11 +7,11 @@ formula that is no distance, phi over the length of its gradient is a distance t
 from __future__ import annotations
 
 from functools import cache
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from shellbench.errors import InputError
 from shellbench.problems.expression import Expression
@@ -20,6 +20,7 @@ from shellbench.problems.taylor import Taylor
 from shellbench.protocol.schema import Finite, Model, Positive, Vector
 
 Array = NDArray[np.float64]
+FLAT = 1e-9  # height of a corner above a face of a convex mesh, of the mesh's size: rounding
 TINY = 1e-300  # keeps directions at a centre finite
 QUOTED = 60  # characters of a formula in a message
 
@@ -157,6 +158,77 @@ class Box(Body):
         return np.asarray(apart / np.linalg.norm(apart, axis=-1, keepdims=True))
 
 
+class ConvexMesh(Body):
+    """A convex body, given by a closed mesh of triangles."""
+
+    kind: Literal["mesh"]
+    corners: tuple[Vector, ...] = Field(description="from the centre, m")
+    triangles: tuple[tuple[int, int, int], ...] = Field(
+        description="numbers of three corners each, from 0, counterclockwise from outside"
+    )
+
+    @model_validator(mode="after")
+    def _encloses_a_convex_body(self) -> Self:
+        edges = [(face[k], face[(k + 1) % 3]) for face in self.triangles for k in range(3)]
+        if not edges or not all(0 <= corner < len(self.corners) for edge in edges for corner in edge):
+            raise ValueError(f"triangles must name corners by 0 to {len(self.corners) - 1}")
+        if len(set(edges)) < len(edges) or {edge[::-1] for edge in edges} != set(edges):
+            raise ValueError("triangles must close, all of them counterclockwise from outside")
+        places, (_, normals, levels) = np.array(self.corners), _faces(self.corners, self.triangles)
+        heights, rounding = places @ normals.T + levels, FLAT * np.ptp(places, axis=0).max()
+        if not (heights.max() <= rounding and (heights.min(axis=0) < -rounding).all()):
+            raise ValueError("the mesh must be convex, not flat, and its triangles counterclockwise from outside")
+        return self
+
+    def _nearest(self, offsets: Array) -> tuple[Array, Array]:
+        """Return the distance (...), m, and the direction (..., 3) from the nearest place of the surface."""
+        # Inside, the nearest face counts. Outside it is that among the faces over which a place lies, and the edges.
+        triangles, normals, levels = _faces(self.corners, self.triangles)
+        places = offsets.reshape(-1, 1, 3)
+        heights = places[:, 0] @ normals.T + levels
+        face = heights.argmax(axis=1)
+        distance, direction = heights.max(axis=1), normals[face]
+        outside = np.flatnonzero(distance > 0)
+        best, over = np.full(len(outside), np.inf), np.ones((len(outside), len(triangles)), dtype=bool)
+        for k in range(3):
+            start, along = triangles[:, k], triangles[:, (k + 1) % 3] - triangles[:, k]
+            apart = places[outside] - start
+            over &= np.einsum("pti,ti->pt", apart, np.cross(normals, along)) >= 0
+            share = np.clip(np.einsum("pti,ti->pt", apart, along) / (along**2).sum(axis=-1), 0.0, 1.0)
+            from_edge = apart - share[..., None] * along
+            length = np.linalg.norm(from_edge, axis=-1)
+            nearest = length.argmin(axis=1)[:, None]
+            closer = np.take_along_axis(length, nearest, 1)[:, 0] < best
+            best[closer] = length.min(axis=1)[closer]
+            chosen = np.take_along_axis(from_edge, nearest[..., None], 1)[:, 0]
+            direction[outside[closer]] = chosen[closer] / np.maximum(best[closer], TINY)[:, None]
+        height = np.where(over & (heights[outside] > 0), heights[outside], np.inf)
+        flat = height.min(axis=1) <= best
+        direction[outside[flat]] = normals[height.argmin(axis=1)[flat]]
+        distance[outside] = np.minimum(best, height.min(axis=1))
+        return distance.reshape(offsets.shape[:-1]), direction.reshape(offsets.shape)
+
+    def distance(self, offsets: Array) -> Array:
+        """Return the distance from the nearest triangle, negative inside."""
+        return self._nearest(offsets)[0]
+
+    def gradient(self, offsets: Array) -> Array:
+        """Return the direction from the nearest place of the surface, or toward it from inside."""
+        return self._nearest(offsets)[1]
+
+
+@cache
+def _faces(
+    corners: tuple[tuple[float, ...], ...], triangles: tuple[tuple[int, ...], ...]
+) -> tuple[Array, Array, Array]:
+    """Return places of triangles (n, 3, 3), m, their normals (n, 3) and levels (n,), m; no number if one is flat."""
+    places = np.array(corners)[np.array(triangles)]
+    across = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
+    with np.errstate(invalid="ignore"):
+        normals = across / np.linalg.norm(across, axis=-1, keepdims=True)
+    return places, normals, -np.einsum("ti,ti->t", normals, places[:, 0])
+
+
 @cache
 def _parsed(formula: str) -> Expression:
     return Expression(formula, variables=("x", "y", "z"), piecewise=True)
@@ -202,7 +274,7 @@ class FormulaBody(Body):
         return self._to_first_order(offsets)[1]
 
 
-Obstacle = Annotated[Sphere | HalfSpace | Plate | Capsule | Box | FormulaBody, Field(discriminator="kind")]
+Obstacle = Annotated[Sphere | HalfSpace | Plate | Capsule | Box | ConvexMesh | FormulaBody, Field(discriminator="kind")]
 
 
 def deepest(obstacles: tuple[Any, ...], places: Array, time: float) -> float:

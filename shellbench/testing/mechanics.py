@@ -5,7 +5,7 @@ loads. Energies and strains agree with each other, and with the displacement.
 
 Strains are computed from differences of the displacement, independently of all solvers.
 
-eps = (a - abar)/2 and kappa = bbar - b (Kairanda et al., eqs. (15) and (16)) of the deformed surface x + u, the
+eps = (a - abar)/2 and kappa = bbar - b (Kairanda et al. 2023, eqs. (15) and (16)) of the deformed surface x + u, the
 derivatives of u by central differences. In linear theory they are the part of first order in u, by the same
 formulas: (eps(x + s u) - eps(x - s u)) / (2 s) with a small s.
 """
@@ -215,7 +215,7 @@ def base_lengths(case: Case, points: Array) -> Array:
 
 
 def energy_densities(case: Case, points: Array, membrane: Array, bending: Array) -> tuple[Array, Array]:
-    """Return membrane and bending energy density (n,), J/m^2, of strains (n, 3) (Kairanda et al., eqs. (17)-(19))."""
+    """Return membrane and bending energy (n,), J/m^2, of strains (n, 3) (Kairanda et al. 2023, eqs. (17)-(19))."""
     metric, _ = fundamental_forms(case.surface.derivatives(points, order=2))
     full = metric[:, [[0, 2], [2, 1]]]
     upper = np.linalg.inv(full)

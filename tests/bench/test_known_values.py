@@ -141,7 +141,9 @@ LONG = {
     "manufactured_finite_strain",
 }
 LONG_SECOND = {"pressed_motion", "guided_plate", "guided_ring", "swung_cantilever", "bedded_plate", "hooked_cantilever"}
-LONG_SECOND |= {name for name in naghdi.SECOND_FORMS if "scordelis_lo" in name or name.endswith("_soft")}
+LONG_SECOND |= {
+    name for name in naghdi.SECOND_FORMS if "scordelis_lo" in name or name.startswith("hypar") or name.endswith("_soft")
+}
 SECOND_FORMS = {
     "Levy's single series": square_plate_by_levy,
     "Fourier series along the axis, exact exponentials along the arc": roof_by_exponentials,

@@ -46,7 +46,7 @@ def roof_load(w: float) -> float:
 def seen_curvature(strain: str, phi: float) -> float:
     """Curvature under a measure of strain where the normal of a rolled plate has turned by phi; 1 is the truth.
 
-    Kairanda et al., eq. (30), term by term: u,1 = (cos - 1, 0, sin) has the parts phi_11 and phi_13, u,11 = d.
+    Kairanda et al. 2023, eq. (30), term by term: u,1 = (cos - 1, 0, sin) has the parts phi_11 and phi_13, u,11 = d.
     """
     d = np.array([-math.sin(phi), 0.0, math.cos(phi)])
     phi_13 = math.sin(phi)

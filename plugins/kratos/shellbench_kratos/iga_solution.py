@@ -97,7 +97,7 @@ def strains(x: Derivatives, u: Derivatives, linear: bool) -> Array:
 def stresses(x: Derivatives, strain: Array, material: Material) -> Array:
     """Return n^ab and m^ab (..., 2, 3), contravariant components 11, 22, 12, of strains (..., 2, 3).
 
-    n^ab = D (nu a^ab a^cd + (1 - nu) a^ac a^bd) eps_cd, and m with B (Kairanda et al., eqs. (17)-(19)).
+    n^ab = D (nu a^ab a^cd + (1 - nu) a^ac a^bd) eps_cd, and m with B (Kairanda et al. 2023, eqs. (17)-(19)).
     """
     a11, a22, a12 = np.moveaxis(Frame.from_derivatives(x).metric, -1, 0)
     inverse = (

@@ -232,7 +232,7 @@ class ThinSolution(ShellSolution):
     def _density(self, name: str, tensor: Array) -> Array:
         """Return the energy density (n,) of strains (n, 2, 2), J/m^2.
 
-        D / 2 [(1 - nu) e : e + nu (tr e)^2], with B instead of D in bending (Kairanda et al., eqs. (17)-(19)).
+        D / 2 [(1 - nu) e : e + nu (tr e)^2], with B instead of D in bending (Kairanda et al. 2023, eqs. (17)-(19)).
         """
         material = self.case.material
         nu = material.poissons_ratio

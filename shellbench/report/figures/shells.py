@@ -156,7 +156,7 @@ def shell_figure(shell: Shell) -> Figure:
 
 
 def course_figure(shells: Sequence[Shell]) -> Figure:
-    """Draw reference surfaces with supports and loads above deformed ones (after Kairanda et al., figure 6)."""
+    """Draw reference surfaces with supports and loads above deformed ones (after Kairanda et al. 2023, figure 6)."""
     columns, bands = min(len(shells), MOST_IN_A_ROW), -(-len(shells) // MOST_IN_A_ROW)
     figure = Figure(figsize=(min(1.85 * max(2, columns), 9.6), 4.0 * bands), layout="constrained")
     panels = figure.subplots(2 * bands, columns, squeeze=False)

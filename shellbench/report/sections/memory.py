@@ -52,7 +52,7 @@ WORDS = (
     " solver keeps them. Where a hidden layer was drawn at random and never solved for, its weights count among the"
     " bytes, though its seed would do, and not among the unknowns. Connectivity of meshes is not counted. These bytes"
     " do not depend on the grid or frame rate at which the solution is asked; those of a mesh, or of a sequence of"
-    " meshes, made from it do (after Kairanda et al., figure 8). Bytes mean little without an error, so they are"
+    " meshes, made from it do (after Kairanda et al. 2023, figure 8). Bytes mean little without an error, so they are"
     " stated together.",
     "The error of a field is the largest difference at the same material points, and at all kept instants or loads,"
     " from the best answer available, which each case names, relative to its largest displacement. What rounding to"

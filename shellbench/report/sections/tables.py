@@ -1,4 +1,4 @@
-"""The tables of the report: displacements in the manner of Kairanda et al., Table 3; other quantities; resolution.
+"""The tables of the report: displacements in the manner of Kairanda et al. 2023, Table 3; other quantities; resolution.
 
 `render` is what ``shellbench table`` prints.
 """

@@ -1,7 +1,7 @@
 """The finding on the published functional of motion: what the solvers' motions say, beside Newton's law.
 
-Kairanda et al., eq. (35), add the kinetic energy to the potential energy and minimise the sum over time: the inertia
-has the wrong sign. `DERIVATION` tells at what that sum is stationary, and why it has no motion by Newton's law.
+Kairanda et al. 2023, eq. (35), add the kinetic energy to the potential energy and minimise the sum over time: the
+inertia has the wrong sign. `DERIVATION` tells at what that sum is stationary, and why it has no motion by Newton's law.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ DERIVATION: tuple[str, ...] = (
     ),
     Formula("ρ ü = f − ∂E/∂u,   u(0) = 0,   u̇(0) = 0."),
     (
-        "The published loss (Kairanda et al., eq. (35)) is the mean over space and time of potential energy plus"
+        "The published loss (Kairanda et al. 2023, eq. (35)) is the mean over space and time of potential energy plus"
         " kinetic energy, and training makes it as small as it can:"
     ),
     Formula("I[u] = ∫₀ᵀ ( E(u) − f·u + ½ ρ |u̇|² ) dt,   u(0) = 0."),

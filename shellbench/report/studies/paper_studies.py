@@ -1,4 +1,4 @@
-"""The sections on what Kairanda et al. studied: sampling (VII), training time (IV), and supports (figure II, F.1).
+"""The sections on what Kairanda et al. 2023 studied: sampling (VII), training time (IV), and supports (figure II, F.1).
 
 Sampling goes from 5 to 25 points a side, and tells what too few of them do; training time shows the state of a field
 whose training is stopped early; a support is built into the field, or asked for by a penalty.

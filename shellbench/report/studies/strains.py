@@ -1,4 +1,4 @@
-"""The ablation of strain measures: linear, published (Kairanda et al., eq. (30)) and exact, side by side."""
+"""The ablation of strain measures: linear, published (Kairanda et al. 2023, eq. (30)) and exact, side by side."""
 
 from __future__ import annotations
 
@@ -121,9 +121,9 @@ def findings(evidence: Evidence) -> list[str]:
     """Explain what the ablation shows, in paragraphs of plain words."""
     degrees = math.degrees(VANISHES)
     paragraphs = [
-        "Equation (30) of Kairanda et al. measures bending with the deformed normal to first order in the gradient of"
-        " the displacement, but multiplies it by second derivatives that are not small: the terms that it drops are as"
-        " large as those it keeps.",
+        "Equation (30) of Kairanda et al. 2023 measures bending with the deformed normal to first order in the gradient"
+        " of the displacement, but multiplies it by second derivatives that are not small: the terms that it drops are"
+        " as large as those it keeps.",
         "Derivation, for a plate of length L rolled to the angle θ: at ξ¹ the normal has turned by φ = θ ξ¹/L, so"
         " u,₁₁ = (θ/L)(−sin φ, 0, cos φ). With the true normal, (−sin φ, 0, cos φ), the exact curvature is"
         " κ = −θ/L. Equation (30) has (−sin φ, 0, 1) in its place: κ = −(θ/L)(cos φ + sin² φ). The linear measure has"

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class ConditionedPublishedSolver(ConditionedSolver):
-    """The paper's field with the material as an input (Kairanda et al., section 4.4)."""
+    """The paper's field with the material as an input (Kairanda et al. 2023, section 4.4)."""
 
     name: ClassVar[str] = "ndf-material"
     capabilities: ClassVar[Capabilities] = Capabilities(

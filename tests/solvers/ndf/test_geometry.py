@@ -45,7 +45,7 @@ def test_rigid_motions_strain_nothing(surface):
 
 @pytest.mark.parametrize("surface", SURFACES)
 def test_strains_are_the_linear_part_of_metric_and_curvature_changes(surface):
-    """eps = (a - abar)/2 and kappa = bbar - b of the deformed surface (Kairanda et al., eqs. (15, 16))."""
+    """eps = (a - abar)/2 and kappa = bbar - b of the deformed surface (Kairanda et al. 2023, eqs. (15, 16))."""
     case = shell(surface)
     points = inner_points(case)
     x = from_derivatives(case.surface.derivatives(points, 2), PLACEMENT).numpy()

@@ -131,7 +131,7 @@ def test_inputs_lie_between_zero_and_one():
 
 def test_the_modulus_is_scaled_as_published():
     factors = [sampler_of(case)[1].modulus_factor for case in (PLATE, ROOF, DIAPHRAGM, PINCHED)]
-    assert factors == [1.0, 1.0, 1e-5, 1e-5]  # E = 30 instead of 3e6: Kairanda et al., section 5.1
+    assert factors == [1.0, 1.0, 1e-5, 1e-5]  # E = 30 instead of 3e6: Kairanda et al. 2023, section 5.1
 
 
 def test_the_scaled_modulus_is_a_matter_of_the_training_only():

@@ -11,7 +11,7 @@ from tests.solvers.ndf.shells import differences, inner_points, support
 from tests.solvers.ndf.trainings import small, trained
 
 HERE = Placement()
-SIGMA = 0.01  # Kairanda et al., section 5.2
+SIGMA = 0.01  # Kairanda et al. 2023, section 5.2
 THETA = 3 * np.pi / 4  # eq. (72)
 
 

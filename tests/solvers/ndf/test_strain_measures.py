@@ -48,7 +48,7 @@ def fundamental_forms(y):
 
 @pytest.mark.parametrize("surface", SURFACES)
 def test_exact_strains_are_changes_of_the_fundamental_forms(surface):
-    """eps = (a - abar) / 2 and kappa = bbar - b of the deformed surface (Kairanda et al., eqs. (15, 16))."""
+    """eps = (a - abar) / 2 and kappa = bbar - b of the deformed surface (Kairanda et al. 2023, eqs. (15, 16))."""
     case = shell(surface)
     points = inner_points(case)
     x, u = positions(case, points).numpy(), differences(wave, points)

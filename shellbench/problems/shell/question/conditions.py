@@ -1,6 +1,6 @@
 """Supports and material as data of a case file. Solvers give them their meaning.
 
-Linear isotropic shell material (Kairanda et al., eqs. (17)-(19)).
+Linear isotropic shell material (Kairanda et al. 2023, eqs. (17)-(19)).
 """
 
 from __future__ import annotations

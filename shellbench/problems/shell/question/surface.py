@@ -282,7 +282,7 @@ class Plane(AnalyticSurface):
 class Cylinder(AnalyticSurface):
     """A circular cylinder: xi1 is the angle, xi2 the length along the axis.
 
-    About y (Kairanda et al., eq. (24)): x = (R cos xi1, xi2, R sin xi1); about z (eq. (63)):
+    About y (Kairanda et al. 2023, eq. (24)): x = (R cos xi1, xi2, R sin xi1); about z (eq. (63)):
     x = (R cos xi1, R sin xi1, xi2); about x: x = (xi2, R cos xi1, R sin xi1).
 
     Attributes

@@ -7,14 +7,15 @@ a_a,b . a3 are
     delta b_ab = u,ab . a3 + x,ab . delta a3,    delta a3 = (m - (m . a3) a3) / J,
     m = u,1 x a2 + a1 x u,2,    J = |a1 x a2|
 
-so that eps_ab = delta a_ab / 2 and kappa_ab = -delta b_ab (Kairanda et al., eqs. (15), (16), linearised). No large
+so that eps_ab = delta a_ab / 2 and kappa_ab = -delta b_ab (Kairanda et al. 2023, eqs. (15), (16), linearised). No large
 numbers are subtracted from each other: the triple product is rearranged, x,ab . (m - (m . a3) a3) = p_ab . m with p_ab
 the tangential part of x,ab, so that p . m = u,1 . (a2 x p) + u,2 . (p x a1).
 
 Exact strains have two variations. With a_a = x,a + u,a the deformed base vectors, g = a1 x a2 = j n and n the deformed
 unit normal,
 
-    eps_ab = (a_a . a_b - abar_ab) / 2,    kappa_ab = bbar_ab - (x,ab + u,ab) . n     (Kairanda et al., (15), (16)).
+    eps_ab = (a_a . a_b - abar_ab) / 2,    kappa_ab = bbar_ab - (x,ab + u,ab) . n     (Kairanda et al. 2023, (15),
+    (16)).
 
 Both are evaluated without subtracting large numbers, from u's derivatives: with g = J N + m, J N the reference value,
 
@@ -195,7 +196,7 @@ def linear_strains(surface: Midsurface, gradients: Array) -> Array:
 
 
 def elasticity(surface: Midsurface, poissons_ratio: float) -> Array:
-    """Return H^{abcd} (n, 3, 3) on the components 11, 22, 12 (Kairanda et al., eq. (19)).
+    """Return H^{abcd} (n, 3, 3) on the components 11, 22, 12 (Kairanda et al. 2023, eq. (19)).
 
     The component 12 stands for itself and for 21, so that strain @ H @ strain is the full double contraction.
     """

@@ -6,8 +6,8 @@ The hidden layer is drawn once, and does not depend on the material. The output 
 
 with W_k the output layers that were solved for at some materials of the range, and c the coefficients of least energy,
 which follow for any material from a small system (`reduced`). Only the layers W_k are solved for; nothing is trained by
-descent, and nothing is interpolated between materials. Departure from the published recipe (Kairanda et al., section
-4.4): that makes thickness and modulus inputs of a network, and trains it by descent at random materials.
+descent, and nothing is interpolated between materials. Departure from the published recipe (Kairanda et al. 2023,
+section 4.4): that makes thickness and modulus inputs of a network, and trains it by descent at random materials.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Newton's law of cloth in its plane, for the output weights of scalar features and many materials at once.
 
-Cloth does not bend in its plane. The membrane's energy has the stiffness D = E h / (1 - nu^2) (Kairanda et al., eqs.
-(17), (18)), so that thickness and modulus enter only by their product. The general law (`motion_problem`) carries three
-components and second derivatives through every evaluation; here both components share one table of slopes.
+Cloth does not bend in its plane. The membrane's energy has the stiffness D = E h / (1 - nu^2) (Kairanda et al. 2023,
+eqs. (17), (18)), so that thickness and modulus enter only by their product. The general law (`motion_problem`) carries
+three components and second derivatives through every evaluation; here both components share one table of slopes.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The energy of a linear shell as a function of its material, and its least within the span of a few solved fields.
 
-The energy density is W = 1/2 (D H eps eps + B H kappa kappa), with H = nu G + (1 - nu) S (Kairanda et al., eqs. (17) to
-(19)), G = a^ab a^cd and S the symmetric rest. Therefore the stiffness of any field is exactly
+The energy density is W = 1/2 (D H eps eps + B H kappa kappa), with H = nu G + (1 - nu) S (Kairanda et al. 2023, eqs.
+(17) to (19)), G = a^ab a^cd and S the symmetric rest. Therefore the stiffness of any field is exactly
 
     K(material) = D nu K_1 + D (1 - nu) K_2 + B nu K_3 + B (1 - nu) K_4,
 

@@ -10,7 +10,7 @@ from pydantic import Field as PydanticField
 from shellbench.protocol.schema import Model, Positive
 
 PeriodicInput = Literal["both", "cosine", "none"]
-"""Input of a periodic coordinate: as (cos, sin), as cos alone, or as it is (Kairanda et al., figure II)."""
+"""Input of a periodic coordinate: as (cos, sin), as cos alone, or as it is (Kairanda et al. 2023, figure II)."""
 Components = Literal["cartesian", "covariant"]
 Supports = Literal["hard", "soft"]
 """Treatment of supports: exactly by boundary factors, or approximately by springs."""

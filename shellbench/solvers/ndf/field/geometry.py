@@ -1,14 +1,14 @@
 """Reference geometry of the midsurface at points, and the linear strains of a displacement field on it.
 
 This package has its own implementation, by jets of the base vectors; the finite element reference has another. Index
-letters as in Kairanda et al., section 3: a_1, a_2, a3 covariant, a^1, a^2 contravariant base vectors.
+letters as in Kairanda et al. 2023, section 3: a_1, a_2, a3 covariant, a^1, a^2 contravariant base vectors.
 
 Strains follow from the displacement's gradients and this geometry,
 
     eps_ab = 1/2 (phi_ab + phi_ba),  phi_ab = u,a . a_b,  and  kappa_ab = -(u,ab - Gamma^m_ab u,m) . a3
 
-(Kairanda et al., eq. (30), its linear part), with reference Christoffel symbols. They are linear in the jet of u, and
-kept as rows: (N, 6, 3, 6), strain by component of u by plane of the jet.
+(Kairanda et al. 2023, eq. (30), its linear part), with reference Christoffel symbols. They are linear in the jet of u,
+and kept as rows: (N, 6, 3, 6), strain by component of u by plane of the jet.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """The published method for many materials: the material is an input of the network.
 
-u(xi, material) = M(xi) F(xi, material) (Kairanda et al., eq. (37), at rest), trained by Adam on the energy (38) at one
-material an iteration, drawn evenly from the ranges, and at one random point in each cell of a grid. The network, the
-samples and Adam's constants are those of `published`. Thickness, modulus and ratio enter as their shares of the ranges.
+u(xi, material) = M(xi) F(xi, material) (Kairanda et al. 2023, eq. (37), at rest), trained by Adam on the energy (38) at
+one material an iteration, drawn evenly from the ranges, and at one random point in each cell of a grid. The network,
+the samples and Adam's constants are those of `published`. Thickness, modulus and ratio enter as their shares of the
+ranges.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""The recipe `ndf-published`: the training of Kairanda et al. (NeuralClothSim), sections 4 and 5.1, appendices A and D.
+"""The recipe `ndf-published`: the training of Kairanda et al. 2023, sections 4 and 5.1, appendices A and D.
 
 A SIREN of 5 x 512 sines with omega0 = 15, inputs in [0, 1], trained by Adam at 1e-4 for 2000 iterations (2500 on the
 plate) on 20 x 20 stratified samples, with the published boundary functions and loss. Departures from the paper, and
 choices that it does not state, with their reasons:
 
-- Strains are linear. Those of eq. (30) give .406 on the plate and .253 on the roof, where the paper's Table 3 has .487
-  and .3018; and its E = 30 for the cylinders is a mere scaling in linear theory only.
+- Strains are linear. Those of eq. (30) give .406 on the plate and .253 on the roof, where the preprint's Table 3 has
+  .487 and .3018; and its E = 30 for the cylinders is a mere scaling in linear theory only.
 - Boundary functions are scaled to a maximum of 1 (see `published_network`).
 - Young's modulus is scaled in training by a power of ten that follows from the case (see `usual_modulus_factor`); it is
   the published one for all four shells of the obstacle course.
@@ -89,7 +89,7 @@ def why_not_held(case: Case) -> str | None:
     if case.dynamics is not None:
         return why_no_motion(case)
     if not case.linear:
-        return "it trains what does not move in linear theory only, as the paper's Table 3 must have been"
+        return "it trains what does not move in linear theory only, as the preprint's Table 3 must have been"
     if point_supports(case):
         return "its boundary functions hold edges, not single points"
     return why_declined(case)

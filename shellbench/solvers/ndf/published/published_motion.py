@@ -1,4 +1,4 @@
-"""The published training of a motion: Kairanda et al., sections 4 and 5.2, appendix E.
+"""The published training of a motion: Kairanda et al. 2023, sections 4 and 5.2, appendix E.
 
 A SIREN in space and time is trained on the functional (35), which adds kinetic to potential energy. It follows the
 paper in full: 5 x 512 sines with omega0 = 15 on inputs scaled to [0, 1], u = F t^2 B + motion with its soft boundary
@@ -18,9 +18,9 @@ The published functional of motion: the mean over time of potential *plus* kinet
 
     L = |Omega| / (N_Omega N_t) sum_ij (W - f . u + 1/2 k |u|^2 + 1/2 rho |du/dt|^2) sqrt(a)
 
-(Kairanda et al., eq. (35)) at N_Omega points, one random one in each cell of a grid, and N_t times, one in each of N_t
-intervals, all redrawn at every iteration; k is the stiffness of springs. The sum is over all pairs, as printed. It is
-1/T times the integral (33), so that its unit is J.
+(Kairanda et al. 2023, eq. (35)) at N_Omega points, one random one in each cell of a grid, and N_t times, one in each of
+N_t intervals, all redrawn at every iteration; k is the stiffness of springs. The sum is over all pairs, as printed. It
+is 1/T times the integral (33), so that its unit is J.
 
 Its Euler-Lagrange equation is rho u'' = +dE/du: the sign of inertia is that of Newton's law reversed, and the final
 time brings the natural condition du/dt = 0. A free fall from rest becomes u = g (T t - t^2 / 2).

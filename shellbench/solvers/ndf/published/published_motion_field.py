@@ -1,4 +1,4 @@
-"""The published field of a moving shell: u(xi, t) = F(xi, t) t^2 B(xi) + motion (Kairanda et al., eqs. (25), (28)).
+"""The published field in motion: u(xi, t) = F(xi, t) t^2 B(xi) + motion (Kairanda et al. 2023, eqs. (25), (28)).
 
 F is one SIREN in space and time, so that time is one more input, scaled to [0, 1] like the others, and the velocity is
 one more derivative. In training it is a seventh plane beside a jet's six; a solution computes it by forward-mode
@@ -7,8 +7,8 @@ differentiation of the displacement.
 The published boundary functions of a moving shell: u = F t^2 B(xi) + sum over supports of (1 - B_p) m_p(xi, t).
 
 Each held place p, a corner, point or edge, has a soft factor B_p = 1 - exp(-d^2 / sigma) with the distance d from it
-and sigma = .01 (Kairanda et al., eqs. (27), (68)-(72)); B is their product over the places that hold a component. The
-motion of a support, m_p, is faded out by the same factor. Eqs. (69) and (71) are this sum, with motions of opposite
+and sigma = .01 (Kairanda et al. 2023, eqs. (27), (68)-(72)); B is their product over the places that hold a component.
+The motion of a support, m_p, is faded out by the same factor. Eqs. (69) and (71) are this sum, with motions of opposite
 sign. Eq. (72), where B stands for exp(-d^2 / sigma), is this sum after a correction of the sign before its first
 motion: as printed, the bottom rim moves by -m instead of m. A component that is held on the whole surface is zero.
 

@@ -17,9 +17,9 @@ transposes to a few fused products, and the matrix products of all six planes re
 
 The module also has the published boundary functions, derived from the supports of any case.
 
-Held edges have the factor xi (L - xi) on the held components (Kairanda et al., eqs. (61), (64), (65)). Departure from
-the paper: its maximum is scaled to 1; as printed it is up to 6e6 on the plate, and the training does not start. This is
-`BoundaryFactors` of this package, clamps included.
+Held edges have the factor xi (L - xi) on the held components (Kairanda et al. 2023, eqs. (61), (64), (65)). Departure
+from the paper: its maximum is scaled to 1; as printed it is up to 6e6 on the plate, and the training does not start.
+This is `BoundaryFactors` of this package, clamps included.
 
 A shell without supports is kept from drifting: the points under its point loads are held in all directions except that
 of the load, by factors 1 - exp(-d^2 / sigma) (eq. (66)). For loads along one axis this is the published pair of factors
@@ -136,8 +136,8 @@ class _SineLayer(Function):
 class InputScale:
     """The affine map t = factor * c + shift from the package's inputs c to the published ones t.
 
-    Plain coordinates of [-1, 1] are mapped to [0, 1] (Kairanda et al., appendix A); cosine and sine of a periodic one
-    are unchanged.
+    Plain coordinates of [-1, 1] are mapped to [0, 1] (Kairanda et al. 2023, appendix A); cosine and sine of a periodic
+    one are unchanged.
 
     Attributes
     ----------
@@ -292,7 +292,7 @@ def _uniform(generator: torch.Generator, bound: float, shape: tuple[int, ...], p
     return ((2 * drawn - 1) * bound).to(device=placement.device, dtype=placement.dtype)
 
 
-SIGMA = 0.01  # Kairanda et al., section 5.2; in squared units of the case file's coordinates
+SIGMA = 0.01  # Kairanda et al. 2023, section 5.2; in squared units of the case file's coordinates
 PINNED_CELLS = 20  # a side, of the published grid: the width of pins that its samples resolve
 FAR_FROM_PIN = 700.0  # upper bound of d^2 / sigma: beyond it exp underflows to zero
 

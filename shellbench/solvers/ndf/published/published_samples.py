@@ -1,7 +1,7 @@
 """The published loss: the energy of a shell from one random point in each cell of a grid, redrawn at every iteration.
 
-L = |Omega|/N sum_i (W - f . u) sqrt(a) at N stratified samples, less the work f . u of point loads (Kairanda et al.,
-eqs. (35), (62), (67)); forces on edges are integrated along them. Strains are the linear part of eq. (30).
+L = |Omega|/N sum_i (W - f . u) sqrt(a) at N stratified samples, less the work f . u of point loads (Kairanda et al.
+2023, eqs. (35), (62), (67)); forces on edges are integrated along them. Strains are the linear part of eq. (30).
 
 Samples are numbers of a counter-based generator, keyed by the seed and counted by the iteration. Therefore a resumed
 training, on any device, has the same samples as an uninterrupted one. All data that do not depend on the network are
@@ -196,8 +196,8 @@ def usual_modulus_factor(ansatz: Ansatz) -> float:
     A network starts with displacements of order one and leaves that order slowly. If a plate of the shell's area, under
     the same total load, deflects within `ORDER_ONE`, the modulus is not scaled. Otherwise the estimate is scaled to
     about `AIM`, since a curved shell is stiffer than the plate. For the obstacle course these are the published
-    choices: no scaling of plate and roof, and E = 30 for 3e6 of the pinched cylinders (Kairanda et al., section 5.1).
-    If only supports are moved, the largest prescribed motion is scaled to order one.
+    choices: no scaling of plate and roof, and E = 30 for 3e6 of the pinched cylinders (Kairanda et al. 2023, section
+    5.1). If only supports are moved, the largest prescribed motion is scaled to order one.
     """
     estimate, moved = deflection_of_a_plate(ansatz), largest_prescribed(ansatz)
     if ORDER_ONE[0] <= max(estimate, moved) <= ORDER_ONE[1] or max(estimate, moved) == 0.0:

@@ -14,7 +14,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.protocol.schema import Positive
 from shellbench.solvers.ndf.field.choices import Components, PeriodicInput, Pins, StrainName
 
-OMEGA0, LEARNING_RATE = 15.0, 1e-4  # the paper's values (Kairanda et al., section 5.2)
+OMEGA0, LEARNING_RATE = 15.0, 1e-4  # the paper's values (Kairanda et al. 2023, section 5.2)
 NDF_PUBLISHED = "ndf-published"  # of the solver, in records and files
 
 NOT_OF_THE_TRAINING = {"device", "checkpoint", "checkpoint_every"}

@@ -6,7 +6,7 @@ The energy of the springs joins that of the shell as a loss term,
 
 k = weight D / L in N/m^2, with D the membrane stiffness (N/m) and L the root of the midsurface's area. At weight 1 an
 edge yields about as much as the shell itself when it is stretched over its own length. The weight does not follow from
-the case, and supports yield by about 1 / weight for any choice (Kairanda et al., section F and figure II).
+the case, and supports yield by about 1 / weight for any choice (Kairanda et al. 2023, section F and figure II).
 """
 
 from __future__ import annotations

@@ -9,8 +9,8 @@ and differ in the bending strain. With n the deformed unit normal the exact one 
 
     kappa_ab = bbar_ab (1 - a3 . n) - d_ab . n,
 
-which follows from kappa = bbar - b (Kairanda et al., (15), (16)) because the deformed base vectors are normal to n. The
-published one, eq. (30), reads, with phi_l = u,l . a3 and phi^l = abar^lm phi_m,
+which follows from kappa = bbar - b (Kairanda et al. 2023, (15), (16)) because the deformed base vectors are normal to
+n. The published one, eq. (30), reads, with phi_l = u,l . a3 and phi^l = abar^lm phi_m,
 
     kappa_ab = -d_ab . a3 + phi^l (d_ab . a_l + bbar_ab phi_l / 2):
 
@@ -241,7 +241,7 @@ class Exact:
 
 @dataclass(frozen=True)
 class Published:
-    """Exact membrane strain with the bending strain of Kairanda et al., eq. (30)."""
+    """Exact membrane strain with the bending strain of Kairanda et al. 2023, eq. (30)."""
 
     reference: Reference
     gradients: Tensor
