@@ -37,6 +37,7 @@ from shellbench.problems.shell.question.drawing import Picture
 from shellbench.problems.shell.question.features import Feature, features_of, undecided
 from shellbench.problems.shell.question.folds import join_folds
 from shellbench.problems.shell.question.loads import Load, PressureLoad
+from shellbench.problems.shell.question.orthotropic import AnyMaterial
 from shellbench.problems.shell.question.path import Dynamics
 from shellbench.problems.shell.question.path import Path as LoadPath
 from shellbench.problems.shell.question.places import Edge, EdgePart, Place, Point, Whole, places_of
@@ -93,7 +94,7 @@ class Shell(Problem):
     kind: Literal["shell"] = "shell"
     theory: Theory
     surface: SurfaceModel
-    material: Material
+    material: AnyMaterial
     points: dict[Name, tuple[Finite, Finite]] = Field(default_factory=dict)
     edge_parts: dict[Name, EdgePart] = Field(default_factory=dict)
     supports: tuple[Support, ...] = ()
@@ -112,6 +113,12 @@ class Shell(Problem):
     def linear(self) -> bool:
         """True if the strains are linearised."""
         return self.theory != "kirchhoff-love-nonlinear"
+
+    @property
+    def isotropic(self) -> Material:
+        """Its material, for solvers that decline all but isotropic ones."""
+        assert isinstance(self.material, Material)
+        return self.material
 
     @property
     def modal(self) -> bool:
@@ -152,11 +159,13 @@ class Shell(Problem):
             del data["edge_parts"]
         if not data["obstacles"]:
             del data["obstacles"], data["contact"]
-        for name in ("modulus_factor", "thickness_factor"):
-            if data["material"][name] == 1.0:
-                del data["material"][name]
-        if data["material"]["bending_poissons_ratio"] is None:
-            del data["material"]["bending_poissons_ratio"]
+        if data["material"]["kind"] == "isotropic":  # left out for the same reason
+            del data["material"]["kind"]
+            for name in ("modulus_factor", "thickness_factor"):
+                if data["material"][name] == 1.0:
+                    del data["material"][name]
+            if data["material"]["bending_poissons_ratio"] is None:
+                del data["material"]["bending_poissons_ratio"]
         for quantity in data["quantities"]:
             if quantity.get("fold_side", "") is None:
                 del quantity["fold_side"]

@@ -255,6 +255,8 @@ class _Reparametrisation:
         for name in ("modulus_factor", "thickness_factor"):
             if name in data["material"]:
                 data["material"][name] = self.formula(data["material"][name])
+        if data["material"].get("kind") == "orthotropic":
+            data["material"] |= self._directions(data["material"])
         data["supports"] = [self._support(s) for s in data.get("supports", [])]
         data["springs"] = [{**s, "stiffness": self.formula(s["stiffness"])} for s in data.get("springs", [])]
         data["loads"] = [self._load(load) for load in data.get("loads", [])]
@@ -269,6 +271,16 @@ class _Reparametrisation:
             if "exact" in quantity:
                 quantity["exact"] = self.vector(quantity["exact"])
         return data
+
+    def _directions(self, material: dict[str, Any]) -> dict[str, Any]:
+        """Return the line and the angle of a material's direction 1 in the chart."""
+        # Directions have no sign. The angle is about the normal, which may be turned over.
+        axis = COORDINATES.index(material.get("along", "xi1"))
+        along = COORDINATES[1 - axis if self.chart.formulas == COORDINATES[::-1] else axis]
+        if re.search(rf"\b{along}\b", self.chart.formulas[1 - axis]):
+            raise InputError("the material's direction goes along a line that is none of these coordinates")
+        sign = -1.0 if self.chart.turned_over else 1.0
+        return {"along": along, "angle": sign * float(material.get("angle", 0.0))}
 
     def _folds(self) -> dict[str, dict[str, list[float]]]:
         """Return the folds and hinges in the chart."""

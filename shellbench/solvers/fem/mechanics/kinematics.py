@@ -36,7 +36,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.problems.shell.question.conditions import Material
+from shellbench.problems.shell.question.orthotropic import AnyMaterial, OrthotropicMaterial
 from shellbench.problems.shell.question.places import Edge
 from shellbench.problems.shell.question.surface import Surface
 from shellbench.solvers.fem.mesh.basis import Derivative
@@ -211,20 +211,43 @@ def elasticity(surface: Midsurface, poissons_ratio: float) -> Array:
     return h
 
 
-def stiffness_moduli(surface: Surface, material: Material, points: Array) -> Array:
+def orthotropic_elasticity(surface: Midsurface, material: OrthotropicMaterial) -> Array:
+    """Return A and D over their scales, H (n, 2, 3, 3), on the components 11, 22, 12 of the coordinates.
+
+    With d1 and d2 the material's directions and d^a their contravariant components, E11 = d1^a d1^b eps_ab, E22
+    likewise and 2 E12 = 2 d1^a d2^b eps_ab; H = T^T M T for the matrix T of these three.
+    """
+    line = surface.base[:, 0 if material.along == "xi1" else 1]
+    line = line / np.linalg.norm(line, axis=-1, keepdims=True)
+    angle = np.radians(material.angle)
+    first = np.cos(angle) * line + np.sin(angle) * np.cross(surface.normal, line)
+    second = np.cross(surface.normal, first)
+    (p, q), (r, s) = (
+        np.einsum("nab,nbi,ni->an", surface.contravariant_metric, surface.base, d) for d in (first, second)
+    )
+    turn = np.stack([p * p, q * q, 2 * p * q, r * r, s * s, 2 * r * s, 2 * p * r, 2 * q * s, 2 * (p * s + q * r)])
+    turn = turn.T.reshape(-1, 3, 3)
+    scales = material.membrane_stiffness, material.bending_stiffness
+    parts = [np.swapaxes(turn, 1, 2) @ (m / k) @ turn for m, k in zip(material.stiffnesses, scales, strict=True)]
+    return np.stack(parts, axis=1)
+
+
+def stiffness_moduli(surface: Surface, material: AnyMaterial, points: Array) -> Array:
     """Return D and B (n, 2) at points (n, 2), N/m and N m; they are proportional to E h and E h^3."""
     modulus, thickness = material.factors(points, surface.named_constants)
     membrane, bending = material.membrane_stiffness, material.bending_stiffness
     return np.stack([membrane * modulus * thickness, bending * modulus * thickness**3], axis=-1)
 
 
-def elasticities(surface: Midsurface, material: Material) -> Array:
+def elasticities(surface: Midsurface, material: AnyMaterial) -> Array:
     """Return H (n, 2, 3, 3) of stretching and of bending."""
+    if isinstance(material, OrthotropicMaterial):
+        return orthotropic_elasticity(surface, material)
     known = {nu: elasticity(surface, nu) for nu in set(material.poissons_ratios)}  # mostly one
     return np.stack([known[nu] for nu in material.poissons_ratios], axis=1)
 
 
-def stress_root_operator(surface: Midsurface, material: Material, moduli: Array) -> Array:
+def stress_root_operator(surface: Midsurface, material: AnyMaterial, moduli: Array) -> Array:
     """Return the operator (n, 6, 3, 5) whose squared length is twice the strain energy density; `moduli` (n, 2): D, B.
 
     It is `strain_operator` times the square roots of the membrane and bending stiffness: with it a stiffness matrix
