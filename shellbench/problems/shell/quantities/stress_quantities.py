@@ -49,6 +49,8 @@ class Stress(PlacedQuantity):
     def check(self, shell: Any) -> None:
         """Raise ValueError if it has no value there: at a corner, or with a direction along the normal, as well."""
         super().check(shell)
+        if getattr(shell.material, "membrane", None) is not None:
+            raise ValueError(f"quantity '{self.name}' is a stress, and a shell of given stiffnesses has none")
         if corner := self.corner_of(shell):
             raise ValueError(f"quantity '{self.name}' has no value at the corner '{corner[0]}': ask for a moment there")
         if self.direction is not None and np.any(

@@ -36,12 +36,12 @@ class OrthotropicMaterial(Model):
     Attributes
     ----------
     membrane, bending
-        [A11, A12, A22, A66] in N/m and [D11, D12, D22, D66] in N m, or rows of the whole matrices A and D of a
-        laminate. A66 and D66 multiply 2 e12 and 2 k12.
+        Stiffnesses [A11, A12, A22, A66] in N/m and [D11, D12, D22, D66] in N m, or the rows of the whole
+        matrices A and D of a laminate. A66 and D66 multiply 2 e12 and 2 k12.
     coupling
         The matrix B of a laminate, N: a symmetric one has none, and no other is taken.
     angle
-        From the coordinate line to direction 1, about the normal by the right hand.
+        degrees, from the coordinate line to direction 1, about the normal by the right hand.
     along
         Coordinate whose line direction 1 is turned from.
     """
@@ -52,15 +52,15 @@ class OrthotropicMaterial(Model):
     thickness_factor: ClassVar[Formula] = 1.0
     bending_factor: ClassVar[float] = 1.0
 
-    kind: Literal["orthotropic"]
+    kind: Literal["orthotropic"] = Field(description="the kind")
     youngs_modulus: tuple[Positive, Positive] | None = Field(None, description="E1 and E2, Pa")
-    poissons_ratio: Finite | None = Field(None, description="nu12; nu21 = nu12 E2/E1")
+    poissons_ratio: Finite | None = Field(None, description="Poisson's ratio nu12; nu21 = nu12 E2/E1")
     shear_modulus: Positive | None = Field(None, description="G12, Pa")
-    thickness: Positive = Field(description="h, metres; with given stiffnesses only where theories need it")
+    thickness: Positive = Field(description="h, metres; given stiffnesses do not depend on it")
     membrane: Stiffnesses | None = None
     bending: Stiffnesses | None = None
     coupling: tuple[tuple[Finite, Finite, Finite], ...] | None = None
-    angle: Finite = Field(0.0, description="degrees")
+    angle: Finite = 0.0
     along: Literal["xi1", "xi2"] = "xi1"
     areal_density: Annotated[Finite, Field(ge=0)] = Field(0.0, description="rho, kg per square metre")
 
@@ -76,7 +76,7 @@ class OrthotropicMaterial(Model):
             raise ValueError("it needs the moduli of a layer, or both membrane and bending")
         if self.coupling is not None and np.any(np.asarray(self.coupling)):
             raise ValueError(
-                "field 'coupling' must be zero: a laminate that is not symmetric bends as it stretches, which no solver"
+                "its 'coupling' must be zero: a laminate that is not symmetric bends as it stretches, which no solver"
                 " here takes"
             )
         for name, matrix in zip(("membrane", "bending"), self.stiffnesses, strict=True):
@@ -94,7 +94,7 @@ class OrthotropicMaterial(Model):
             (first, second), nu = self.youngs_modulus, self.poissons_ratio
             share = 1 - nu**2 * second / first
             if share <= 0:
-                raise ValueError(f"field 'poissons_ratio': found {nu:g}, but nu12^2 must be below E1/E2")
+                raise ValueError(f"its 'poissons_ratio' is {nu:g}, but nu12^2 must be below E1/E2")
             layer = _matrix((first / share, nu * second / share, second / share, self.shear_modulus))
             return self.thickness * layer, self.thickness**3 / 12 * layer
         assert self.membrane is not None

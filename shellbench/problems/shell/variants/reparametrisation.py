@@ -274,13 +274,18 @@ class _Reparametrisation:
 
     def _directions(self, material: dict[str, Any]) -> dict[str, Any]:
         """Return the line and the angle of a material's direction 1 in the chart."""
-        # Directions have no sign. The angle is about the normal, which may be turned over.
+        # Directions have no sign. The angle is about the normal, which may be turned over; then one of the directions
+        # is, and what couples shear with stretching or bending changes its sign.
         axis = COORDINATES.index(material.get("along", "xi1"))
         along = COORDINATES[1 - axis if self.chart.formulas == COORDINATES[::-1] else axis]
         if re.search(rf"\b{along}\b", self.chart.formulas[1 - axis]):
             raise InputError("the material's direction goes along a line that is none of these coordinates")
         sign = -1.0 if self.chart.turned_over else 1.0
-        return {"along": along, "angle": sign * float(material.get("angle", 0.0))}
+        turned = np.outer([1.0, 1.0, sign], [1.0, 1.0, sign])
+        matrices = {n: material[n] for n in ("membrane", "bending") if len(material.get(n, ())) == len(turned)}
+        return {"along": along, "angle": sign * float(material.get("angle", 0.0))} | {
+            name: (turned * np.asarray(matrix)).tolist() for name, matrix in matrices.items()
+        }
 
     def _folds(self) -> dict[str, dict[str, list[float]]]:
         """Return the folds and hinges in the chart."""
