@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from shellbench.bench.catalogue import catalog
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.posed.mirrors import ComparisonPoints, mirror_of
+from shellbench.problems.shell.quantities.resultant_quantities import material_axis, turned_tensor
 from shellbench.problems.shell.variants.edit import why_no_edit
 from shellbench.solvers.cst.solver import CstSolver
 from shellbench.solvers.fem.mechanics.kinematics import Midsurface, elasticities, stiffness_moduli
@@ -68,6 +70,28 @@ def test_both_mechanics_have_the_energy_of_the_turned_stiffnesses(material, alon
     for name, tensor in tensors(case, points).items():
         energies = np.einsum("pni,npij,pnj->pn", strains, tensor, strains) / 2
         np.testing.assert_allclose(energies, expected, rtol=1e-11, err_msg=name)
+
+
+@pytest.mark.parametrize("along", ["xi1", "xi2"])
+def test_resultants_along_the_axes_of_the_material_are_those_of_its_directions(along):
+    """n_ij = d_i . N . d_j, with N = n_ab e_a e_b of the shell's frame and d_2 = a3 x d_1."""
+    case, points = (
+        shell(LAYER | {"angle": 33.0, "along": along}, OBLIQUE),
+        np.random.default_rng(3).uniform(size=(6, 2)),
+    )
+    x, values = case.surface.derivatives(points, 1), np.random.default_rng(4).normal(size=(6, 3))
+    for a1, a2, (n11, n22, n12), found in zip(
+        x[1, 0], x[0, 1], values, turned_tensor(values, *material_axis(case, points)), strict=True
+    ):
+        normal, line = np.cross(a1, a2) / np.linalg.norm(np.cross(a1, a2)), a1 if along == "xi1" else a2
+        e1 = a1 / np.linalg.norm(a1)
+        e2, d1 = (
+            np.cross(normal, e1),
+            Rotation.from_rotvec(np.radians(33.0) * normal).apply(line / np.linalg.norm(line)),
+        )
+        d2 = np.cross(normal, d1)
+        tensor = n11 * np.outer(e1, e1) + n22 * np.outer(e2, e2) + n12 * (np.outer(e1, e2) + np.outer(e2, e1))
+        np.testing.assert_allclose(found, [d1 @ tensor @ d1, d2 @ tensor @ d2, d1 @ tensor @ d2], atol=1e-13)
 
 
 @pytest.mark.parametrize("chart", ["flipped", "swapped", "stretched", "units"])

@@ -169,6 +169,8 @@ class Shell(Problem):
         for quantity in data["quantities"]:
             if quantity.get("fold_side", "") is None:
                 del quantity["fold_side"]
+            if quantity.get("axes") == "shell":
+                del quantity["axes"]
         for name in ("folds", "hinges"):  # left out for the same reason
             if not data["surface"].get(name, True):
                 del data["surface"][name]

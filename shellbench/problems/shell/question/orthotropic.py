@@ -109,6 +109,13 @@ class OrthotropicMaterial(Model):
         membrane, bending = (turn.T @ matrix @ turn for matrix in self.stiffnesses)
         return membrane, bending
 
+    def turned_over(self) -> dict[str, Any]:
+        """Return the fields of the same material where the normal points to the other side."""
+        # Directions have no sign, but one of them is turned over: what couples shear with the rest changes its sign.
+        signs = np.outer([1.0, 1.0, -1.0], [1.0, 1.0, -1.0])
+        whole = {n: m for n in ("membrane", "bending") if len(m := getattr(self, n) or ()) == len(signs)}
+        return {"angle": -self.angle} | {name: (signs * np.asarray(matrix)).tolist() for name, matrix in whole.items()}
+
     def factors(self, points: ArrayLike, constants: Mapping[str, float]) -> tuple[Array, Array]:
         """Return the factors (...) of modulus and thickness at points (..., 2): ones."""
         ones = np.ones(np.shape(points)[:-1])
