@@ -5,6 +5,7 @@ import numpy as np
 from shellbench.problems.shell.question.orthotropic import OrthotropicMaterial
 from shellbench.solvers.fem.mechanics import kinematics as fem
 from shellbench.solvers.ndf.field import geometry as ndf
+from shellbench.solvers.ndf.strains import strain_measures
 from tests.injecting import given, wrapped
 from tests.test_faults import Fault, gate_tests
 
@@ -16,10 +17,11 @@ def read_as(change):
         wrong = isinstance(material, OrthotropicMaterial)
         return surface, material.model_copy(update=change(material)) if wrong else material, *more
 
-    return {
-        "fem": given(fem, "orthotropic_elasticity", changed),
-        "ndf-ritz": given(ndf, "elasticity_tensors", changed),
-    }
+    def of_ndf(patch):
+        for module in (ndf, strain_measures):
+            given(module, "elasticity_tensors", changed)(patch)
+
+    return {"fem": given(fem, "orthotropic_elasticity", changed), "ndf-ritz": of_ndf}
 
 
 def by_nu21(patch):
