@@ -13,15 +13,19 @@ from tests.test_faults import Fault, gate_tests
 def read_as(change):
     """Inject into each mechanics a material whose fields are read wrongly."""
 
-    def changed(surface, material, *more):
+    def of_fem(*geometry_and_material):
+        *geometry, material = geometry_and_material
+        return *geometry, material.model_copy(update=change(material))
+
+    def changed(geometry, material):
         wrong = isinstance(material, OrthotropicMaterial)
-        return surface, material.model_copy(update=change(material)) if wrong else material, *more
+        return geometry, material.model_copy(update=change(material)) if wrong else material
 
     def of_ndf(patch):
         for module in (ndf, strain_measures):
             given(module, "elasticity_tensors", changed)(patch)
 
-    return {"fem": given(fem, "orthotropic_elasticity", changed), "ndf-ritz": of_ndf}
+    return {"fem": given(fem, "orthotropic_elasticity", of_fem), "ndf-ritz": of_ndf}
 
 
 def by_nu21(patch):

@@ -45,6 +45,8 @@ from shellbench.protocol.schema import Finite, Name
 
 Array = NDArray[np.float64]
 Theory = Literal["kirchhoff-love-linear", "kirchhoff-love-nonlinear", "naghdi-linear"]
+LATER: dict[str, Any] = {"kind": "isotropic", "modulus_factor": 1.0, "thickness_factor": 1.0, "follows": False,
+         "bending_poissons_ratio": None, "frame": "global", "fold_side": None, "axes": "shell"}  # fmt: skip
 MOTION_VARIABLES = ("xi1", "xi2", "t")  # t is the time, or the load factor of a static case
 
 
@@ -147,30 +149,17 @@ class Shell(Problem):
     def physics(self) -> dict[str, Any]:
         """Return all data that an answer depends on; see `shellbench.problem.Problem.physics`."""
         data = super().physics()
-        for load in data["loads"]:
-            if not load.get("follows", True):  # so that digests of cases without following pressures stay as they were
-                del load["follows"]
-            if load.get("frame") == "global":  # the default, left out for the same reason
-                del load["frame"]
         for support in data["supports"]:
             if support["shear"] != "soft":
                 del support["shear"]
-        if not data["edge_parts"]:  # left out for the same reason
+        if not data["edge_parts"]:  # so that digests of cases without stay as they were
             del data["edge_parts"]
         if not data["obstacles"]:
             del data["obstacles"], data["contact"]
-        if data["material"]["kind"] == "isotropic":  # left out for the same reason
-            del data["material"]["kind"]
-            for name in ("modulus_factor", "thickness_factor"):
-                if data["material"][name] == 1.0:
-                    del data["material"][name]
-            if data["material"]["bending_poissons_ratio"] is None:
-                del data["material"]["bending_poissons_ratio"]
-        for quantity in data["quantities"]:
-            if quantity.get("fold_side", "") is None:
-                del quantity["fold_side"]
-            if quantity.get("axes") == "shell":
-                del quantity["axes"]
+        for part in (data["material"], *data["loads"], *data["quantities"]):  # left out for the same reason
+            for name, default in LATER.items():
+                if part.get(name, ...) == default:
+                    del part[name]
         for name in ("folds", "hinges"):  # left out for the same reason
             if not data["surface"].get(name, True):
                 del data["surface"][name]

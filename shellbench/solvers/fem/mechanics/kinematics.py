@@ -39,6 +39,7 @@ from numpy.typing import NDArray
 from shellbench.problems.shell.question.orthotropic import AnyMaterial, OrthotropicMaterial
 from shellbench.problems.shell.question.places import Edge
 from shellbench.problems.shell.question.surface import Surface
+from shellbench.solvers.fem.mechanics.orthotropic import orthotropic_elasticity
 from shellbench.solvers.fem.mesh.basis import Derivative
 
 Array = NDArray[np.float64]
@@ -211,27 +212,6 @@ def elasticity(surface: Midsurface, poissons_ratio: float) -> Array:
     return h
 
 
-def orthotropic_elasticity(surface: Midsurface, material: OrthotropicMaterial) -> Array:
-    """Return A and D over their scales, H (n, 2, 3, 3), on the components 11, 22, 12 of the coordinates.
-
-    With d1 and d2 the material's directions and d^a their contravariant components, E11 = d1^a d1^b eps_ab, E22
-    likewise and 2 E12 = 2 d1^a d2^b eps_ab; H = T^T M T for the matrix T of these three.
-    """
-    line = surface.base[:, 0 if material.along == "xi1" else 1]
-    line = line / np.linalg.norm(line, axis=-1, keepdims=True)
-    angle = np.radians(material.angle)
-    first = np.cos(angle) * line + np.sin(angle) * np.cross(surface.normal, line)
-    second = np.cross(surface.normal, first)
-    (p, q), (r, s) = (
-        np.einsum("nab,nbi,ni->an", surface.contravariant_metric, surface.base, d) for d in (first, second)
-    )
-    turn = np.stack([p * p, q * q, 2 * p * q, r * r, s * s, 2 * r * s, 2 * p * r, 2 * q * s, 2 * (p * s + q * r)])
-    turn = turn.T.reshape(-1, 3, 3)
-    scales = material.membrane_stiffness, material.bending_stiffness
-    parts = [np.swapaxes(turn, 1, 2) @ (m / k) @ turn for m, k in zip(material.stiffnesses, scales, strict=True)]
-    return np.stack(parts, axis=1)
-
-
 def stiffness_moduli(surface: Surface, material: AnyMaterial, points: Array) -> Array:
     """Return D and B (n, 2) at points (n, 2), N/m and N m; they are proportional to E h and E h^3."""
     modulus, thickness = material.factors(points, surface.named_constants)
@@ -242,7 +222,7 @@ def stiffness_moduli(surface: Surface, material: AnyMaterial, points: Array) -> 
 def elasticities(surface: Midsurface, material: AnyMaterial) -> Array:
     """Return H (n, 2, 3, 3) of stretching and of bending."""
     if isinstance(material, OrthotropicMaterial):
-        return orthotropic_elasticity(surface, material)
+        return orthotropic_elasticity(surface.base, surface.normal, surface.contravariant_metric, material)
     known = {nu: elasticity(surface, nu) for nu in set(material.poissons_ratios)}  # mostly one
     return np.stack([known[nu] for nu in material.poissons_ratios], axis=1)
 
