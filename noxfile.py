@@ -146,6 +146,12 @@ def passport(session: nox.Session) -> None:
 
 
 @nox.session
+def woven(session: nox.Session) -> None:
+    """Solve orthotropic plates, a swatch, a tube and strips along warp, weft and bias, and judge them. `-- --quick`."""
+    run_and_judge(session, "woven")
+
+
+@nox.session
 def meshes(session: nox.Session) -> None:
     """Ask for shells whose surfaces are meshes, and judge."""
     run_and_judge(session, "meshes")

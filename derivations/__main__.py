@@ -62,6 +62,7 @@ from .resultants import JUDGES as RESULTANTS
 from .ropes import JUDGES as ROPES
 from .shapes_by_series import JUDGES
 from .strip_on_edge import JUDGES as STRIPS
+from .woven import JUDGES as WOVEN
 
 ROOFS = {"1e_2": 0.5, "3e_3": 0.15, "1e_3": 0.05, "3e_4": 0.015, "1e_4": 0.005}  # thickness, m: name times 50 m
 TWIST = math.radians(0.2)  # that of cases/sleeve_torque.toml
@@ -124,6 +125,7 @@ CASES = {
     **BENCHMARKS,
     **GRADIENTS,
     **IDENTIFIED,
+    **WOVEN,
 }
 TITLE = "case", "quantity", "value", "uncertainty", "unit"
 ROW = "{:<31} {:<21} {:>19} {:>11} {}"

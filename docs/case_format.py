@@ -91,6 +91,10 @@ EXAMPLES = {  # by section
         '[material]\nyoungs_modulus = 2e11             # Pa\npoissons_ratio = 0.3\nthickness = 0.01                  # m\n'
         'areal_density = 8.0               # kg/m^2\nthickness_factor = "1 - 0.5*xi1"  # half as thick at xi1 = 1'
     ),
+    "Orthotropic materials": Example(
+        '[material]\nkind = "orthotropic"\nmembrane = [9e3, 1e3, 4e3, 300]    # N/m\nbending = [3e-4, 2e-5, 1e-4, 4e-5] # N m\n'
+        'thickness = 0.001                  # m\nangle = 30                         # warp, from the line of xi1\nareal_density = 0.1'
+    ),
     "Parts of edges": Example(
         '[edge_parts]\nhinge = { edge = "xi2_min", between = [0.2, 0.6] }\n\n[[supports]]\nname = "hinge"\non = ["hinge"]\ncomponents = ["z"]'
     ),
@@ -132,7 +136,9 @@ EXAMPLES = {  # by section
 
 SECTIONS = (  # heading, words, common base, classes
     ("Surface", "`[surface]` is one of four kinds. All kinds have the first two keys; a mesh needs neither, and has them in units of (u, v).", surface.AnalyticSurface, ("Plane", "Cylinder", "ExpressionSurface", "MeshSurface")),
-    ("Material", "`[material]` is linear and isotropic. Its membrane stiffness is D = E h / (1 - nu^2), its bending stiffness B = E h^3 / (12 (1 - nu^2)). The factors vary D and B only, not the areal density. `bending_poissons_ratio` changes the [energy](theory.md#energy) of bending, not B.", None, ("Material",)),
+    ("Material", "`[material]` is linear, and isotropic unless its kind is another. The membrane stiffness is D = E h / (1 - nu^2), the bending stiffness B = E h^3 / (12 (1 - nu^2)). The factors vary D and B only, not the areal density. `bending_poissons_ratio` changes the [energy](theory.md#energy) of bending, not B.", None, ("Material",)),
+    ("Orthotropic materials", "`[material]` of `kind = \"orthotropic\"`: woven cloth, ribbed plates, laminates. One layer has `youngs_modulus`, `poissons_ratio` and `shear_modulus`, and A = h Q, D = h^3 Q / 12."
+     " Cloth and laminates have the stiffnesses `membrane` and `bending` instead. Direction 2 is the normal x direction 1. The stiffnesses are the same everywhere.", None, ("OrthotropicMaterial",)),
     ("Parts of edges", "`[edge_parts]` is a table of names. Supports, and loads of the kinds `edge` and `moment`, can use these names.", None, ("EdgePart",)),
     ("Supports", "`[[supports]]`: any number. A support holds its `components` at zero or moves them as `motion` says; the other components are free."
      ' Components are Cartesian, or local to the shell at rest: "along" an edge, "across" it within the surface, "normal" to the surface.'

@@ -191,7 +191,7 @@ def _field(places: tuple[int | str, ...], data: Any, *, absent: bool) -> str:
 
 
 def _tag(field: str, context: Mapping[str, Any]) -> str:
-    name = str(context.get("discriminator", "kind")).strip("'")
+    name = str(context.get("discriminator", "kind")).strip("'_()")  # a field, or the function that reads it
     return f"{field}.{name}" if field else name
 
 

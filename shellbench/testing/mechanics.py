@@ -21,7 +21,9 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.measure import load_density
 from shellbench.problems.shell.question.directions import in_space
 from shellbench.problems.shell.question.loads import EdgeLoad, MomentLoad, PointLoad
+from shellbench.problems.shell.question.orthotropic import OrthotropicMaterial
 from shellbench.problems.shell.question.places import Edge, Point
+from shellbench.problems.shell.question.surface import COORDINATES
 from shellbench.problems.shell.variants.placing import turning
 from shellbench.problems.shell.variants.units import MILLIMETRES_KILONEWTONS, converted_points
 from shellbench.problems.shell.variants.variants import SHIFT, size
@@ -216,10 +218,18 @@ def base_lengths(case: Case, points: Array) -> Array:
 
 def energy_densities(case: Case, points: Array, membrane: Array, bending: Array) -> tuple[Array, Array]:
     """Return membrane and bending energy (n,), J/m^2, of strains (n, 3) (Kairanda et al. 2023, eqs. (17)-(19))."""
-    metric, _ = fundamental_forms(case.surface.derivatives(points, order=2))
+    material, x = case.material, case.surface.derivatives(points, order=2)
+    if isinstance(material, OrthotropicMaterial):
+        one, other = (
+            np.einsum("pi,ij,pj->p", e, stiffness, e) / 2
+            for e, stiffness in zip(
+                _in_space(x, material, [membrane, bending]), material.turned_stiffnesses, strict=True
+            )
+        )
+        return one, other
+    metric, _ = fundamental_forms(x)
     full = metric[:, [[0, 2], [2, 1]]]
     upper = np.linalg.inv(full)
-    material = case.material
 
     def density(stiffness: float, nu: float, strain: Array) -> Array:
         mixed = np.einsum("pab,pbc->pac", upper, strain[:, [[0, 2], [2, 1]]])
@@ -232,6 +242,18 @@ def energy_densities(case: Case, points: Array, membrane: Array, bending: Array)
         density(material.membrane_stiffness, nu, membrane),
         density(material.bending_stiffness, nu_of_bending, bending),
     )
+
+
+def _in_space(x: Derivatives, material: OrthotropicMaterial, strains: list[Array]) -> list[Array]:
+    """Return 11, 22 and twice 12 (n, 3) of strains (n, 3) along the line that a material's angle is measured from."""
+    base = np.stack([x[1, 0], x[0, 1]], axis=-1)
+    line = base[..., COORDINATES.index(material.along)]
+    normal = np.cross(base[..., 0], base[..., 1])
+    frame = np.stack([line, np.cross(normal, line)], axis=1)
+    frame /= np.linalg.norm(frame, axis=-1, keepdims=True)
+    dual = np.linalg.inv(frame @ base)  # xi_a,i: the coordinates by the place along the frame
+    along = [np.swapaxes(dual, 1, 2) @ strain[:, [[0, 2], [2, 1]]] @ dual for strain in strains]
+    return [np.stack([e[:, 0, 0], e[:, 1, 1], 2 * e[:, 0, 1]], axis=-1) for e in along]
 
 
 def energies(exam: Examination, case: Case) -> Verdict:

@@ -35,6 +35,8 @@ from derivations import (
     shapes_by_series,
     spiral,
     strip_on_edge,
+    woven,
+    woven_by_splines,
 )
 from derivations.annular_plate import annular_plate, deflection, rim_deflection_by_ritz
 from derivations.discrete_catenary import hanging_chain
@@ -83,6 +85,7 @@ ORIGINS = {
     **benchmark_shells.JUDGES,
     **gradients.JUDGES,
     **identification.JUDGES,
+    **woven.JUDGES,
 }
 MODES = {
     **plate_modes_by_splines.SECOND_FORMS,
@@ -93,6 +96,7 @@ MODES = {
     **benchmark_shells.SECOND_FORMS,
     **gradients.SECOND_FORMS,
     **identification.SECOND_FORMS,
+    **woven_by_splines.SECOND_FORMS,
 }
 LONG = {
     "pressed_column",
@@ -134,6 +138,7 @@ LONG = {
     *ball_drape.JUDGES,
     *resultants.LONG,
     *benchmark_shells.JUDGES,
+    *(name for name in woven.JUDGES if "cantilever" in name or "bias" in name),
     *(name for name in naghdi.JUDGES if name.startswith("hypar") or name.endswith("_soft")),
     "square_plate_nonlinear",
     "guided_ring",

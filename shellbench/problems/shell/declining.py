@@ -13,6 +13,7 @@ from shellbench.problems.shell.question.places import Edge
 
 Beyond = Literal[
     "varying stiffness",
+    "orthotropic",
     "bending Poisson's ratio",
     "foundation",
     "supported parts",
@@ -43,8 +44,10 @@ def _properties_beyond_plain(case: Case) -> Iterator[tuple[Beyond, str]]:
         yield "transverse shear", "its normals shear (naghdi-linear), and this solver's theory is Kirchhoff and Love's"
     if not case.material.uniform:
         yield "varying stiffness", "its modulus or thickness varies, and this solver takes the same everywhere"
+    if case.material.kind == "orthotropic":
+        yield "orthotropic", "its material is orthotropic, and this solver takes isotropic ones only"
     membrane, bending = case.material.poissons_ratios
-    if membrane != bending:
+    if case.material.kind == "isotropic" and membrane != bending:
         yield (
             "bending Poisson's ratio",
             "its bending has a Poisson's ratio of its own, and this solver takes one for both",

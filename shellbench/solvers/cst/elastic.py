@@ -45,8 +45,8 @@ class Elastic:
     def from_case(cls, case: Case, mesh: TriangleMesh) -> Elastic:
         """Put a mesh on a case's midsurface."""
         rest = case.surface.position(mesh.domain.wrap(mesh.points))
-        membrane = Membrane.from_mesh(mesh, rest, case.material)
-        hinges = Hinges.from_mesh(mesh, rest, membrane, case.material, Walls.from_case(case, mesh))
+        membrane = Membrane.from_mesh(mesh, rest, case.isotropic)
+        hinges = Hinges.from_mesh(mesh, rest, membrane, case.isotropic, Walls.from_case(case, mesh))
         return cls(rest, membrane, hinges, case.linear)
 
     def strain(self, displacement: Array) -> Array:

@@ -97,7 +97,7 @@ class Frame:
 
     def stiffness(self, case: Case) -> tuple[Array, Array, Array]:
         """Return the stiffness (N, 8, 8) of membrane, bending and shear, N/m and N m, by covariant strains."""
-        m, g = case.material, self.metric
+        m, g = case.isotropic, self.metric
         nu = m.poissons_ratio
         plane = np.zeros((len(g), 3, 3))
         for i, (a, b) in enumerate(VOIGT):

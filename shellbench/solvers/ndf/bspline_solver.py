@@ -27,6 +27,7 @@ class SplineSolver(FieldSolver):
     takes: ClassVar[frozenset[Beyond]] = frozenset(
         {
             "varying stiffness",
+            "orthotropic",
             "bending Poisson's ratio",
             "foundation",
             "loaded parts",

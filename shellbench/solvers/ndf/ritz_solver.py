@@ -31,6 +31,7 @@ class RitzSolver(FieldSolver):
     takes: ClassVar[frozenset[Beyond]] = frozenset(
         {
             "varying stiffness",
+            "orthotropic",
             "bending Poisson's ratio",
             "foundation",
             "loaded parts",

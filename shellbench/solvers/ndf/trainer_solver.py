@@ -30,7 +30,16 @@ class NdfSolver(FieldSolver):
     slopes: ClassVar[Literal["", "energies", "differences"]] = "energies"
     uses_start: ClassVar[bool] = True
     takes: ClassVar[frozenset[Beyond]] = frozenset(
-        {"varying stiffness", "bending Poisson's ratio", "foundation", "loaded parts", "local loads", "kinks", "modes"}
+        {
+            "varying stiffness",
+            "orthotropic",
+            "bending Poisson's ratio",
+            "foundation",
+            "loaded parts",
+            "local loads",
+            "kinks",
+            "modes",
+        }
     )
 
     def declines(self, case: Case) -> str | None:

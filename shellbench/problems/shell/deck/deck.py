@@ -98,17 +98,17 @@ class Deck:
     @cached_property
     def thickness(self) -> Array:
         """(v,) thickness at the nodes, m."""
-        return self.part.case.material.thickness * self._factors[1]
+        return self.part.case.isotropic.thickness * self._factors[1]
 
     @cached_property
     def youngs_modulus(self) -> Array:
         """(v,) Young's modulus at the nodes, Pa."""
-        return self.part.case.material.youngs_modulus * self._factors[0]
+        return self.part.case.isotropic.youngs_modulus * self._factors[0]
 
     @property
     def poissons_ratio(self) -> float:
         """Poisson's ratio."""
-        return self.part.case.material.poissons_ratio
+        return self.part.case.isotropic.poissons_ratio
 
     @cached_property
     def _factors(self) -> tuple[Array, Array]:

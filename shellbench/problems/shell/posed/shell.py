@@ -37,6 +37,7 @@ from shellbench.problems.shell.question.drawing import Picture
 from shellbench.problems.shell.question.features import Feature, features_of, undecided
 from shellbench.problems.shell.question.folds import join_folds
 from shellbench.problems.shell.question.loads import Load, PressureLoad
+from shellbench.problems.shell.question.orthotropic import AnyMaterial
 from shellbench.problems.shell.question.path import Dynamics
 from shellbench.problems.shell.question.path import Path as LoadPath
 from shellbench.problems.shell.question.places import Edge, EdgePart, Place, Point, Whole, places_of
@@ -44,6 +45,8 @@ from shellbench.protocol.schema import Finite, Name
 
 Array = NDArray[np.float64]
 Theory = Literal["kirchhoff-love-linear", "kirchhoff-love-nonlinear", "naghdi-linear"]
+LATER: dict[str, Any] = {"kind": "isotropic", "modulus_factor": 1.0, "thickness_factor": 1.0, "follows": False,
+         "bending_poissons_ratio": None, "frame": "global", "fold_side": None, "axes": "shell"}  # fmt: skip
 MOTION_VARIABLES = ("xi1", "xi2", "t")  # t is the time, or the load factor of a static case
 
 
@@ -93,7 +96,7 @@ class Shell(Problem):
     kind: Literal["shell"] = "shell"
     theory: Theory
     surface: SurfaceModel
-    material: Material
+    material: AnyMaterial
     points: dict[Name, tuple[Finite, Finite]] = Field(default_factory=dict)
     edge_parts: dict[Name, EdgePart] = Field(default_factory=dict)
     supports: tuple[Support, ...] = ()
@@ -112,6 +115,12 @@ class Shell(Problem):
     def linear(self) -> bool:
         """True if the strains are linearised."""
         return self.theory != "kirchhoff-love-nonlinear"
+
+    @property
+    def isotropic(self) -> Material:
+        """Its material, for solvers that decline all but isotropic ones."""
+        assert isinstance(self.material, Material)
+        return self.material
 
     @property
     def modal(self) -> bool:
@@ -140,26 +149,17 @@ class Shell(Problem):
     def physics(self) -> dict[str, Any]:
         """Return all data that an answer depends on; see `shellbench.problem.Problem.physics`."""
         data = super().physics()
-        for load in data["loads"]:
-            if not load.get("follows", True):  # so that digests of cases without following pressures stay as they were
-                del load["follows"]
-            if load.get("frame") == "global":  # the default, left out for the same reason
-                del load["frame"]
         for support in data["supports"]:
             if support["shear"] != "soft":
                 del support["shear"]
-        if not data["edge_parts"]:  # left out for the same reason
+        if not data["edge_parts"]:  # so that digests of cases without stay as they were
             del data["edge_parts"]
         if not data["obstacles"]:
             del data["obstacles"], data["contact"]
-        for name in ("modulus_factor", "thickness_factor"):
-            if data["material"][name] == 1.0:
-                del data["material"][name]
-        if data["material"]["bending_poissons_ratio"] is None:
-            del data["material"]["bending_poissons_ratio"]
-        for quantity in data["quantities"]:
-            if quantity.get("fold_side", "") is None:
-                del quantity["fold_side"]
+        for part in (data["material"], *data["loads"], *data["quantities"]):  # left out for the same reason
+            for name, default in LATER.items():
+                if part.get(name, ...) == default:
+                    del part[name]
         for name in ("folds", "hinges"):  # left out for the same reason
             if not data["surface"].get(name, True):
                 del data["surface"][name]

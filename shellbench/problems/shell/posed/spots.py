@@ -72,9 +72,9 @@ def spot_at(case: Shell, place: Point) -> Spot:
     x = case.surface.derivatives(point, order=2)
     normal = local_directions(case.surface, point)[0, 2]
     modulus, thickness = (float(f[0]) for f in case.material.factors(point, case.surface.named_constants))
-    modulus *= case.material.youngs_modulus
+    nu = case.material.poissons_ratios[0]
+    stretching = case.material.membrane_stiffness * (1 - nu**2) * modulus * thickness  # E h
     thickness *= case.material.thickness
-    nu = case.material.poissons_ratio
     first, second = x[1, 0][0], x[0, 1][0]
     metric = np.array([[first @ first, first @ second], [first @ second, second @ second]])
     curvature = np.array([[x[2, 0][0], x[1, 1][0]], [x[1, 1][0], x[0, 2][0]]]) @ normal
@@ -86,7 +86,7 @@ def spot_at(case: Shell, place: Point) -> Spot:
         xi=place.xi,
         normal=normal,
         held=held_at(case, place, points=True),
-        softness=unit * math.log(2) / (modulus * thickness),
+        softness=unit * math.log(2) / stretching,
         halvings=math.log2(EFFECTIVE * max(1.0, 2 * middle_and_size(case.surface)[1] / thickness)),
         bent=largest if largest > NO_PART else 0.0,
         shears=case.theory == "naghdi-linear",

@@ -126,7 +126,12 @@ class ResultantQuantity(PlacedQuantity):
     def measure(self, solution: DisplacementField) -> float:
         """Return the resultant, N/m or N, or its mean."""
         points, weights = self.rule(solution.case)
-        return float(weights @ self.component_of(solution.evaluate(self.kind, points, at=self.at)))
+        values = self.turned(solution.case, points, solution.evaluate(self.kind, points, at=self.at))
+        return float(weights @ self.component_of(values))
+
+    def turned(self, shell: Any, points: Array, values: Array) -> Array:
+        """Return values at points, which are in the shell's frame, in the axes that are asked for."""
+        return values
 
 
 class TensorResultant(ResultantQuantity):
@@ -135,14 +140,46 @@ class TensorResultant(ResultantQuantity):
     Attributes
     ----------
     component
-        In the shell's frame; or a principal value, of which the first is the larger one.
+        In the frame of its axes; or a principal value, of which the first is the larger one.
+    axes
+        The shell's frame, or the directions 1 and 2 of an orthotropic material.
     """
 
     component: Literal["11", "22", "12", "principal_1", "principal_2"]
+    axes: Literal["shell", "material"] = "shell"
+
+    def check(self, shell: Any) -> None:
+        """Raise ValueError if it has no value there, or the material no axes."""
+        super().check(shell)
+        if self.axes == "material" and shell.material.kind != "orthotropic":
+            raise ValueError(f"quantity '{self.name}' is along the axes of the material, and an isotropic one has none")
+
+    def turned(self, shell: Any, points: Array, values: Array) -> Array:
+        """Return values (n, 3) in its axes."""
+        return values if self.axes == "shell" else turned_tensor(values, *material_axis(shell, points))
 
     def component_of(self, values: Array) -> Array:
         """Return the component (n,) of values (n, 3): 11, 22, 12."""
         return tensor_component(values, self.component)
+
+
+def material_axis(shell: Any, points: Array) -> tuple[Array, Array]:
+    """Return the share of direction 1 of an orthotropic material along e_1 and e_2 of the shell's frame, each (n,)."""
+    x, material = shell.surface.derivatives(points, order=1), shell.material
+    first, line = x[1, 0], x[1, 0] if material.along == "xi1" else x[0, 1]
+    second = np.cross(np.cross(x[1, 0], x[0, 1]), first)
+    lengths = (np.linalg.norm(e, axis=1) for e in (first, second))
+    along, aside = (np.sum(e * line, axis=1) / size for e, size in zip((first, second), lengths, strict=True))
+    angle = np.arctan2(aside, along) + np.radians(material.angle)
+    return np.cos(angle), np.sin(angle)
+
+
+def turned_tensor(values: Array, c: Array, s: Array) -> Array:
+    """Return tensors 11, 22, 12 (n, 3) in axes, of which the first has the cosine and sine (n,)."""
+    first, second, shear = values.T
+    both = 2 * c * s * shear
+    turned = c * c * first + both + s * s * second, s * s * first - both + c * c * second
+    return np.stack([*turned, c * s * (second - first) + (c * c - s * s) * shear], axis=1)
 
 
 def tensor_component(values: Array, component: str) -> Array:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from shellbench.problems.shell.field import DisplacementField
 from shellbench.problems.shell.quantities.displacement_quantities import Direction
-from shellbench.problems.shell.quantities.resultant_quantities import PlacedQuantity, tensor_component
+from shellbench.problems.shell.quantities.resultant_quantities import PlacedQuantity, tensor_component, turned_tensor
 
 Array = NDArray[np.float64]
 
@@ -49,6 +49,8 @@ class Stress(PlacedQuantity):
     def check(self, shell: Any) -> None:
         """Raise ValueError if it has no value there: at a corner, or with a direction along the normal, as well."""
         super().check(shell)
+        if getattr(shell.material, "membrane", None) is not None:
+            raise ValueError(f"quantity '{self.name}' is a stress, and a shell of given stiffnesses has none")
         if corner := self.corner_of(shell):
             raise ValueError(f"quantity '{self.name}' has no value at the corner '{corner[0]}': ask for a moment there")
         if self.direction is not None and np.any(
@@ -79,11 +81,7 @@ class Stress(PlacedQuantity):
         if self.direction is None:
             return stresses
         axis = self._axis(shell, points)
-        c, s = (axis / np.linalg.norm(axis, axis=1)[:, None]).T
-        first, second, shear = stresses.T
-        both = 2 * c * s * shear
-        turned = c * c * first + both + s * s * second, s * s * first - both + c * c * second
-        return np.stack([*turned, c * s * (second - first) + (c * c - s * s) * shear], axis=1)
+        return turned_tensor(stresses, *(axis / np.linalg.norm(axis, axis=1)[:, None]).T)
 
     def component_of(self, values: Array) -> Array:
         """Return the component (n,) of stresses 11, 22, 12 (n, 3)."""

@@ -30,8 +30,8 @@ Formula = Finite | str
 VectorFormula = tuple[Formula, Formula, Formula]
 Places = Annotated[tuple[str, ...], Field(min_length=1)]
 LIMITS = (
-    "a shell is one isotropic, linear elastic layer under forces, moments and moved supports, without laminates,"
-    " orthotropic materials, plasticity or temperatures"
+    "a shell is linear elastic, isotropic or orthotropic (kind = 'orthotropic', laminates too, by their stiffnesses),"
+    " under forces, moments and moved supports, without plasticity or temperatures"
 )
 
 
@@ -222,6 +222,7 @@ class Material(Model):
 
     limits: ClassVar[str] = LIMITS
 
+    kind: Literal["isotropic"] = Field("isotropic", description="the kind; see orthotropic materials for the other one")
     youngs_modulus: Positive = Field(description="E, Pa")
     poissons_ratio: Annotated[Finite, Field(gt=-1, lt=0.5)] = Field(description="nu")
     bending_poissons_ratio: Annotated[Finite, Field(gt=-1, lt=1)] | None = Field(

@@ -131,8 +131,8 @@ def _abaqus(decks: Sequence[Deck], element: str, title: str) -> Iterator[str]:
             yield f"*{kind}, {kind}={set_name(name)}"
             yield from _rows(members)
     yield from ("*MATERIAL, NAME=MATERIAL", "*ELASTIC")
-    yield f"{_real(deck.part.case.material.youngs_modulus)}, {_real(deck.poissons_ratio)}"
-    yield from ("*SHELL SECTION, ELSET=SHELL, MATERIAL=MATERIAL", _real(deck.part.case.material.thickness))
+    yield f"{_real(deck.part.case.isotropic.youngs_modulus)}, {_real(deck.poissons_ratio)}"
+    yield from ("*SHELL SECTION, ELSET=SHELL, MATERIAL=MATERIAL", _real(deck.part.case.isotropic.thickness))
     turns = {axis: np.flatnonzero(held) for axis, held in zip("XYZ", _turns(deck).T, strict=True) if held.any()}
     for axis, nodes in turns.items():
         yield f"*NSET, NSET=NO_TURN_{axis}"
@@ -198,7 +198,7 @@ def _nastran(decks: Sequence[Deck], element: Element, title: str) -> Iterator[st
         yield from _large("GRID", n, "", *map(float, x))
     for n, cell in enumerate(deck.cells, 1):
         yield from _small(element.nastran, n, 1, *(int(v) + 1 for v in cell))
-    material = deck.part.case.material
+    material = deck.part.case.isotropic
     yield from _large("MAT1", 1, material.youngs_modulus, "", material.poissons_ratio)
     sheared = deck.part.whole.theory.startswith("naghdi") or deck.grid.order == 2  # those elements always shear
     yield f"$ {'with' if sheared else 'no MID3: without'} transverse shear"

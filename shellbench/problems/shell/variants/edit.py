@@ -23,6 +23,8 @@ def why_no_edit(original: Case, edited: Case) -> str | None:
     for name in SHARED:
         if getattr(original, name) != getattr(edited, name):
             return f"it has another '{name}' than '{edited.name}'"
+    if "orthotropic" in (original.material.kind, edited.material.kind) and original.material != edited.material:
+        return f"it has another orthotropic material than '{edited.name}', and edits change isotropic ones"
     if _supports_without_motion(original) != _supports_without_motion(edited):
         return f"its supports hold something else than those of '{edited.name}'"
     return None

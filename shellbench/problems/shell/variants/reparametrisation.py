@@ -17,6 +17,7 @@ import numpy as np
 from shellbench.errors import InputError
 from shellbench.problems.formula_text import Formula, substituted, times
 from shellbench.problems.shell.posed.shell import Shell
+from shellbench.problems.shell.question.orthotropic import OrthotropicMaterial
 from shellbench.problems.shell.question.places import Edge
 from shellbench.problems.shell.question.surface import COORDINATES, Domain
 
@@ -255,6 +256,9 @@ class _Reparametrisation:
         for name in ("modulus_factor", "thickness_factor"):
             if name in data["material"]:
                 data["material"][name] = self.formula(data["material"][name])
+        if isinstance(case.material, OrthotropicMaterial):
+            along = self._coordinate(COORDINATES.index(case.material.along), "the material's direction is")
+            data["material"] |= {"along": along} | (case.material.turned_over() if chart.turned_over else {})
         data["supports"] = [self._support(s) for s in data.get("supports", [])]
         data["springs"] = [{**s, "stiffness": self.formula(s["stiffness"])} for s in data.get("springs", [])]
         data["loads"] = [self._load(load) for load in data.get("loads", [])]
@@ -270,6 +274,13 @@ class _Reparametrisation:
                 quantity["exact"] = self.vector(quantity["exact"])
         return data
 
+    def _coordinate(self, axis: int, words: str) -> str:
+        """Return the coordinate of the chart that runs along one of the case; InputError, as a clause, if none does."""
+        name = COORDINATES[1 - axis if self.chart.formulas == COORDINATES[::-1] else axis]
+        if re.search(rf"\b{name}\b", self.chart.formulas[1 - axis]):
+            raise InputError(f"{words} along a line that is none of these coordinates")
+        return name
+
     def _folds(self) -> dict[str, dict[str, list[float]]]:
         """Return the folds and hinges in the chart."""
         found: dict[str, dict[str, list[float]]] = {}
@@ -284,15 +295,11 @@ class _Reparametrisation:
 
     def _line(self, quantity: dict[str, Any]) -> dict[str, Any]:
         """Return the start, the coordinate and the end of a line of contact in the chart."""
-        chart, axis = self.chart, COORDINATES.index(quantity["along"])
-        exchanged = chart.formulas == COORDINATES[::-1]
-        new = 1 - axis if exchanged else axis
-        if re.search(rf"\b{COORDINATES[new]}\b", chart.formulas[1 - axis]):
-            raise InputError("where contact begins is asked along a line that is none of these coordinates")
-        toward = quantity.get("toward", "max")
-        if chart.formulas[axis].startswith("-"):
+        axis, toward = COORDINATES.index(quantity["along"]), quantity.get("toward", "max")
+        along = self._coordinate(axis, "where contact begins is asked")
+        if self.chart.formulas[axis].startswith("-"):
             toward = {"min": "max", "max": "min"}[toward]
-        return {"point": self.place(quantity["point"]), "along": COORDINATES[new], "toward": toward}
+        return {"point": self.place(quantity["point"]), "along": along, "toward": toward}
 
     def _resultant(self, quantity: dict[str, Any]) -> dict[str, Any]:
         """Return the component of a resultant in the frame that belongs to the chart."""
@@ -306,6 +313,10 @@ class _Reparametrisation:
             if component == "12" and chart.turned_over:
                 raise InputError("a shear stress changes its sign with the normal of these coordinates")
             return side | self._fold_side(quantity)
+        if quantity.get("axes") == "material":  # one of the axes is turned over with the normal
+            if chart.turned_over and (component == "12") != (quantity["kind"] == "moment"):
+                raise InputError("a resultant changes its sign with the normal of these coordinates")
+            return self._fold_side(quantity)
         exchanged = chart.formulas == COORDINATES[::-1]
         if exchanged and not self._orthogonal():
             raise InputError("a resultant's axes would turn, as the coordinate lines are oblique")

@@ -73,7 +73,14 @@ class _Conversion:
         data = self.case.model_dump(mode="json", exclude_unset=True)
         data |= {"units": self.units.words, "surface": self._surface(data["surface"])}
         material = data["material"]
-        material["youngs_modulus"] *= factor(-2, 1)
+        for name, powers in (
+            ("youngs_modulus", (-2, 1)),
+            ("shear_modulus", (-2, 1)),
+            ("membrane", (-1, 1)),
+            ("bending", (1, 1)),
+        ):
+            if name in material:
+                material[name] = (factor(*powers) * np.asarray(material[name])).tolist()
         material["thickness"] *= self.units.length
         for name in ("modulus_factor", "thickness_factor"):
             if name in material:

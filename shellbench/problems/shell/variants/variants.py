@@ -63,6 +63,7 @@ def _with_shear(case: Shell, soft: bool) -> dict[str, Any]:
         (case.dynamics is not None, "it moves, and Naghdi's theory is one of shells at rest here"),
         (not case.linear, "Naghdi's theory is linear here, and this case is not"),
         (case.modal, "it asks for modes or buckling loads, which Naghdi's theory does not give here"),
+        (case.material.kind == "orthotropic", "its material is orthotropic, and moduli of its shear are not given"),
         (bool(case.obstacles), "it touches obstacles, which Naghdi's theory does not know here"),
         (
             any(isinstance(load, PointLoad) for load in case.loads),

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.question.conditions import Material
+from shellbench.problems.shell.question.orthotropic import AnyMaterial
 from shellbench.problems.shell.question.surface import Surface
 from shellbench.solvers.fem.algebra.block_matrix import (
     NEIGHBOURS,
@@ -60,7 +60,7 @@ def derivatives_on_cells(
 def stiffness(
     mesh: TensorMesh,
     surface: Surface,
-    material: Material,
+    material: AnyMaterial,
     quadrature: Quadrature,
     roots: Sequence[Array] | None = None,
 ) -> BlockMatrix | CellMatrices:
@@ -143,7 +143,7 @@ class InternalForces:
         return result
 
 
-def root_operators(mesh: TensorMesh, surface: Surface, material: Material, quadrature: Quadrature) -> list[Array]:
+def root_operators(mesh: TensorMesh, surface: Surface, material: AnyMaterial, quadrature: Quadrature) -> list[Array]:
     """Return by portion of cells G (cells, points, 18, 5) on the derivatives of the unit cell; K = G^T G.
 
     It is by root strain and component (slow): see `stress_root_operator`.
@@ -171,7 +171,7 @@ def _cell_matrices(mesh: TensorMesh, cells: slice, operator: Array, table: Array
 
 
 def _root_operator(
-    mesh: TensorMesh, cells: slice, surface: Surface, material: Material, quadrature: Quadrature
+    mesh: TensorMesh, cells: slice, surface: Surface, material: AnyMaterial, quadrature: Quadrature
 ) -> Array:
     points, weights = quadrature.on_cells(mesh, cells)
     count, per_cell = weights.shape

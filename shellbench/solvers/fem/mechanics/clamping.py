@@ -47,7 +47,7 @@ from shellbench.solvers.fem.mechanics.kinematics import (
     GRADIENT,
     Deformation,
     Midsurface,
-    elasticity,
+    elasticities,
     outward_conormal,
     stiffness_moduli,
     strain_operator,
@@ -116,7 +116,7 @@ class ClampedEdge:
         # kappa = bbar - b gives m theta a plus, where textbooks with kappa = +u,ab have a minus.
         pairs = np.stack([parts[:, 0] ** 2, parts[:, 1] ** 2, parts[:, 0] * parts[:, 1]], axis=-1)
         bending = strain_operator(surface)[:, 3:]
-        stresses = np.einsum("ps,pst->pt", pairs, elasticity(surface, material.poissons_ratios[1]))
+        stresses = np.einsum("ps,pst->pt", pairs, elasticities(surface, material)[:, 1])
         bent = stiffness_moduli(case.surface, material, rule.points)[:, 1]
         moments = np.einsum("p,pt,ptcd->pcd", bent, stresses, bending)
         target = []
@@ -266,7 +266,7 @@ class FiniteClamp:
         parts = np.einsum("pai,pi->pa", surface.base, outward_conormal(surface, edge))  # n_a
         raised = np.einsum("pab,pb->pa", surface.contravariant_metric, parts)
         pairs = np.stack([parts[:, 0] ** 2, parts[:, 1] ** 2, parts[:, 0] * parts[:, 1]], axis=-1)
-        tensor = elasticity(surface, case.material.poissons_ratios[1])
+        tensor = elasticities(surface, case.material)[:, 1]
         lengths = np.linalg.norm(surface.base[:, 1 - edge.axis], axis=-1)
         share = (rule.weights / 2 * rule.sizes[:, 1 - edge.axis, None]).ravel()
         height = surface.area / lengths * np.repeat(rule.sizes[:, edge.axis], GAUSS_POINTS)

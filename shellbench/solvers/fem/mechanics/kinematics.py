@@ -37,9 +37,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.problems.shell.question.conditions import Material
+from shellbench.problems.shell.question.orthotropic import AnyMaterial, OrthotropicMaterial
 from shellbench.problems.shell.question.places import Edge
 from shellbench.problems.shell.question.surface import Surface
+from shellbench.solvers.fem.mechanics.orthotropic import orthotropic_elasticity
 from shellbench.solvers.fem.mesh.basis import Derivative
 
 Array = NDArray[np.float64]
@@ -212,20 +213,22 @@ def elasticity(surface: Midsurface, poissons_ratio: float) -> Array:
     return h
 
 
-def stiffness_moduli(surface: Surface, material: Material, points: Array) -> Array:
+def stiffness_moduli(surface: Surface, material: AnyMaterial, points: Array) -> Array:
     """Return D and B (n, 2) at points (n, 2), N/m and N m; they are proportional to E h and E h^3."""
     modulus, thickness = material.factors(points, surface.named_constants)
     membrane, bending = material.membrane_stiffness, material.bending_stiffness
     return np.stack([membrane * modulus * thickness, bending * modulus * thickness**3], axis=-1)
 
 
-def elasticities(surface: Midsurface, material: Material) -> Array:
+def elasticities(surface: Midsurface, material: AnyMaterial) -> Array:
     """Return H (n, 2, 3, 3) of stretching and of bending."""
+    if isinstance(material, OrthotropicMaterial):
+        return orthotropic_elasticity(surface.base, surface.normal, surface.contravariant_metric, material)
     known = {nu: elasticity(surface, nu) for nu in set(material.poissons_ratios)}  # mostly one
     return np.stack([known[nu] for nu in material.poissons_ratios], axis=1)
 
 
-def stress_root_operator(surface: Midsurface, material: Material, moduli: Array) -> Array:
+def stress_root_operator(surface: Midsurface, material: AnyMaterial, moduli: Array) -> Array:
     """Return the operator (n, 6, 3, 5) whose squared length is twice the strain energy density; `moduli` (n, 2): D, B.
 
     It is `strain_operator` times the square roots of the membrane and bending stiffness: with it a stiffness matrix

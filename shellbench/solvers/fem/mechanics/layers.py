@@ -76,7 +76,7 @@ def relative_layer(case: Case, edge: Edge, clamped: bool) -> float:
     across = surface.area / tangent  # m a unit of the coordinate, normal to the edge
     curvature = np.abs(np.sum(surface.second[:, along] * surface.normal, axis=-1)) / tangent**2
     membrane, bending = stiffness_moduli(case.surface, case.material, points).T
-    stretching = membrane * (1 - case.material.poissons_ratio**2)  # E h
+    stretching = membrane * (1 - case.material.poissons_ratios[0] ** 2)  # E h
     decay = (stretching * curvature**2 / (4 * bending)) ** (1 / 4)
     width = float(tangent.mean()) * domain.size[along]
     thinnest = 1 / np.maximum(decay if clamped else 0.0, math.pi / width) * np.ones(len(points))

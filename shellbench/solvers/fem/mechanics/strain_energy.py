@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.problems.shell.question.conditions import Material
+from shellbench.problems.shell.question.orthotropic import AnyMaterial
 from shellbench.problems.shell.question.surface import Surface
 from shellbench.solvers.fem.algebra.block_matrix import NODE_DOFS, BlockMatrix, add_cell_matrices, neighbour_columns
 from shellbench.solvers.fem.mechanics.kinematics import (
@@ -104,7 +104,7 @@ class StrainEnergy:
 
     mesh: TensorMesh
     surface: Surface
-    material: Material
+    material: AnyMaterial
     quadrature: Quadrature
 
     @cached_property

@@ -13,6 +13,7 @@ and kept as rows: (N, 6, 3, 6), strain by component of u by plane of the jet.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,7 @@ import torch
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.question.conditions import Material
+from shellbench.problems.shell.question.orthotropic import AnyMaterial, OrthotropicMaterial
 from shellbench.problems.shell.question.surface import Surface
 from shellbench.solvers.ndf.field.jets import (
     D1,
@@ -143,20 +144,57 @@ def elasticity_tensor(geometry: Geometry, poissons_ratio: float) -> Tensor:
     return torch.stack([torch.stack(row, dim=-1) for row in entries], dim=-2)
 
 
-def rigidities(surface: Surface, material: Material, points: Array, placement: Placement) -> tuple[Tensor, Tensor]:
+def direction_products(geometry: Geometry, material: OrthotropicMaterial) -> Tensor:
+    """Return S (3, N, 3): d1 d1, d2 d2 and the symmetric part of d1 d2 over the pairs 11, 22, 12.
+
+    d1 and d2 are the material's directions, by their contravariant components d^a = g^{ab} a_b . d.
+    """
+    number = 0 if material.along == "xi1" else 1
+    tangent, normal = geometry.tangents[:, number], geometry.normal
+    line = tangent / tangent.norm(dim=-1, keepdim=True)
+    turned = torch.linalg.cross(normal, line)
+    angle = math.radians(material.angle)
+    directions = torch.stack([math.cos(angle) * line + math.sin(angle) * turned,
+                              math.cos(angle) * turned - math.sin(angle) * line])  # fmt: skip
+    first, second = torch.einsum("nab,nbi,dni->dna", geometry.inverse_metric, geometry.tangents, directions)
+    products = [(first, first), (second, second), (first, second)]
+    return torch.stack(
+        [torch.stack([(d[:, a] * e[:, b] + d[:, b] * e[:, a]) / 2 for a, b in PAIRS], dim=-1) for d, e in products]
+    )
+
+
+def elasticity_tensors(geometry: Geometry, material: AnyMaterial) -> tuple[Tensor, Tensor]:
+    """Return the tensors (N, 3, 3) of stretching and bending over D and B; they act as `elasticity_tensor` does.
+
+    An orthotropic C^{abcd} is the sum over i and j of M_ij S_i^{ab} S_j^{cd}, with `direction_products` S; the third
+    of them meets 2 e12 = 2 S_3^{ab} e_ab.
+    """
+    if not isinstance(material, OrthotropicMaterial):
+        first, second = (elasticity_tensor(geometry, nu) for nu in material.poissons_ratios)
+        return first, second
+    products = direction_products(geometry, material) * geometry.tangents.new_tensor([1.0, 1.0, 2.0])[:, None, None]
+    scaled = zip(material.stiffnesses, (material.membrane_stiffness, material.bending_stiffness), strict=True)
+    membrane, bending = (
+        torch.einsum("inp,jnq,ij->npq", products, products, products.new_tensor(matrix / scale))
+        for matrix, scale in scaled
+    )
+    return membrane, bending
+
+
+def rigidities(surface: Surface, material: AnyMaterial, points: Array, placement: Placement) -> tuple[Tensor, Tensor]:
     """Return D and B (eq. (18)) of the modulus and thickness at points (N, 2), each (N, 1, 1)."""
     young, height = (placement.tensor(f)[:, None, None] for f in material.factors(points, surface.named_constants))
     stretch = material.membrane_stiffness * young * height
     return stretch, stretch * height.square() * (material.bending_stiffness / material.membrane_stiffness)
 
 
-def energy_rows(geometry: Geometry, poissons_ratios: tuple[float, float], rigidity: tuple[Tensor, Tensor]) -> Tensor:
+def energy_rows(geometry: Geometry, material: AnyMaterial, rigidity: tuple[Tensor, Tensor]) -> Tensor:
     """Return rows (N, 6, 3, 6) whose half sum of squares is the energy density W (eq. (17)), J/m^2.
 
-    The first three carry the membrane part, the last three the bending part, each with its Poisson's ratio;
+    The first three carry the membrane part, the last three the bending part;
     `rigidity` is D and B, as (N, 1, 1).
     """
-    stretching, turning = (torch.linalg.cholesky(elasticity_tensor(geometry, nu)).mT for nu in poissons_ratios)
+    stretching, turning = (torch.linalg.cholesky(tensor).mT for tensor in elasticity_tensors(geometry, material))
     rows = strain_rows(geometry)
     count = len(rows)
     membrane = rigidity[0].sqrt() * stretching @ rows[:, :3].reshape(count, 3, 18)

@@ -194,7 +194,10 @@ def _recovery_bounds(solution: NdfSolution) -> ErrorBounds:
     for q in solution.case.quantities:
         if isinstance(q, ResultantQuantity):
             points, weights = q.rule(solution.case)
-            coarser, finer = (q.component_of(values) for values in solution.recovered_resultants(q.kind, points))
+            coarser, finer = (
+                q.component_of(q.turned(solution.case, points, values))
+                for values in solution.recovered_resultants(q.kind, points)
+            )
             changed[q.name] = abs(float(weights @ (finer - coarser)))
     return ErrorBounds(changed, 0.0)
 

@@ -62,7 +62,7 @@ def tabulate(ansatz: Ansatz, rule: Rule, placement: Placement, area: float = 1.0
     matrix = ansatz.factors.matrix(points, placement)
     weights = placement.tensor(rule.weights) * reference.jacobian
     rigidity = rigidities(case.surface, case.material, points, placement)
-    rows = energy_rows(reference, case.material.poissons_ratios, rigidity)
+    rows = energy_rows(reference, case.material, rigidity)
     if case.springs:
         rows = torch.cat([rows, spring_rows(placement.tensor(case.spring_stiffness(points)))], dim=1)
     rows = rows * weights.sqrt()[:, None, None, None]

@@ -30,10 +30,10 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
-from shellbench.problems.shell.question.conditions import Material
+from shellbench.problems.shell.question.orthotropic import AnyMaterial
 from shellbench.problems.shell.question.surface import Surface
 from shellbench.solvers.ndf.field.choices import StrainName
-from shellbench.solvers.ndf.field.geometry import Geometry, elasticity_tensor, geometry, rigidities
+from shellbench.solvers.ndf.field.geometry import Geometry, elasticity_tensors, geometry, rigidities
 from shellbench.solvers.ndf.field.jets import D1, D2, D11, D12, D22, VALUE, Array, Placement, from_derivatives
 
 GRADIENTS = 15  # u,1, u,2, d_11, d_22, d_12, each with three components
@@ -353,7 +353,7 @@ class Undeformed:
 
     geometry: Geometry
     reference: Reference
-    rigidity: Callable[[Material], tuple[Tensor, Tensor]]
+    rigidity: Callable[[AnyMaterial], tuple[Tensor, Tensor]]
 
     @classmethod
     def at_points(cls, surface: Surface, points: Array, placement: Placement) -> Undeformed:
@@ -373,9 +373,9 @@ class Undeformed:
         """Return the strains of displacement gradients (N, 5, 3)."""
         return MEASURES[measure](self.reference, gradients)
 
-    def elasticity(self, material: Material) -> Tensor:
+    def elasticity(self, material: AnyMaterial) -> Tensor:
         """Return D H and B H (eqs. (17)-(19)) as (N, 2, 3, 3), N/m and N m."""
-        tensors = [elasticity_tensor(self.geometry, nu) for nu in material.poissons_ratios]
+        tensors = elasticity_tensors(self.geometry, material)
         return torch.stack(tensors, dim=1) * torch.stack(self.rigidity(material), dim=1)
 
 
