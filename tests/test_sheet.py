@@ -14,6 +14,7 @@ import shellbench
 from shellbench.bench.sheet import sheets_of, write_sheets
 from shellbench.cli import app
 from shellbench.errors import InputError
+from shellbench.problems.shell.deck.cells import MESHIO
 from shellbench.problems.shell.deck.deck import Deck
 from shellbench.problems.shell.sheet.formats import ELEMENTS
 from shellbench.problems.shell.symmetry.symmetry import part_of
@@ -71,7 +72,7 @@ def test_decks_are_the_same_mesh_with_the_same_sets_supports_and_loads(element, 
     read = {kind: meshio.read(folder / f"{stem}.{kind}") for kind in ("inp", "msh", "vtu")}
     for mesh in read.values():
         np.testing.assert_allclose(mesh.points, deck.nodes, atol=1e-10)
-        np.testing.assert_array_equal(mesh.cells_dict[ELEMENTS[element].cell], deck.cells)
+        np.testing.assert_array_equal(mesh.cells_dict[MESHIO[ELEMENTS[element].shape]], deck.cells)
     grid = [[float(f) for f in card[2:5]] for card in cards(folder / f"{stem}.bdf", "GRID")]
     np.testing.assert_allclose(grid, deck.nodes, atol=1e-8)
     held = np.zeros_like(deck.held)

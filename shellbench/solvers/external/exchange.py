@@ -14,9 +14,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.errors import SolveFailure, without_middle
-from shellbench.problems.shell.deck.cells import PLACES
+from shellbench.errors import InputError, SolveFailure, without_middle
+from shellbench.files import read_file
+from shellbench.problems.shell.deck.cells import MESHIO
 from shellbench.problems.shell.deck.deck import Deck
+from shellbench.problems.shell.deck.vtu import read_vtu
 from shellbench.problems.shell.sheet.formats import ELEMENTS, writers
 
 Array = NDArray[np.float64]
@@ -26,7 +28,7 @@ ResultFormat = Literal["csv", "dat", "vtu", "values"]
 DECKS = ("inp", "bdf", "msh")  # formats as `shellbench sheet` writes them
 NUMBER = "%.12e"  # format in tables: CalculiX reads 20 characters
 SAME = 1e-6  # of the mesh's size: how far a place in a result may lie from its node
-VTK_CELLS = dict(zip(PLACES, ("triangle", "triangle6", "quad", "quad8", "quad9"), strict=True))  # in meshio's words
+LARGEST_FILE = 1_000_000_000  # bytes
 BETWEEN = re.compile(r"[\s,;]+")
 BEGINS_DISPLACEMENTS = "displacements"  # in the line above them in a file .dat of CalculiX
 
@@ -44,7 +46,7 @@ def write_mesh(deck: Deck, held: NDArray[np.bool_], format: MeshFormat, folder: 
 
         data = {name: getattr(deck, name) for name in ("prescribed", "forces", "normals", "thickness")}
         data["held"] = held.astype(float)
-        meshio.Mesh(deck.nodes, [(VTK_CELLS[deck.grid.shape], deck.cells)], point_data=data).write(path)
+        meshio.Mesh(deck.nodes, [(MESHIO[deck.grid.shape], deck.cells)], point_data=data).write(path)
     else:
         path.write_text(json.dumps(_mesh_data(deck, held)), encoding="utf-8")
     return path
@@ -94,7 +96,11 @@ def read_displacements(path: Path, format: ResultFormat, nodes: Array) -> Array:
         If the file is malformed, or if a node has no displacement, no finite one, or two.
     """
     if format == "vtu":
-        return _of_vtu(path, nodes)
+        try:
+            mesh, moved = read_vtu(read_file(path, LARGEST_FILE))
+        except InputError as error:
+            raise SolveFailure(f"its result .vtu: {error}") from None
+        return _at_places(np.asarray(mesh.points, float), moved, nodes)
     rows = list(_rows(path, from_heading=format == "dat"))
     widths = {len(numbers) for _, numbers in rows}
     if format == "dat" or widths == {4}:
@@ -149,23 +155,6 @@ def _rows(path: Path, from_heading: bool) -> Iterator[tuple[int, list[float]]]:
             wanted = entries[0] == BEGINS_DISPLACEMENTS
         elif wanted and not (number == 1 and entries[-1] == "uz"):
             yield number, [_number(entry, number) for entry in entries]
-
-
-def _of_vtu(path: Path, nodes: Array) -> Array:
-    import meshio
-
-    try:
-        mesh = meshio.read(path, file_format="vtu")
-    except (Exception, SystemExit) as error:  # its readers raise anything
-        raise SolveFailure(
-            f"its result is no file .vtu ({' '.join(str(error).split()) or type(error).__name__})"
-        ) from None
-    vectors = {name: np.asarray(data, float) for name, data in mesh.point_data.items() if data.shape[1:] == (3,)}
-    named = [name for name in vectors if name.lower() in {"u", "disp", "displacement", "displacements"}]
-    chosen = named if named else list(vectors)
-    if len(chosen) != 1:
-        raise SolveFailure(f"its result has no one field of displacements: vectors are {', '.join(vectors) or 'none'}")
-    return _at_places(np.asarray(mesh.points, float), vectors[chosen[0]], nodes)
 
 
 def _at_places(places: Array, moved: Array, nodes: Array) -> Array:

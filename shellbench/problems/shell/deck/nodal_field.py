@@ -25,9 +25,10 @@ from shellbench.errors import InputError, without_middle
 from shellbench.files import read_file
 from shellbench.problem import NodalValues
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.deck.cells import Mesh, Shape, shapes_at
+from shellbench.problems.shell.deck.cells import MESHIO, Mesh, Shape, shapes_at
 from shellbench.problems.shell.deck.solver import OF_DISPLACEMENTS
-from shellbench.problems.shell.mesh.other import LINES, meshio_mesh
+from shellbench.problems.shell.deck.vtu import read_vtu
+from shellbench.problems.shell.mesh.other import LINES
 from shellbench.problems.shell.posed.rigid import rigid_modes
 from shellbench.problems.shell.quantities.quantities import PointQuantity
 from shellbench.problems.shell.question.conditions import RIGID_MOTIONS
@@ -40,14 +41,7 @@ Integers = NDArray[np.int64]
 
 LARGEST_FILE = 1_000_000_000  # bytes
 COLUMNS = ["x", "y", "z", "ux", "uy", "uz"]
-SHAPES: dict[str, Shape] = {
-    "triangle": "tri3",
-    "triangle6": "tri6",
-    "quad": "quad4",
-    "quad8": "quad8",
-    "quad9": "quad9",
-}
-NAMES = ("displacement", "displacements", "disp", "u")  # of the array in a file that has several, in small letters
+SHAPES = {name: shape for shape, name in MESHIO.items()}
 FARTHEST = 1e-3  # of the shell's size: largest distance of its nodes from the midsurface
 SAMPLES = 201  # points a side of the midsurface from which closest points are looked for
 STEPS, NEAR = 30, 1e-13  # of the search, and where it ends, in sides of the domain
@@ -91,12 +85,7 @@ def read_nodes(path: Path) -> tuple[Array, Array, Cells]:
     """Return positions (n, 3), displacements (n, 3), and cells by shape; none of a CSV file."""
     content = read_file(path, LARGEST_FILE)
     if path.suffix == ".vtu":
-        mesh = meshio_mesh(content, ".vtu")
-        arrays = {name: np.asarray(a) for name, a in mesh.point_data.items() if np.ndim(a) == 2 and np.shape(a)[1] >= 3}
-        named = [name for name in arrays if name.lower() in NAMES]
-        chosen = list(arrays) if len(arrays) == 1 else named
-        if len(chosen) != 1:
-            raise InputError(f"field 'PointData': found {', '.join(arrays) or 'no vectors'}; call one displacement")
+        mesh, moved = read_vtu(content)
         blocks = [block for block in mesh.cells if block.type not in LINES]
         for block in blocks:
             if block.type not in SHAPES:
@@ -104,7 +93,7 @@ def read_nodes(path: Path) -> tuple[Array, Array, Cells]:
         cells = [(SHAPES[block.type], np.asarray(block.data, np.int64)) for block in blocks]
         if not cells:
             raise InputError("it has no cells")
-        data = np.hstack([np.asarray(mesh.points, float), arrays[chosen[0]][:, :3].astype(float)])
+        data = np.hstack([np.asarray(mesh.points, float), moved])
         first = 0
     else:
         try:
