@@ -42,9 +42,8 @@ def written(folder, case, element="S8R", units=SI, cells=(4,), **more):
     """Write the sheet of a case; return its folder, and the name of its mesh."""
     sheets, _ = sheets_of([case], [], Request(units, cells, (element,), **more))
     write_sheets(sheets, folder, draw_sketch)
-    return folder / case.removesuffix(".toml"), next(name for name in sheets[0].files if name.endswith(".inp"))[
-        : -len(".inp")
-    ]
+    deck = next(name for name in sheets[0].files if name.endswith(".inp"))
+    return folder / case.removesuffix(".toml"), deck.removesuffix(".inp")
 
 
 def blocks(path, keyword):
@@ -81,11 +80,11 @@ def test_decks_are_the_same_mesh_with_the_same_sets_supports_and_loads(element, 
         held[int(node) - 1, [int(c) - 1 for c in components]] = True
     np.testing.assert_array_equal(held, deck.held)
     sides = read["msh"]
-    for name, nodes in deck.sets.items():
-        there, vtu = sorted(read["inp"].point_sets[name.replace(",", "_").upper()]), read["vtu"].point_data
+    for name, nodes in ((place.replace(",", "_").upper(), nodes) for place, nodes in deck.sets.items()):
+        there, vtu = sorted(read["inp"].point_sets[name]), read["vtu"].point_data
         np.testing.assert_array_equal(there, nodes)
-        np.testing.assert_array_equal(np.flatnonzero(vtu[name.replace(",", "_").upper()]), nodes)
-        tag, _ = sides.field_data[name.replace(",", "_").upper()]
+        np.testing.assert_array_equal(np.flatnonzero(vtu[name]), nodes)
+        tag, _ = sides.field_data[name]
         inside = [
             c[t == tag] for c, t in zip([b.data for b in sides.cells], sides.cell_data["gmsh:physical"], strict=True)
         ]

@@ -17,14 +17,13 @@ import pandas as pd
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.plugins.kinds import find_kind
 from shellbench.errors import InputError, without_middle
-from shellbench.files import read_file
+from shellbench.files import LARGEST_RESULT, read_file
 from shellbench.problem import NodalValues, Problem
 from shellbench.protocol.sheet import ANSWERS
 from shellbench.protocol.spelling import did_you_mean
 from shellbench.protocol.units import System, factor_between, length_of
 
 COLUMNS, MORE = ANSWERS[:5], ANSWERS[5:]
-LARGEST_FILE = 1_000_000_000  # bytes
 SAME_MARK = 1e-6  # relative difference of two marks of one state
 Source: TypeAlias = Path | pd.DataFrame
 
@@ -133,7 +132,7 @@ def _content(source: Source) -> bytes:
     if isinstance(source, pd.DataFrame):
         return bytes(source.to_csv(index=False), "utf-8")
     try:
-        return read_file(source, LARGEST_FILE)
+        return read_file(source, LARGEST_RESULT)
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
 

@@ -14,8 +14,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.errors import InputError, SolveFailure, without_middle
-from shellbench.files import read_file
+from shellbench.errors import SolveFailure, without_middle
+from shellbench.files import LARGEST_RESULT, read_file
 from shellbench.problems.shell.deck.cells import MESHIO
 from shellbench.problems.shell.deck.deck import Deck
 from shellbench.problems.shell.deck.vtu import read_vtu
@@ -28,7 +28,6 @@ ResultFormat = Literal["csv", "dat", "vtu", "values"]
 DECKS = ("inp", "bdf", "msh")  # formats as `shellbench sheet` writes them
 NUMBER = "%.12e"  # format in tables: CalculiX reads 20 characters
 SAME = 1e-6  # of the mesh's size: how far a place in a result may lie from its node
-LARGEST_FILE = 1_000_000_000  # bytes
 BETWEEN = re.compile(r"[\s,;]+")
 BEGINS_DISPLACEMENTS = "displacements"  # in the line above them in a file .dat of CalculiX
 
@@ -61,12 +60,9 @@ def _mesh_data(deck: Deck, held: NDArray[np.bool_]) -> dict[str, Any]:
         "shape": deck.grid.shape,
         "cells_along": list(deck.grid.counts),
         "material": {name: getattr(material, name) for name in ("youngs_modulus", "poissons_ratio", "thickness")},
-        "nodes": deck.nodes.tolist(),
-        "normals": deck.normals.tolist(),
         "cells": (deck.cells + 1).tolist(),
         "held": held.tolist(),
-        "prescribed": deck.prescribed.tolist(),
-        "forces": deck.forces.tolist(),
+        **{name: getattr(deck, name).tolist() for name in ("nodes", "normals", "prescribed", "forces")},
         "sets": {name: (nodes + 1).tolist() for name, nodes in deck.sets.items()},
     }
 
@@ -94,12 +90,11 @@ def read_displacements(path: Path, format: ResultFormat, nodes: Array) -> Array:
     ------
     SolveFailure
         If the file is malformed, or if a node has no displacement, no finite one, or two.
+    InputError
+        If it can't be read.
     """
     if format == "vtu":
-        try:
-            mesh, moved = read_vtu(read_file(path, LARGEST_FILE))
-        except InputError as error:
-            raise SolveFailure(f"its result .vtu: {error}") from None
+        mesh, moved = read_vtu(read_file(path, LARGEST_RESULT))
         return _at_places(np.asarray(mesh.points, float), moved, nodes)
     rows = list(_rows(path, from_heading=format == "dat"))
     widths = {len(numbers) for _, numbers in rows}
@@ -118,7 +113,7 @@ def read_displacements(path: Path, format: ResultFormat, nodes: Array) -> Array:
 def read_values(path: Path, names: Sequence[str]) -> dict[str, float]:
     """Return the values of quantities from lines "quantity, value"; SolveFailure if one is missing or not finite."""
     found: dict[str, float] = {}
-    for number, line in enumerate(_text(path).splitlines(), 1):
+    for number, line in _lines(path):
         entries = BETWEEN.split(line.strip())
         if entries not in ([""], ["quantity", "value"]):
             if len(entries) != 2 or entries[0] in found:
@@ -130,11 +125,8 @@ def read_values(path: Path, names: Sequence[str]) -> dict[str, float]:
     return {name: found[name] for name in names}
 
 
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise SolveFailure(f"its result can't be read ({error.strerror})") from None
+def _lines(path: Path) -> Iterator[tuple[int, str]]:
+    return enumerate(read_file(path, LARGEST_RESULT).decode(errors="replace").splitlines(), 1)
 
 
 def _number(text: str, line: int) -> float:
@@ -147,7 +139,7 @@ def _number(text: str, line: int) -> float:
 def _rows(path: Path, from_heading: bool) -> Iterator[tuple[int, list[float]]]:
     """Yield numbers of lines and numbers in them; of a file with headings those after that of displacements."""
     wanted = not from_heading
-    for number, line in enumerate(_text(path).splitlines(), 1):
+    for number, line in _lines(path):
         entries = BETWEEN.split(line.strip(" \t,;"))
         if entries == [""] or line.lstrip().startswith("#"):
             continue

@@ -59,10 +59,9 @@ def writers(decks: Sequence[Deck], element: str, title: str) -> dict[str, Callab
     title
         A line for the heads of files.
     """
-    of = ELEMENTS[element]
     return {
         ".inp": lambda path: _write_lines(path, _abaqus(decks, element, title)),
-        ".bdf": lambda path: _write_lines(path, _nastran(decks, of, title)),
+        ".bdf": lambda path: _write_lines(path, _nastran(decks, ELEMENTS[element].nastran, title)),
         ".msh": lambda path: _write_gmsh(path, decks[-1]),
         ".vtu": lambda path: _write_vtu(path, decks[-1]),
         "_loads.csv": lambda path: _write_loads(path, decks),
@@ -166,7 +165,7 @@ def _small(name: str, *fields: int | str) -> Iterator[str]:
         yield head.ljust(8) + "".join(str(f).rjust(8) for f in fields[start : start + 8])
 
 
-def _nastran(decks: Sequence[Deck], element: Element, title: str) -> Iterator[str]:
+def _nastran(decks: Sequence[Deck], entry: str, title: str) -> Iterator[str]:
     deck, linear = decks[-1], decks[-1].part.whole.linear
     yield from (f"SOL {101 if linear else 106}", "CEND", f"TITLE = {title[:60]}", "DISPLACEMENT = ALL", "ESE = ALL")
     moves = any(np.any(step.prescribed) for step in decks)
@@ -182,7 +181,7 @@ def _nastran(decks: Sequence[Deck], element: Element, title: str) -> Iterator[st
     for n, x in enumerate(deck.nodes, 1):
         yield from _large("GRID", n, "", *map(float, x))
     for n, cell in enumerate(deck.cells, 1):
-        yield from _small(element.nastran, n, 1, *(int(v) + 1 for v in cell))
+        yield from _small(entry, n, 1, *(int(v) + 1 for v in cell))
     material = deck.part.case.material
     yield from _large("MAT1", 1, material.youngs_modulus, "", material.poissons_ratio)
     sheared = deck.part.whole.theory.startswith("naghdi") or deck.grid.order == 2  # those elements always shear
