@@ -56,12 +56,8 @@ def _lines(one: Judged) -> Iterator[dict[str, Any]]:
         yield common | found | more | _errors(row, row.value) | {"kind": "mesh", "class": _class(row)}
     if one.limit is not None:
         more = {"uncertainty": one.limit.uncertainty, "rate": one.limit.rate, "tends_to": tends_to(one)}
-        yield (
-            common
-            | {"kind": "limit", "name": "limit", "value": one.limit.value}
-            | more
-            | _errors(last, one.limit.value)
-        )
+        more |= {"value": one.limit.value} | _errors(last, one.limit.value)
+        yield common | {"kind": "limit", "name": "limit"} | more
 
 
 def _errors(row: Row, value: float | None) -> dict[str, Any]:
