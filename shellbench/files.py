@@ -7,6 +7,7 @@ from pathlib import Path
 
 from shellbench.errors import InputError
 
+LARGEST_RESULT = 1_000_000_000  # bytes, of a file of results
 KINDS = {
     stat.S_IFDIR: "a folder",
     stat.S_IFIFO: "a pipe",

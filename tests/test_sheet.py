@@ -14,6 +14,7 @@ import shellbench
 from shellbench.bench.sheet import sheets_of, write_sheets
 from shellbench.cli import app
 from shellbench.errors import InputError
+from shellbench.problems.shell.deck.cells import MESHIO
 from shellbench.problems.shell.deck.deck import Deck
 from shellbench.problems.shell.sheet.formats import ELEMENTS
 from shellbench.problems.shell.symmetry.symmetry import part_of
@@ -41,9 +42,8 @@ def written(folder, case, element="S8R", units=SI, cells=(4,), **more):
     """Write the sheet of a case; return its folder, and the name of its mesh."""
     sheets, _ = sheets_of([case], [], Request(units, cells, (element,), **more))
     write_sheets(sheets, folder, draw_sketch)
-    return folder / case.removesuffix(".toml"), next(name for name in sheets[0].files if name.endswith(".inp"))[
-        : -len(".inp")
-    ]
+    deck = next(name for name in sheets[0].files if name.endswith(".inp"))
+    return folder / case.removesuffix(".toml"), deck.removesuffix(".inp")
 
 
 def blocks(path, keyword):
@@ -71,7 +71,7 @@ def test_decks_are_the_same_mesh_with_the_same_sets_supports_and_loads(element, 
     read = {kind: meshio.read(folder / f"{stem}.{kind}") for kind in ("inp", "msh", "vtu")}
     for mesh in read.values():
         np.testing.assert_allclose(mesh.points, deck.nodes, atol=1e-10)
-        np.testing.assert_array_equal(mesh.cells_dict[ELEMENTS[element].cell], deck.cells)
+        np.testing.assert_array_equal(mesh.cells_dict[MESHIO[ELEMENTS[element].shape]], deck.cells)
     grid = [[float(f) for f in card[2:5]] for card in cards(folder / f"{stem}.bdf", "GRID")]
     np.testing.assert_allclose(grid, deck.nodes, atol=1e-8)
     held = np.zeros_like(deck.held)
@@ -80,11 +80,11 @@ def test_decks_are_the_same_mesh_with_the_same_sets_supports_and_loads(element, 
         held[int(node) - 1, [int(c) - 1 for c in components]] = True
     np.testing.assert_array_equal(held, deck.held)
     sides = read["msh"]
-    for name, nodes in deck.sets.items():
-        there, vtu = sorted(read["inp"].point_sets[name.replace(",", "_").upper()]), read["vtu"].point_data
+    for name, nodes in ((place.replace(",", "_").upper(), nodes) for place, nodes in deck.sets.items()):
+        there, vtu = sorted(read["inp"].point_sets[name]), read["vtu"].point_data
         np.testing.assert_array_equal(there, nodes)
-        np.testing.assert_array_equal(np.flatnonzero(vtu[name.replace(",", "_").upper()]), nodes)
-        tag, _ = sides.field_data[name.replace(",", "_").upper()]
+        np.testing.assert_array_equal(np.flatnonzero(vtu[name]), nodes)
+        tag, _ = sides.field_data[name]
         inside = [
             c[t == tag] for c, t in zip([b.data for b in sides.cells], sides.cell_data["gmsh:physical"], strict=True)
         ]

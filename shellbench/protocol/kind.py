@@ -47,8 +47,8 @@ class NodalValues:
     nearest
         By name of quantity at points: distance of the nearest node from the farthest of its points, in the case's unit
         of length.
-    cells, nodes
-        Numbers of the mesh.
+    cells
+        Number of cells of the mesh.
     share
         Share of the shell that the mesh covers; the rest follows by symmetry.
     """
@@ -56,7 +56,6 @@ class NodalValues:
     values: Mapping[str, float]
     nearest: Mapping[str, float]
     cells: int
-    nodes: int
     share: float
 
 

@@ -1,6 +1,6 @@
 """NGSolve's shells as solvers: curved triangles of high degree on a ladder of meshes.
 
-Displacements are told at the corners of triangles and the middles of their sides, and between them by quadratic
+Displacements are given at the corners of triangles and the middles of their sides, and between them by quadratic
 interpolation. Loads are the work of the true load on the true midsurface, supports hold whole edges of it.
 """
 

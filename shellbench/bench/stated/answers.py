@@ -16,15 +16,14 @@ import pandas as pd
 
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.plugins.kinds import find_kind
-from shellbench.bench.stated.units import factor_between, length_factor
 from shellbench.errors import InputError, without_middle
-from shellbench.files import read_file
+from shellbench.files import LARGEST_RESULT, read_file
 from shellbench.problem import NodalValues, Problem
 from shellbench.protocol.sheet import ANSWERS
 from shellbench.protocol.spelling import did_you_mean
+from shellbench.protocol.units import System, factor_between, length_of
 
 COLUMNS, MORE = ANSWERS[:5], ANSWERS[5:]
-LARGEST_FILE = 1_000_000_000  # bytes
 SAME_MARK = 1e-6  # relative difference of two marks of one state
 Source: TypeAlias = Path | pd.DataFrame
 
@@ -104,7 +103,7 @@ def read_sources(sources: Sequence[Source], case: str | None, units: str | None)
             continue
         if given is None or not isinstance(source, Path):
             raise InputError(f"{name}: nodal results need a file, and --case with the case that they answer")
-        found = _measured(given, source, 1.0 if units is None else length_factor(units, given))
+        found = _measured(given, source, 1.0 if units is None else _length_factor(units, given))
         remarks.append(f"{name}: {found.cells} cells cover {100 * found.share:.3g} % of the shell's coordinates")
         for quantity, value in found.values.items():
             near = found.nearest.get(quantity)
@@ -112,6 +111,14 @@ def read_sources(sources: Sequence[Source], case: str | None, units: str | None)
     if not answers:
         raise InputError(f"{', '.join(files)}: no value is filled in")
     return Read(tuple(answers), files, tuple(remarks))
+
+
+def _length_factor(units: str, case: Problem) -> float:
+    """Return the factor from lengths in a system of units to those of a case."""
+    system, own = System.read(units), length_of(case.units)
+    if own is None:
+        raise InputError(f"--units: case '{case.name}' does not name its unit of length: give the file in its units")
+    return factor_between(system.length, own)
 
 
 def _measured(case: Problem, path: Path, factor: float) -> NodalValues:
@@ -125,7 +132,7 @@ def _content(source: Source) -> bytes:
     if isinstance(source, pd.DataFrame):
         return bytes(source.to_csv(index=False), "utf-8")
     try:
-        return read_file(source, LARGEST_FILE)
+        return read_file(source, LARGEST_RESULT)
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
 

@@ -69,11 +69,6 @@ class Judged:
     limit: Limit | None
 
     @property
-    def within(self) -> float | None:
-        """Class of the value on the finest mesh; None if it is in none, or nothing judges it."""
-        return class_of(self.rows[-1])
-
-    @property
     def nearest(self) -> list[str]:
         """Names of the known limits, that which the answers tend to first."""
         end = self.answers[-1].value if self.limit is None else self.limit.value

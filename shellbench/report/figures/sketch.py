@@ -15,6 +15,7 @@ from shellbench.report.figures.shells import Camera, Shell, draw_reference
 
 SHORT = 0.13  # length of the longest arrow of a spread load, in sizes of the shell
 PART, LOAD = "#0072B2", "#D55E00"  # the outline of the part that is meshed, and loads
+ARROW = {"arrowstyle": "-|>", "color": LOAD, "linewidth": 0.8, "mutation_scale": 6, "shrinkA": 0, "shrinkB": 0}
 HALO = [withStroke(linewidth=2, foreground="white")]
 
 
@@ -33,15 +34,7 @@ def draw_sketch(sheet: Sheet, path: Path) -> None:
         longest = np.linalg.norm(sketch.spread[:, 1], axis=-1).max(initial=0.0)
         for point, vector in sketch.spread:
             ends = camera.look(np.array([point, point - SHORT * shell.size * vector / longest]))[:, :2]
-            look = {
-                "arrowstyle": "-|>",
-                "color": LOAD,
-                "linewidth": 0.8,
-                "mutation_scale": 6,
-                "shrinkA": 0,
-                "shrinkB": 0,
-            }
-            axes.annotate("", ends[0], xytext=ends[1], arrowprops=look, zorder=4)
+            axes.annotate("", ends[0], xytext=ends[1], arrowprops=ARROW, zorder=4)
         for name, point in sketch.points.items():
             x1, x2, _ = camera.look(point)
             axes.plot(x1, x2, marker="o", markersize=3, color="black", zorder=5)

@@ -53,22 +53,19 @@ def _lines(one: Judged) -> Iterator[dict[str, Any]]:
         name = "one mesh" if answer.size is None else f"{answer.cells} cells" if answer.cells else "mesh"
         found = {name: getattr(answer, name) for name in ("cells", "unknowns", "seconds")}
         more = {"name": name, "value": row.value, "nearest_node": answer.nearest}
-        yield common | found | more | _errors(row) | {"kind": "mesh", "class": _class(row)}
+        yield common | found | more | _errors(row, row.value) | {"kind": "mesh", "class": _class(row)}
     if one.limit is not None:
-        limit = last.model_copy(update={"value": one.limit.value, **_errors_at(last, one.limit.value)})
         more = {"uncertainty": one.limit.uncertainty, "rate": one.limit.rate, "tends_to": tends_to(one)}
-        yield common | {"kind": "limit", "name": "limit", "value": one.limit.value} | more | _errors(limit)
+        more |= {"value": one.limit.value} | _errors(last, one.limit.value)
+        yield common | {"kind": "limit", "name": "limit"} | more
 
 
-def _errors(row: Row) -> dict[str, Any]:
-    return {"error": row.relative_error, "absolute_error": row.absolute_error}
-
-
-def _errors_at(row: Row, value: float) -> dict[str, Any]:
-    if row.reference is None:
+def _errors(row: Row, value: float | None) -> dict[str, Any]:
+    """Return the errors of a value against the known value of a row."""
+    if row.reference is None or value is None:
         return {}
     relative = None if row.relative_error is None else (value - row.reference) / abs(row.reference)
-    return {"absolute_error": value - row.reference, "relative_error": relative}
+    return {"absolute_error": value - row.reference, "error": relative}
 
 
 def _class(row: Row) -> str:

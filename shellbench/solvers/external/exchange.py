@@ -15,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.errors import SolveFailure, without_middle
-from shellbench.problems.shell.deck.cells import PLACES
+from shellbench.files import LARGEST_RESULT, read_file
+from shellbench.problems.shell.deck.cells import MESHIO
 from shellbench.problems.shell.deck.deck import Deck
+from shellbench.problems.shell.deck.vtu import read_vtu
 from shellbench.problems.shell.sheet.formats import ELEMENTS, writers
 
 Array = NDArray[np.float64]
@@ -26,7 +28,6 @@ ResultFormat = Literal["csv", "dat", "vtu", "values"]
 DECKS = ("inp", "bdf", "msh")  # formats as `shellbench sheet` writes them
 NUMBER = "%.12e"  # format in tables: CalculiX reads 20 characters
 SAME = 1e-6  # of the mesh's size: how far a place in a result may lie from its node
-VTK_CELLS = dict(zip(PLACES, ("triangle", "triangle6", "quad", "quad8", "quad9"), strict=True))  # in meshio's words
 BETWEEN = re.compile(r"[\s,;]+")
 BEGINS_DISPLACEMENTS = "displacements"  # in the line above them in a file .dat of CalculiX
 
@@ -44,7 +45,7 @@ def write_mesh(deck: Deck, held: NDArray[np.bool_], format: MeshFormat, folder: 
 
         data = {name: getattr(deck, name) for name in ("prescribed", "forces", "normals", "thickness")}
         data["held"] = held.astype(float)
-        meshio.Mesh(deck.nodes, [(VTK_CELLS[deck.grid.shape], deck.cells)], point_data=data).write(path)
+        meshio.Mesh(deck.nodes, [(MESHIO[deck.grid.shape], deck.cells)], point_data=data).write(path)
     else:
         path.write_text(json.dumps(_mesh_data(deck, held)), encoding="utf-8")
     return path
@@ -59,12 +60,9 @@ def _mesh_data(deck: Deck, held: NDArray[np.bool_]) -> dict[str, Any]:
         "shape": deck.grid.shape,
         "cells_along": list(deck.grid.counts),
         "material": {name: getattr(material, name) for name in ("youngs_modulus", "poissons_ratio", "thickness")},
-        "nodes": deck.nodes.tolist(),
-        "normals": deck.normals.tolist(),
         "cells": (deck.cells + 1).tolist(),
         "held": held.tolist(),
-        "prescribed": deck.prescribed.tolist(),
-        "forces": deck.forces.tolist(),
+        **{name: getattr(deck, name).tolist() for name in ("nodes", "normals", "prescribed", "forces")},
         "sets": {name: (nodes + 1).tolist() for name, nodes in deck.sets.items()},
     }
 
@@ -92,9 +90,12 @@ def read_displacements(path: Path, format: ResultFormat, nodes: Array) -> Array:
     ------
     SolveFailure
         If the file is malformed, or if a node has no displacement, no finite one, or two.
+    InputError
+        If it can't be read.
     """
     if format == "vtu":
-        return _of_vtu(path, nodes)
+        mesh, moved = read_vtu(read_file(path, LARGEST_RESULT))
+        return _at_places(np.asarray(mesh.points, float), moved, nodes)
     rows = list(_rows(path, from_heading=format == "dat"))
     widths = {len(numbers) for _, numbers in rows}
     if format == "dat" or widths == {4}:
@@ -112,7 +113,7 @@ def read_displacements(path: Path, format: ResultFormat, nodes: Array) -> Array:
 def read_values(path: Path, names: Sequence[str]) -> dict[str, float]:
     """Return the values of quantities from lines "quantity, value"; SolveFailure if one is missing or not finite."""
     found: dict[str, float] = {}
-    for number, line in enumerate(_text(path).splitlines(), 1):
+    for number, line in _lines(path):
         entries = BETWEEN.split(line.strip())
         if entries not in ([""], ["quantity", "value"]):
             if len(entries) != 2 or entries[0] in found:
@@ -124,11 +125,8 @@ def read_values(path: Path, names: Sequence[str]) -> dict[str, float]:
     return {name: found[name] for name in names}
 
 
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise SolveFailure(f"its result can't be read ({error.strerror})") from None
+def _lines(path: Path) -> Iterator[tuple[int, str]]:
+    return enumerate(read_file(path, LARGEST_RESULT).decode(errors="replace").splitlines(), 1)
 
 
 def _number(text: str, line: int) -> float:
@@ -141,7 +139,7 @@ def _number(text: str, line: int) -> float:
 def _rows(path: Path, from_heading: bool) -> Iterator[tuple[int, list[float]]]:
     """Yield numbers of lines and numbers in them; of a file with headings those after that of displacements."""
     wanted = not from_heading
-    for number, line in enumerate(_text(path).splitlines(), 1):
+    for number, line in _lines(path):
         entries = BETWEEN.split(line.strip(" \t,;"))
         if entries == [""] or line.lstrip().startswith("#"):
             continue
@@ -149,23 +147,6 @@ def _rows(path: Path, from_heading: bool) -> Iterator[tuple[int, list[float]]]:
             wanted = entries[0] == BEGINS_DISPLACEMENTS
         elif wanted and not (number == 1 and entries[-1] == "uz"):
             yield number, [_number(entry, number) for entry in entries]
-
-
-def _of_vtu(path: Path, nodes: Array) -> Array:
-    import meshio
-
-    try:
-        mesh = meshio.read(path, file_format="vtu")
-    except (Exception, SystemExit) as error:  # its readers raise anything
-        raise SolveFailure(
-            f"its result is no file .vtu ({' '.join(str(error).split()) or type(error).__name__})"
-        ) from None
-    vectors = {name: np.asarray(data, float) for name, data in mesh.point_data.items() if data.shape[1:] == (3,)}
-    named = [name for name in vectors if name.lower() in {"u", "disp", "displacement", "displacements"}]
-    chosen = named if named else list(vectors)
-    if len(chosen) != 1:
-        raise SolveFailure(f"its result has no one field of displacements: vectors are {', '.join(vectors) or 'none'}")
-    return _at_places(np.asarray(mesh.points, float), vectors[chosen[0]], nodes)
 
 
 def _at_places(places: Array, moved: Array, nodes: Array) -> Array:

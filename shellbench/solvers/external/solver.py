@@ -178,7 +178,7 @@ class CommandSolver(MeshSolver):
                 raise SolveFailure(f"the program leaves no result {where}{last}")
             try:
                 return read(folder / OUT)
-            except SolveFailure as failure:
+            except (SolveFailure, InputError) as failure:
                 raise SolveFailure(f"the program's result can't be used {where}: {failure}{last}") from None
 
     def _called(self, command: list[str], folder: Path, where: str) -> str:

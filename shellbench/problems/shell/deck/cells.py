@@ -34,6 +34,7 @@ POWERS: dict[Shape, list[tuple[int, int]]] = {  # of the monomials s^i t^j that 
     "quad8": [(0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 1), (1, 2)],
     "quad9": [(0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 1), (1, 2), (2, 2)],
 }
+MESHIO = dict(zip(PLACES, ("triangle", "triangle6", "quad", "quad8", "quad9"), strict=True))  # names in meshio
 STEPS, NEAR = 12, 1e-12  # of Newton's method for the place of a point in its cell, and where it ends
 CANDIDATES = (8, 64)  # cells in which a point is looked for, those with the nearest middles first
 

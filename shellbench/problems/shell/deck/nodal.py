@@ -1,4 +1,4 @@
-"""What holds and loads the nodes of a mesh.
+"""Supports and loads on the nodes of a mesh.
 
 Supports hold displacements and rotations of nodes along x, y and z. A clamp holds the rotation about the edge's
 tangent, and all three where that is along no axis and the edge can't move. A hard support keeps the normals of a shell
@@ -88,7 +88,7 @@ def _samples(case: Case, place: Place) -> Array:
 
 
 def why_not_held(case: Case) -> str | None:
-    """Return why supports can't be told by components of nodes along x, y and z, as one clause; None if they can."""
+    """Return the reason that supports hold no single components of nodes along x, y and z; None if they do."""
     for support, place in case.supported_places():
         if held_components(case, support, place) is None:
             return f"support '{support.name}' holds '{place.name}' in directions that are not along x, y or z"

@@ -12,7 +12,6 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -22,12 +21,13 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from shellbench.errors import InputError, without_middle
-from shellbench.files import read_file
+from shellbench.files import LARGEST_RESULT, read_file
 from shellbench.problem import NodalValues
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.deck.cells import Mesh, Shape, shapes_at
+from shellbench.problems.shell.deck.cells import MESHIO, Mesh, Shape, shapes_at
 from shellbench.problems.shell.deck.solver import OF_DISPLACEMENTS
-from shellbench.problems.shell.mesh.other import LINES, meshio_mesh
+from shellbench.problems.shell.deck.vtu import read_vtu
+from shellbench.problems.shell.mesh.other import LINES
 from shellbench.problems.shell.posed.rigid import rigid_modes
 from shellbench.problems.shell.quantities.quantities import PointQuantity
 from shellbench.problems.shell.question.conditions import RIGID_MOTIONS
@@ -38,16 +38,8 @@ from shellbench.problems.shell.symmetry.symmetry import Part, part_of
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-LARGEST_FILE = 1_000_000_000  # bytes
 COLUMNS = ["x", "y", "z", "ux", "uy", "uz"]
-SHAPES: dict[str, Shape] = {
-    "triangle": "tri3",
-    "triangle6": "tri6",
-    "quad": "quad4",
-    "quad8": "quad8",
-    "quad9": "quad9",
-}
-NAMES = ("displacement", "displacements", "disp", "u")  # of the array in a file that has several, in small letters
+SHAPES = {name: shape for shape, name in MESHIO.items()}
 FARTHEST = 1e-3  # of the shell's size: largest distance of its nodes from the midsurface
 SAMPLES = 201  # points a side of the midsurface from which closest points are looked for
 STEPS, NEAR = 30, 1e-13  # of the search, and where it ends, in sides of the domain
@@ -81,7 +73,7 @@ def measure_nodes(case: Case, path: Path, factor: float) -> NodalValues:
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     nearest = {name: float(found.distance_of_nodes(at).max()) for name, at in points.items()}
-    return NodalValues(values, nearest, sum(len(mesh.cells) for mesh, _ in found.blocks), len(positions), found.share)
+    return NodalValues(values, nearest, sum(len(mesh.cells) for mesh, _ in found.blocks), found.share)
 
 
 Cells = list[tuple[Shape, Integers]]
@@ -89,14 +81,9 @@ Cells = list[tuple[Shape, Integers]]
 
 def read_nodes(path: Path) -> tuple[Array, Array, Cells]:
     """Return positions (n, 3), displacements (n, 3), and cells by shape; none of a CSV file."""
-    content = read_file(path, LARGEST_FILE)
+    content = read_file(path, LARGEST_RESULT)
     if path.suffix == ".vtu":
-        mesh = meshio_mesh(content, ".vtu")
-        arrays = {name: np.asarray(a) for name, a in mesh.point_data.items() if np.ndim(a) == 2 and np.shape(a)[1] >= 3}
-        named = [name for name in arrays if name.lower() in NAMES]
-        chosen = list(arrays) if len(arrays) == 1 else named
-        if len(chosen) != 1:
-            raise InputError(f"field 'PointData': found {', '.join(arrays) or 'no vectors'}; call one displacement")
+        mesh, moved = read_vtu(content)
         blocks = [block for block in mesh.cells if block.type not in LINES]
         for block in blocks:
             if block.type not in SHAPES:
@@ -104,7 +91,7 @@ def read_nodes(path: Path) -> tuple[Array, Array, Cells]:
         cells = [(SHAPES[block.type], np.asarray(block.data, np.int64)) for block in blocks]
         if not cells:
             raise InputError("it has no cells")
-        data = np.hstack([np.asarray(mesh.points, float), arrays[chosen[0]][:, :3].astype(float)])
+        data = np.hstack([np.asarray(mesh.points, float), moved])
         first = 0
     else:
         try:
@@ -249,17 +236,13 @@ class NodalField:
             found -= self._motions(xi) @ self.rigid
         return found.reshape((*np.shape(points)[:-1], 3))
 
-    @cached_property
-    def _tree(self) -> Any:
-        from scipy.spatial import cKDTree
-
-        return cKDTree(self.nodes)
-
     def distance_of_nodes(self, points: Array) -> Array:
         """Return the distance (n,) of the nearest node from each point (n, 2), or from an image of it."""
-        surface = self.case.surface
+        from scipy.spatial import cKDTree
+
+        surface, tree = self.case.surface, cKDTree(self.nodes)
         images = [surface.domain.wrap(at) for at, _ in self._images(points)]
-        return np.asarray(np.min([self._tree.query(surface.position(at))[0] for at in images], axis=0))
+        return np.asarray(np.min([tree.query(surface.position(at))[0] for at in images], axis=0))
 
 
 def _one_shape(part: Part, xi: Array, shape: Shape, cells: Integers) -> tuple[Mesh, Integers]:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.problems.shell.deck.cells import Shape
+from shellbench.problems.shell.deck.cells import MESHIO, Shape
 from shellbench.problems.shell.deck.deck import Deck
 from shellbench.problems.shell.deck.nodal import held_components
 from shellbench.problems.shell.question.places import Edge, Point, Whole
@@ -26,27 +26,18 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Element:
-    """An element by its names in programs.
-
-    Attributes
-    ----------
-    shape
-        Of its cells.
-    nastran, cell
-        Its names in Nastran and in meshio.
-    """
+    """An element by the shape of its cells, and its name in Nastran."""
 
     shape: Shape
     nastran: str
-    cell: str
 
 
 ELEMENTS: Mapping[str, Element] = {  # by their names in Abaqus and CalculiX
-    "S3": Element("tri3", "CTRIA3", "triangle"),
-    "S4": Element("quad4", "CQUAD4", "quad"),
-    "S4R": Element("quad4", "CQUAD4", "quad"),
-    "S6": Element("tri6", "CTRIA6", "triangle6"),
-    "S8R": Element("quad8", "CQUAD8", "quad8"),
+    "S3": Element("tri3", "CTRIA3"),
+    "S4": Element("quad4", "CQUAD4"),
+    "S4R": Element("quad4", "CQUAD4"),
+    "S6": Element("tri6", "CTRIA6"),
+    "S8R": Element("quad8", "CQUAD8"),
 }
 K6ROT = "100."  # stiffness of rotations about the normal: on flat cells of a curved shell, 0 gives no limit
 PER_LINE = 8  # numbers
@@ -68,12 +59,11 @@ def writers(decks: Sequence[Deck], element: str, title: str) -> dict[str, Callab
     title
         A line for the heads of files.
     """
-    of = ELEMENTS[element]
     return {
         ".inp": lambda path: _write_lines(path, _abaqus(decks, element, title)),
-        ".bdf": lambda path: _write_lines(path, _nastran(decks, of, title)),
-        ".msh": lambda path: _write_gmsh(path, decks[-1], of),
-        ".vtu": lambda path: _write_vtu(path, decks[-1], of),
+        ".bdf": lambda path: _write_lines(path, _nastran(decks, ELEMENTS[element].nastran, title)),
+        ".msh": lambda path: _write_gmsh(path, decks[-1]),
+        ".vtu": lambda path: _write_vtu(path, decks[-1]),
         "_loads.csv": lambda path: _write_loads(path, decks),
     }
 
@@ -111,15 +101,6 @@ def _loads(deck: Deck) -> Iterator[tuple[int, int, float]]:
             yield int(node), part.start + int(component), float(deck.forces[node, part.start + component])
 
 
-def _turns(deck: Deck) -> NDArray[np.bool_]:
-    """Return the rotations (v, 3) that are held in CalculiX: no rotation about the normal is among them.
-
-    CalculiX makes solids of shells, and rotations of their nodes are mean rotations of points on the normal. Where the
-    held axes span the normal, one of them depends on the others, and the axis nearest to the normal is left out.
-    """
-    return deck.held_without_drilling[:, 3:]
-
-
 def _abaqus(decks: Sequence[Deck], element: str, title: str) -> Iterator[str]:
     deck = decks[-1]
     yield from ("*HEADING", title, "*NODE, NSET=ALL")
@@ -133,7 +114,10 @@ def _abaqus(decks: Sequence[Deck], element: str, title: str) -> Iterator[str]:
     yield from ("*MATERIAL, NAME=MATERIAL", "*ELASTIC")
     yield f"{_real(deck.part.case.isotropic.youngs_modulus)}, {_real(deck.poissons_ratio)}"
     yield from ("*SHELL SECTION, ELSET=SHELL, MATERIAL=MATERIAL", _real(deck.part.case.isotropic.thickness))
-    turns = {axis: np.flatnonzero(held) for axis, held in zip("XYZ", _turns(deck).T, strict=True) if held.any()}
+    # CalculiX makes solids of shells, whose nodes have the mean rotation of points on the normal, so that of axes which
+    # span the normal one depends on the others.
+    held_turns = zip("XYZ", deck.held_without_drilling[:, 3:].T, strict=True)
+    turns = {axis: np.flatnonzero(held) for axis, held in held_turns if held.any()}
     for axis, nodes in turns.items():
         yield f"*NSET, NSET=NO_TURN_{axis}"
         yield from _rows(nodes)
@@ -181,7 +165,7 @@ def _small(name: str, *fields: int | str) -> Iterator[str]:
         yield head.ljust(8) + "".join(str(f).rjust(8) for f in fields[start : start + 8])
 
 
-def _nastran(decks: Sequence[Deck], element: Element, title: str) -> Iterator[str]:
+def _nastran(decks: Sequence[Deck], entry: str, title: str) -> Iterator[str]:
     deck, linear = decks[-1], decks[-1].part.whole.linear
     yield from (f"SOL {101 if linear else 106}", "CEND", f"TITLE = {title[:60]}", "DISPLACEMENT = ALL", "ESE = ALL")
     moves = any(np.any(step.prescribed) for step in decks)
@@ -197,7 +181,7 @@ def _nastran(decks: Sequence[Deck], element: Element, title: str) -> Iterator[st
     for n, x in enumerate(deck.nodes, 1):
         yield from _large("GRID", n, "", *map(float, x))
     for n, cell in enumerate(deck.cells, 1):
-        yield from _small(element.nastran, n, 1, *(int(v) + 1 for v in cell))
+        yield from _small(entry, n, 1, *(int(v) + 1 for v in cell))
     material = deck.part.case.isotropic
     yield from _large("MAT1", 1, material.youngs_modulus, "", material.poissons_ratio)
     sheared = deck.part.whole.theory.startswith("naghdi") or deck.grid.order == 2  # those elements always shear
@@ -216,11 +200,11 @@ def _nastran(decks: Sequence[Deck], element: Element, title: str) -> Iterator[st
     yield "ENDDATA"
 
 
-def _write_gmsh(path: Path, deck: Deck, element: Element) -> None:
+def _write_gmsh(path: Path, deck: Deck) -> None:
     """Write nodes and cells, and a physical group for each edge and point."""
     import meshio
 
-    groups: list[tuple[str, str, Any, int]] = [("SHELL", element.cell, deck.cells, 2)]
+    groups: list[tuple[str, str, Any, int]] = [("SHELL", MESHIO[deck.grid.shape], deck.cells, 2)]
     for name, place in deck.part.case.places.items():
         if isinstance(place, Edge):
             line = deck.grid.edge(place.axis, place.side == "max")
@@ -241,7 +225,7 @@ def _write_gmsh(path: Path, deck: Deck, element: Element) -> None:
     meshio.write(path, mesh, file_format="gmsh22", binary=False)
 
 
-def _write_vtu(path: Path, deck: Deck, element: Element) -> None:
+def _write_vtu(path: Path, deck: Deck) -> None:
     """Write nodes and cells; at the nodes the loads, what is held, normals, and 1 on each set."""
     import meshio
 
@@ -249,7 +233,7 @@ def _write_vtu(path: Path, deck: Deck, element: Element) -> None:
     at_nodes |= {"held_displacement": deck.held[:, :3].astype(float), "held_rotation": deck.held[:, 3:].astype(float)}
     for name, nodes in deck.sets.items():
         at_nodes[set_name(name)] = np.isin(np.arange(len(deck.nodes)), nodes).astype(float)
-    meshio.write(path, meshio.Mesh(deck.nodes, [(element.cell, deck.cells)], point_data=at_nodes), file_format="vtu")
+    meshio.Mesh(deck.nodes, [(MESHIO[deck.grid.shape], deck.cells)], point_data=at_nodes).write(path)
 
 
 def _write_loads(path: Path, decks: Sequence[Deck]) -> None:

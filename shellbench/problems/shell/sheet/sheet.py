@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -18,7 +19,7 @@ from shellbench.problems.shell.question.places import Point
 from shellbench.problems.shell.records.portrait import ShellPortrait
 from shellbench.problems.shell.sheet.formats import ELEMENTS, writers
 from shellbench.problems.shell.sheet.statement import marked, statement
-from shellbench.problems.shell.sheet.units import in_system
+from shellbench.problems.shell.sheet.units import in_system, unit_in
 from shellbench.problems.shell.symmetry.symmetry import Part, part_of, whole_of
 from shellbench.protocol.sheet import Request, Sheet, Sketch
 from shellbench.protocol.spelling import did_you_mean
@@ -28,12 +29,8 @@ Array = NDArray[np.float64]
 TAKES: frozenset[Beyond] = frozenset(
     {"transverse shear", "supported parts", "local supports", "local loads", "kinks", "folds", "resultants"}
 )
-FIRST = (
-    *range(8, 17),
-    20,
-    24,
-    32,
-)  # cells across the coarsest mesh: the first number with which all named points are nodes
+# cells across the coarsest mesh: the first number with which all named points are nodes
+FIRST = (*range(8, 17), 20, 24, 32)
 LADDER = (1, 2, 4)  # times as many cells across
 GRID, ROUGH = 33, (5, 5)  # points of a sketch a side; cells whose nodal forces are its arrows
 
@@ -70,7 +67,8 @@ def sheet(case: Case, request: Request) -> Sheet:
         if element not in ELEMENTS:
             known = f"{did_you_mean(element, ELEMENTS)}; allowed are {', '.join(ELEMENTS)}"
             raise InputError(f"--element: found '{element}'{known}")
-    case, names = in_system(case, request.units)
+    case, system, own = in_system(case, request.units)
+    unit = partial(unit_in, system, own, case)
     part = whole_of(case) if request.whole else part_of(case)
     counts = [square_cells(part, across) for across in dict.fromkeys(request.cells or _ladder(part))]
     decks = {(n, name): _steps(part, n, name) for n in counts for name in request.elements}
@@ -80,12 +78,12 @@ def sheet(case: Case, request: Request) -> Sheet:
         for ending, write in writers(steps, element, f"{case.name}, {n[0]} x {n[1]} {element}, {request.units}").items()
     }
     answers = tuple(
-        (case.name, q.name, f"{q.at:g}" if marked(case) else "", "", names.of(case, q), f"{n[0]}x{n[1]}", "", "")
+        (case.name, q.name, f"{q.at:g}" if marked(case) else "", "", unit(q), f"{n[0]}x{n[1]}", "", "")
         for n in counts
         for q in case.quantities
     )
     last = {f"{n[0]}x{n[1]}_{name}": steps[-1] for (n, name), steps in decks.items()}
-    words = statement(last, names)
+    words = statement(last, system, unit)
     return Sheet(case.name, case.title, words, files, answers, _sketch(case, part))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 import jinja2
 import numpy as np
@@ -19,8 +19,8 @@ from shellbench.problems.shell.question.loads import EdgeLoad, GravityLoad, Load
 from shellbench.problems.shell.question.places import Edge, Place, Point, Whole
 from shellbench.problems.shell.question.surface import COORDINATES
 from shellbench.problems.shell.sheet.formats import ABAQUS, ELEMENTS, set_name
-from shellbench.problems.shell.sheet.units import System
 from shellbench.problems.shell.symmetry.symmetry import whole_of
+from shellbench.protocol.units import System
 
 Array = NDArray[np.float64]
 
@@ -39,13 +39,15 @@ def marked(case: Case) -> bool:
     return len(case.states) > 1 or not case.linear
 
 
-def statement(decks: Mapping[str, Deck], names: System) -> str:
+def statement(decks: Mapping[str, Deck], names: System, unit: Callable[[ShellQuantity], str]) -> str:
     """Return the question as Markdown.
 
     Parameters
     ----------
     decks
         Meshes of one part by the names of their files, at the last load.
+    unit
+        Unit of a quantity.
     """
     deck = next(iter(decks.values()))
     part, case = deck.part, deck.part.whole
@@ -62,7 +64,7 @@ def statement(decks: Mapping[str, Deck], names: System) -> str:
     )
     words.filters |= {"number": number, "vector": vector}
     return words.get_template(TEMPLATE).render(
-        case=case, part=part, deck=deck, decks=decks, names=names, elements=ELEMENTS, abaqus=ABAQUS.strip(),
+        case=case, part=part, deck=deck, decks=decks, names=names, unit=unit, elements=ELEMENTS, abaqus=ABAQUS.strip(),
         coordinates=_coordinates(case, names),
         bounds=", ".join(bounds),
         middle=case.surface.position(middle)[0],

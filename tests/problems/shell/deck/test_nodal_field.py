@@ -7,14 +7,13 @@ import pytest
 import shellbench
 from shellbench.errors import InputError
 from shellbench.problems.shell.deck import cells, nodal_field
-from shellbench.problems.shell.deck.cells import Mesh
+from shellbench.problems.shell.deck.cells import MESHIO, Mesh
 from shellbench.problems.shell.deck.deck import Deck
 from shellbench.problems.shell.deck.nodal_field import NodalField, measure_nodes, read_nodes
 from shellbench.problems.shell.posed.mirrors import Mirror
 from shellbench.problems.shell.symmetry.symmetry import part_of, whole_of
 
 PLATE, ROOF, CYLINDER = (shellbench.case(n) for n in ("square_plate", "scordelis_lo", "pinched_cylinder_free"))
-KINDS = {shape: name for name, shape in nodal_field.SHAPES.items()}
 
 
 def symmetric(part, points):
@@ -40,7 +39,7 @@ def written(path, case, shape, whole=False, unit=1.0, strewn=0.2):
     if path.suffix == ".csv":
         np.savetxt(path, np.hstack([x, u]), "%.17g", ",", header="x,y,z,ux,uy,uz", comments="")
     else:
-        mesh = meshio.Mesh(x, [(KINDS[shape], np.argsort(order)[deck.cells])], {"U": u, "forces": 0 * u})
+        mesh = meshio.Mesh(x, [(MESHIO[shape], np.argsort(order)[deck.cells])], {"U": u, "forces": 0 * u})
         meshio.write(path, mesh)
     return x
 
@@ -54,7 +53,7 @@ def largest_error(path, case, unit=1.0):
 
 @pytest.mark.parametrize("whole", [False, True], ids=["part", "whole"])
 @pytest.mark.parametrize("case", [ROOF, CYLINDER], ids=lambda case: case.name)
-@pytest.mark.parametrize("shape", [*KINDS, "csv"])
+@pytest.mark.parametrize("shape", [*MESHIO, "csv"])
 def test_the_field_between_shuffled_nodes_in_another_unit(tmp_path, shape, case, whole):
     path = tmp_path / ("a.csv" if shape == "csv" else "a.vtu")
     written(path, case, "quad4" if shape == "csv" else shape, whole, 1e3)

@@ -1,20 +1,22 @@
-"""Units in files of other programs: their factors in SI units, and their dimensions."""
+"""Units in files of other programs: their factors in SI units, their dimensions, and systems of them."""
 
 from __future__ import annotations
 
 import math
 import re
+from dataclasses import dataclass
 
 from shellbench.errors import InputError, without_middle
-from shellbench.problem import Problem
 
 Powers = tuple[int, int, int, int]  # of length, force, time and angle
 LENGTH: Powers = (1, 0, 0, 0)
+FORCE: Powers = (0, 1, 0, 0)
+STRESS: Powers = (-2, 1, 0, 0)
 UNITS: dict[Powers, dict[str, float]] = {
     (0, 0, 0, 0): {"": 1.0, "1": 1.0, "-": 1.0, "%": 0.01},
     LENGTH: {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3, "in": 0.0254, "ft": 0.3048},
-    (0, 1, 0, 0): {"N": 1.0, "mN": 1e-3, "kN": 1e3, "MN": 1e6, "lbf": 4.4482216152605},
-    (-2, 1, 0, 0): {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "psi": 4.4482216152605 / 0.0254**2},
+    FORCE: {"N": 1.0, "mN": 1e-3, "kN": 1e3, "MN": 1e6, "lbf": 4.4482216152605},
+    STRESS: {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "psi": 4.4482216152605 / 0.0254**2},
     (1, 1, 0, 0): {"J": 1.0, "mJ": 1e-3, "kJ": 1e3},
     (0, 0, 1, 0): {"s": 1.0, "ms": 1e-3},
     (0, 0, -1, 0): {"Hz": 1.0, "kHz": 1e3},
@@ -23,7 +25,6 @@ UNITS: dict[Powers, dict[str, float]] = {
 }
 KNOWN = {name: (factor, powers) for powers, names in UNITS.items() for name, factor in names.items()}
 PART = re.compile(r"([A-Za-z]+)\^?(\d?)")
-SYSTEM = "mm-N-MPa"  # an example of the names of systems of units
 
 
 def unit_of(text: str) -> tuple[float, Powers]:
@@ -55,22 +56,34 @@ def factor_between(given: str, wanted: str) -> float:
     return one / other
 
 
-def length_factor(system: str, case: Problem) -> float:
-    """Return the factor from lengths in a system such as mm-N-MPa to those of a case.
+@dataclass(frozen=True)
+class System:
+    """Names of the units of a system, such as mm-N-MPa: of length, force and stress."""
 
-    Raises
-    ------
-    InputError
-        If the system is no length, force and stress that fit together, or the case does not name its length.
-    """
-    names = system.split("-")
-    try:
-        (length, one), (force, two), (stress, three) = map(unit_of, names)
-        if (one, two, three) != (LENGTH, (0, 1, 0, 0), (-2, 1, 0, 0)) or not math.isclose(stress * length**2, force):
-            raise ValueError
-    except ValueError:
-        raise InputError(f"--units: found {system!r}, but it must be such as m-N-Pa or {SYSTEM}") from None
-    own = "m" if case.units == "SI" else next((w for w in re.findall(r"\w+", case.units) if w in UNITS[LENGTH]), None)
-    if own is None:
-        raise InputError(f"--units: case '{case.name}' does not name its unit of length: give the file in its units")
-    return factor_between(names[0], own)
+    length: str
+    force: str
+    stress: str
+
+    @classmethod
+    def read(cls, name: str) -> System:
+        """Return the system of a name; InputError if it is no length, force and stress that fit together."""
+        names = name.split("-")
+        try:
+            (length, one), (force, two), (stress, three) = map(unit_of, names)
+            if (one, two, three) != (LENGTH, FORCE, STRESS) or not math.isclose(stress * length**2, force):
+                raise ValueError
+        except ValueError:
+            raise InputError(f"--units: found {name!r}, but it must be such as m-N-Pa, mm-N-MPa or mm-kN-GPa") from None
+        return cls(*names)
+
+    def unit(self, length: int, force: int) -> str:
+        """Return the unit of a dimension length**length force**force, such as "N mm"; neither is above 1."""
+        over = f"/{self.length}" + (f"^{-length}" if length < -1 else "") if length < 0 else ""
+        if not force:
+            return f"1{over}" if over else self.length
+        return self.stress if length == -2 else f"{self.force} {self.length}" if length > 0 else self.force + over
+
+
+def length_of(words: str) -> str | None:
+    """Return the unit of length of a case by the words for its units, such as "mm, t, s"; None if they name none."""
+    return "m" if words == "SI" else next((w for w in re.findall(r"\w+", words) if w in UNITS[LENGTH]), None)
