@@ -15,4 +15,4 @@ def moments(kind, near, far, edge, length=1e-2, angle=0.1):  # heights of the tw
     return np.linalg.norm(force[0]) * near / (edge * angle), np.linalg.norm(force[1]) * far / (edge * angle)
 for name, kind in (("VBD", SolverVBD), ("semi-implicit", SolverSemiImplicit), ("XPBD", SolverXPBD)):
     for near, far, edge in ((1.0, 1.0, 1.0), (0.1, 0.1, 0.1), (1.0, 2.0, 1.0)):
-        print(f"{name}, heights {near} and {far}, edge {edge}: {moments(kind, near, far, edge)}")
+        print("{}, heights {} and {} m, edge {} m: {:.3f} and {:.3f}".format(name, near, far, edge, *moments(kind, near, far, edge)))

@@ -119,19 +119,21 @@ class Cloth:
         A clamped side is a hinge to a ghost, the mirror image of its triangle, over half the distance of others: its
         area is that of its one triangle.
         """
-        sides = {(t[k], t[k - 2]): (t[k - 1], a) for t, a in zip(self.triangles, self.areas, strict=True) for k in range(3)}
+        sides = {
+            (t[k], t[k - 2]): (t[k - 1], a) for t, a in zip(self.triangles, self.areas, strict=True) for k in range(3)
+        }
         found, areas, ghosts = [], [], []
         nodes, clamped = self.mesh.nodes, self.mesh.held.all(axis=1) | (self.mesh.held[:, 3:].any(axis=1) & self.held)
-        for (k, l), (i, area) in sides.items():
-            if (l, k) in sides and k < l:
-                j, more = sides[l, k]
-                found.append((i, j, k, l))
+        for (k, m), (i, area) in sides.items():
+            if (m, k) in sides and k < m:
+                j, more = sides[m, k]
+                found.append((i, j, k, m))
                 areas.append(area + more)
-            elif (l, k) not in sides and clamped[k] and clamped[l]:
-                along = (nodes[l] - nodes[k]) / np.linalg.norm(nodes[l] - nodes[k])
+            elif (m, k) not in sides and clamped[k] and clamped[m]:
+                along = (nodes[m] - nodes[k]) / np.linalg.norm(nodes[m] - nodes[k])
                 apart = nodes[i] - nodes[k]
                 ghosts.append(nodes[i] - 2 * (apart - along * (apart @ along)))
-                found.append((i, len(nodes) + len(ghosts) - 1, k, l))
+                found.append((i, len(nodes) + len(ghosts) - 1, k, m))
                 areas.append(area)
         return np.array(found, dtype=np.int64).reshape(-1, 4), np.array(areas), np.array(ghosts).reshape(-1, 3)
 

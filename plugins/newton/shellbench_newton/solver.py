@@ -10,8 +10,8 @@ from pydantic import Field, field_validator
 
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.declining import why_not_by_load
 from shellbench.problems.shell.deck.solver import OF_DISPLACEMENTS
+from shellbench.problems.shell.declining import why_not_by_load
 from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.problems.shell.solution import ShellSolver
 from shellbench.protocol.engine import engine_version, need

@@ -153,7 +153,12 @@ def solve(case: Case, kind: Kind, settings: ClothSettings, progress: ProgressCal
     free = 3 * int((~cloth.held).sum())
 
     def found() -> ClothSolution:
-        words = {"cells": list(settings.cells), "cut": settings.cut, "time_step": step, "iterations": settings.iterations}
+        words = {
+            "cells": list(settings.cells),
+            "cut": settings.cut,
+            "time_step": step,
+            "iterations": settings.iterations,
+        }
         doubt = f"the cloth still moves at a load factor of {restless[0]:g}" if restless else None
         arrays = np.array(marks), np.stack(moved), np.stack(rates)
         return ClothSolution(cloth, *arrays, free, history=tuple(history), diagnostics=words, unsettled=doubt)

@@ -111,7 +111,14 @@ def test_a_clamped_strip_comes_to_rest_where_a_beam_does():
     clamped = [{"name": "wall", "on": ["xi1_min"], "clamped": True}]
     load = [{"kind": "area", "vector": [0, 0, "-t"]}]
     material = {"youngs_modulus": 12.0, "poissons_ratio": 0.0, "thickness": 1.0}
-    tip = {"name": "tip", "kind": "displacement", "points": ["tip"], "direction": [0, 0, -1], "at": 0.01, "primary": True}
+    tip = {
+        "name": "tip",
+        "kind": "displacement",
+        "points": ["tip"],
+        "direction": [0, 0, -1],
+        "at": 0.01,
+        "primary": True,
+    }
     case = square(
         surface={"kind": "plane", "xi1": [0, 1], "xi2": [0, 0.1]}, material=material, supports=clamped, loads=load,
         points={"tip": [1, 0.05]}, quantities=[tip], dynamics=None,
