@@ -11,12 +11,10 @@ def fall(name, step):
     else:
         builder.add_cloth_grid(tri_ke=1e2, tri_ka=1e2, tri_kd=0.0, edge_ke=1e-4, edge_kd=0.0, **grid)
         builder.color(include_bending=True)
-    model = builder.finalize(device="cpu")
-    solver = SolverStyle3D(model) if name == "Style3D" else SolverVBD(model)
+    solver = (SolverStyle3D if name == "Style3D" else SolverVBD)(model := builder.finalize(device="cpu"))
     old, new, control, contacts = model.state(), model.state(), model.control(), model.contacts()
     for _ in range(round(1 / step)):
-        solver.step(old, new, control, contacts, step)
-        old, new = new, old
+        old, new = (solver.step(old, new, control, contacts, step), (new, old))[1]
     return -old.particle_q.numpy()[:, 2].mean() / 4.9
 for step in (1 / 60, 1 / 240, 1 / 960):
     print(f"step {step:.2e} s:", {name: round(float(fall(name, step)), 4) for name in ("VBD", "Style3D")}, flush=True)

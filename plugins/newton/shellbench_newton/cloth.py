@@ -143,12 +143,13 @@ class Cloth:
         length = np.linalg.norm(self.mesh.nodes[hinges[:, 3]] - self.mesh.nodes[hinges[:, 2]], axis=-1)
         wanted = self.material.bending_stiffness * length**2 / areas
         around = 2 * self.areas.mean()  # all triangles of a grid have one area
-        return {
+        numbers: dict[Kind, Array] = {
             "vbd": wanted / length,
             "style3d": np.full(len(areas), self.material.bending_stiffness / 3),
             "semi-implicit": wanted / (around * length),
             "xpbd": wanted / around,
-        }[kind]
+        }
+        return numbers[kind]
 
     def stretching(self, kind: Kind) -> tuple[float, float]:
         """Return tri_ke and tri_ka of a solver, N/m."""
@@ -172,7 +173,7 @@ class Cloth:
         pairs = np.concatenate([quads[:, p] for p in ([0, 1], [3, 2], [0, 3], [1, 2], [0, 2], [1, 3])])
         sizes = np.repeat([along / 2, along / 2, across / 2, across / 2, diagonal, diagonal], len(quads))
         pairs, where = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
-        return pairs, np.bincount(where.ravel(), sizes)
+        return pairs.astype(np.int64), np.bincount(where.ravel(), sizes).astype(float)
 
     def model(self, kind: Kind) -> Any:
         """Return newton's model on the CPU.
@@ -189,7 +190,7 @@ class Cloth:
         if 2 * self.areas.min() < LEAST_NORMAL:
             raise InputError(f"field 'cells': newton has no bending in triangles below {LEAST_NORMAL / 2:g} m^2")
         builder = newton.ModelBuilder(gravity=(0.0, 0.0, 0.0))
-        more = {"triangles": {}, "edges": {}}
+        more: dict[str, dict[str, Any]] = {"triangles": {}, "edges": {}}
         if kind == "style3d":
             newton.solvers.SolverStyle3D.register_custom_attributes(builder)
             stretch, shear = self.stretching(kind)

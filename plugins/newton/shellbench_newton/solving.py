@@ -31,13 +31,12 @@ MOST_FRAMES_BYTES = 2**31
 
 def usual_step(cloth: Cloth) -> float:
     """Return a step, s, that is stable by the largest row sums of triangles and hinges as springs."""
-    material, nodes = cloth.material, cloth.mesh.nodes
+    material = cloth.material
     stretch = material.youngs_modulus * material.thickness / (1 - material.poissons_ratio**2)
     size = np.array([np.ptp(cloth.flat[:, k]) / cloth.cells[k] for k in (0, 1)])
     close = float(np.sum(1 / size**2))
     density = float(cloth.masses.sum() / cloth.areas.sum())
     highest = (4 * stretch * close + 16 * material.bending_stiffness * close**2) / density
-    assert len(nodes)
     return SAFETY * 2 / float(np.sqrt(highest))
 
 
@@ -149,7 +148,8 @@ def solve(case: Case, kind: Kind, settings: ClothSettings, progress: ProgressCal
             raise InputError(f"field 'frame_rate': {total} frames of {len(rest)} vertices are too many to keep")
         course = _motion(run, step, total, case.dynamics.until)
         marks, moved, rates = [0.0], [0 * rest], [0 * rest]
-    history, restless = [], []
+    history: list[Step] = []
+    restless: list[float] = []
     free = 3 * int((~cloth.held).sum())
 
     def found() -> ClothSolution:
@@ -169,8 +169,8 @@ def solve(case: Case, kind: Kind, settings: ClothSettings, progress: ProgressCal
             raise SolveFailure(f"the cloth diverges before {mark:.4g}, with steps of {step:.3g} s", partial=partial)
         marks, moved, rates = [*marks, mark], [*moved, places - rest], [*rates, velocities]
         restless += [] if settled else [mark]
-        phase = "path" if case.dynamics is None else "time"
-        history.append(Step(len(history), time.perf_counter() - began, 0.0, free, at=mark, phase=phase))
+        spent = time.perf_counter() - began
+        history.append(Step(len(history), spent, 0.0, free, at=mark, phase="time" if case.dynamics else "path"))
         progress(Progress(len(history), total, f"{mark:.4g}"))
     return found()
 
