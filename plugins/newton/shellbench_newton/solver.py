@@ -37,7 +37,9 @@ class ClothSettings(Settings):
     cells: tuple[int, int] = Field((20, 20), description="cells along xi1 and xi2, two triangles each")
     cut: Cut = Field("right", description="the cells' diagonals: right, left, alternating")
     time_step: Finite | None = Field(
-        None, gt=0, description="step, s; None: half of the stable one of the explicit rule, for a cloth of 1 kg/m^2"
+        None,
+        gt=0,
+        description="longest step, s, in whole parts of a frame; None: half of the stable one of the explicit rule",
     )
     iterations: int = Field(10, ge=1, le=10_000, description="of each step; the explicit rule has none")
     frame_rate: Finite = Field(120.0, gt=0, description="of a motion: frames per second that are kept")

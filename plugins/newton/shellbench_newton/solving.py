@@ -104,10 +104,9 @@ class Run:
 
 def _motion(run: Run, step: float, frames: int, until: float) -> Iterator[tuple[float, Array, Array, bool]]:
     apart = until / frames
-    count = max(1, int(np.ceil(apart / step - 1e-9)))
     for number in range(frames):
         run.load(run.cloth.deck((number + 0.5) * apart).forces[:, :3])
-        run.step(apart / count, count)
+        run.step(step, round(apart / step))
         yield (number + 1) * apart, run.places, run.velocities, True
 
 
@@ -146,6 +145,8 @@ def solve(case: Case, kind: Kind, settings: ClothSettings, progress: ProgressCal
         total = max(1, round(case.dynamics.until * settings.frame_rate))
         if 2 * (total + 1) * rest.nbytes > MOST_FRAMES_BYTES:
             raise InputError(f"field 'frame_rate': {total} frames of {len(rest)} vertices are too many to keep")
+        apart = case.dynamics.until / total
+        step = apart / max(1, int(np.ceil(apart / step - 1e-9)))  # a whole number of steps from frame to frame
         course = _motion(run, step, total, case.dynamics.until)
         marks, moved, rates = [0.0], [0 * rest], [0 * rest]
     history: list[Step] = []
