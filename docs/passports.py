@@ -45,11 +45,11 @@ SLOW: list[tuple[str, dict[str, Any]]] = [  # of projective dynamics a step take
     ("vibrating_strip", {"cells": [10, 1], "time_step": STEPS[0]}),
     ("vibrating_strip", {**BASE, "time_step": STEPS[0], "cut": "alternating"}),
 ]
-HANGING = [("heavy_cantilever", {"cells": [20, 1]}), ("heavy_cantilever", {"cells": [32, 1]})]
+HANGING = [("heavy_cantilever", {"cells": [20, 1]})]
 CST: list[tuple[str, dict[str, Any]]] = [
     ("vibrating_strip", {**BASE, "time_step": 1e-3, "diagonal": cut}) for cut in ("right", "left", "alternating")
 ]
-RUNS = {
+RUNS: dict[str, list[tuple[str, dict[str, Any]]]] = {
     "newton-semi-implicit": [*EXPLICIT, *HANGING],
     "newton-vbd": NEWTON,
     "newton-style3d": SLOW,
@@ -158,11 +158,11 @@ def rows(kept: dict[str, Any], case: str) -> list[str]:
         for run in kept.get(solver, {"runs": []})["runs"]:
             if run["case"] != case:
                 continue
-            values = ", ".join(f"{value:.3f}" for value in run.get("ratios", {}).values()) or run.get(
-                "failure", "none: no strip moves so"
-            )
-            note = " (still moves)" if "unsettled" in run else ""
-            lines.append(f"| `{solver}` | {words(solver, run['settings'])} | {values}{note} |")
+            values = ", ".join(f"{value:.3f}" for value in run.get("ratios", {}).values())
+            if "unsettled" in run:
+                values = "none: it had not come to rest"
+            values = values or run.get("failure", "none: no strip moves so")
+            lines.append(f"| `{solver}` | {words(solver, run['settings'])} | {values} |")
     return lines
 
 
@@ -180,7 +180,8 @@ def at_rest(kept: dict[str, Any]) -> list[str]:
         "|---|---|---|",
         *found,
         "",
-        "The other solvers of newton were not asked: iterations spread bending slowly where stretch is ten million times as stiff.",
+        "Stretch is ten million times as stiff as bending here. With 40,000 steps for each load, kinetic damping does not bring the strip to rest.",
+        "The other solvers of newton were not asked.",
         "",
     ]
 
