@@ -342,6 +342,19 @@ def engines(session: nox.Session) -> None:
 
 
 @nox.session
+def board(session: nox.Session) -> None:
+    """Solve the shells of the board by the elements of other programs, and write docs/board/. `-- --solver NAME`.
+
+    What is in docs/board/figures.json is kept; `-- --again` solves it again. CalculiX (`ccx`) and MYSTRAN are taken from
+    the PATH; without them their elements keep their figures.
+    """
+    install(session, "compiled")
+    install_plugins(session, *plugins_here())
+    session.run("python", "-m", "docs.board", "run", *session.posargs)
+    session.run("python", "-m", "docs.board", "page")
+
+
+@nox.session
 def example(session: nox.Session) -> None:
     """Build the large example page, and copy the evidence for README and docs from it and from that of `engines`.
 

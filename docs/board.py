@@ -23,7 +23,6 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
-from docs.studies_page import table
 from shellbench.bench.catalogue import catalog
 from shellbench.protocol.limit import Limit, limit_of
 
