@@ -25,9 +25,9 @@ limit is known: its theory, its derivation and its uncertainty are on the page o
 shear are compared with the limit of Naghdi's theory, the others with that of Kirchhoff and Love. Simple supports are
 soft for elements with shear: nothing keeps normals from turning along the edge.
 
-Cells are counted across the part between planes of symmetry: 16 of them are 32 across the whole roof. Seconds are those
-of the mesh, and hold whatever the program needs: it is started, reads, solves and writes. They were taken on two cores,
-each solve on one, and are shown, not ranked.
+Cells are counted across the part between planes of symmetry: 16 of them are 32 across the whole roof. Seconds are
+processor time of the mesh, and hold whatever the program needs: it is started, reads, solves and writes. They are shown,
+not ranked.
 
 """
 COLUMNS = (
