@@ -93,6 +93,7 @@ class Quad4(Element):
     )
     settings_type: ClassVar[type[Settings]] = DrillingSettings
     entry: ClassVar[str] = "CQUAD4"
+    board: ClassVar[dict[str, dict[str, float]]] = {"K6ROT 0 (default)": {}, "K6ROT 100": {"k6rot": 100.0}}
 
     def deck(self, deck: Deck, settings: Settings) -> str:
         """Return the deck that MYSTRAN reads."""
@@ -120,6 +121,10 @@ class Mitc4(Element):
     )
     settings_type: ClassVar[type[Settings]] = NormalSettings
     entry: ClassVar[str] = "CQUAD4"
+    board: ClassVar[dict[str, dict[str, bool]]] = {
+        "MITC4+ with SNORM": {},
+        "MITC4": {"normals": False, "plus": False},
+    }
 
     def deck(self, deck: Deck, settings: Settings) -> str:
         """Return the deck that MYSTRAN reads."""
