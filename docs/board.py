@@ -175,7 +175,9 @@ def run(asked: Sequence[str], cases: Sequence[str], again: bool) -> None:
         for name, case, more in jobs:
             if (cases and case not in cases) or (name in shells and not again):
                 continue
-            settings = {**element.settings, **more, "cells": ladder(case, element.solver)}
+            whole = case not in LONG and not getattr(solvers()[element.solver].settings_type(), "symmetry", True)
+            cells = [n * (2 if whole else 1) for n in ladder(case, element.solver)]  # as fine on the whole as on a part
+            settings = {**element.settings, **more, "cells": cells}
             shells[name] = {"question": element.question(case), "cells": list(ladder(case, element.solver))}
             shells[name] |= apart(element.solver, element.question(case), settings)
             values = shells[name].get("values", [])
