@@ -58,11 +58,11 @@ DISTORTED, DISTORTION = "scordelis_lo", 0.25  # cells by which nodes of the roof
 TIME_LIMIT = 240.0  # seconds of wall time of one shell by one element
 LEVELS = (1e-2, 1e-3)  # errors to which cells and seconds are counted
 RIGHT = 1e-3  # relative distance of a limit from the right one, beyond which it is another limit
+OTHER = 1e-2  # the same, beyond which an element gets no better grade than E
 THIN, SHEAR = "kirchhoff-love-linear", "naghdi-linear"
 GRADES = (
-    "A: the limit of each shell that has one is the right one (within .1 %, or within what the limit's own uncertainty"
-    " leaves open), and 16 cells across the symmetric part are enough for 1 % on every shell; B: 32 are; C: 64 are;"
-    " D: more; E: some shell has another limit, or none."
+    "A: 16 cells across the symmetric part are enough for 1 % on every shell that has a limit; B: 32 are; C: 64 are;"
+    " D: more are needed; E: the limit of some shell is off by more than 1 %, or its values show none."
 )
 
 
@@ -282,6 +282,19 @@ class Shell:
         )
 
     @property
+    def off(self) -> bool:
+        """Whether the limit is off by more than `OTHER`, or there is none."""
+        if self.limit is None or self.known is None or self.distance is None:
+            return True
+        return abs(self.distance) - self.limit.uncertainty / abs(self.known) > OTHER or self.drifts
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the last halving moves the value by more than `OTHER`, and not toward the right limit."""
+        errors = self.errors or [0.0, 0.0]
+        return abs(self.drift or 0.0) > OTHER and errors[-1] >= errors[-2]
+
+    @property
     def drift(self) -> float | None:
         """Relative change of the last halving of the cells."""
         return None if len(self.values) < 2 else self.values[-1] / self.values[-2] - 1
@@ -297,7 +310,7 @@ def grade(row: Mapping[str, Any]) -> str:
     shells = [
         s for name, s in shells_of(row).items() if name in CASES and s.known is not None and "declined" not in s.data
     ]
-    if not shells or any(shell.right is not True for shell in shells):
+    if not shells or any(shell.off for shell in shells):
         return "E"
     cells = [shell.cells_to(LEVELS[0]) for shell in shells]
     if any(n is None for n in cells):
