@@ -248,7 +248,7 @@ def field(session: nox.Session) -> None:
 @nox.session
 def drape(session: nox.Session) -> None:
     """Let a cloth fall on three bodies by a grid and a mesh, and judge; studies are shown. `-- --quick`: the grid."""
-    beside = () if "--quick" in session.posargs else ("bodies", "field_epochs", "folds")
+    beside = () if "--quick" in session.posargs else ("bodies", "field_epochs", "field_fold_directions")
     run_and_judge(session, "drape", beside, quick=("--solver", "grid"))
 
 

@@ -146,8 +146,8 @@ def integrals(case: Case, patch: NurbsPatch, control_points: Array, displacement
         x, u = (patch.on_grid(field, nodes[0][low:high], nodes[1]) for field in (control_points, displacements))
         strain = strains(x, u, case.linear)
         weight = np.outer(weights[0][low:high], weights[1]) * Frame.from_derivatives(x).area
-        energies += np.einsum("gh,ghk->k", weight, densities(x, strain, case.material))
-        stress = stresses(x, strain, case.material) * weight[..., None, None]
+        energies += np.einsum("gh,ghk->k", weight, densities(x, strain, case.isotropic))
+        stress = stresses(x, strain, case.isotropic) * weight[..., None, None]
         frame = Frame.from_derivatives(x if case.linear else {key: x[key] + u[key] for key in x})
         for (i, j), density in _work(frame, stress).items():
             forces += patch.gather(left[i], density, right[j])
@@ -239,7 +239,7 @@ class IgaSolution(ShellSolution):
         strain = strains(x, u, self.case.linear)
         number = 0 if name.startswith("membrane") else 1
         if name.endswith("density"):
-            return densities(x, strain, self.case.material)[:, number]
+            return densities(x, strain, self.case.isotropic)[:, number]
         # where one coordinate runs the other way, components 12 have the other sign
         strain[..., 2] *= folded.turned.prod(axis=-1)[:, None]
         return strain[:, number]

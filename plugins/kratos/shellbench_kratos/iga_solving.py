@@ -278,7 +278,7 @@ def _solve(course: _Course) -> IgaSolution:
     }
     if not case.linear:
         course.figures["stability_checked"] = False  # and a symmetric part hides what buckles out of symmetry
-    model = IgaModel.from_midsurface(surface, conditions, case.material, case.linear)
+    model = IgaModel.from_midsurface(surface, conditions, case.isotropic, case.linear)
     for state in states(model, part, course.settings.load_steps, course.settings.rounding):
         course.add(state)
     return with_answer_first(course.solution(course.kept), course.log.began)

@@ -42,7 +42,7 @@ class Element(MeshSolver):
 
     def declines(self, case: Case) -> str | None:
         """Return the reason that the solver declines a case, as one clause, or None if it takes it."""
-        homogeneous = case.material.bending_factor == 1.0
+        homogeneous = case.isotropic.bending_factor == 1.0
         return super().declines(case) or (None if homogeneous else "its bending stiffness is not a homogeneous shell's")
 
     def solve_mesh(self, deck: Deck, settings: Settings) -> NDArray[np.float64]:
@@ -51,7 +51,7 @@ class Element(MeshSolver):
         from shellbench_kratos.thin_elements import Elements
         from shellbench_kratos.thin_static import LinearSystem
 
-        elements = Elements(deck.nodes, deck.cells, deck.part.case.material, self.entry, self.law)
+        elements = Elements(deck.nodes, deck.cells, deck.part.case.isotropic, self.entry, self.law)
         with failing_with_kratos(lambda: None, "the mesh"):
             system = LinearSystem.at_rest(elements, np.flatnonzero(~deck.held.ravel()))
             return system.solve(deck.forces, np.where(deck.held, deck.prescribed, 0.0))[:, :3]

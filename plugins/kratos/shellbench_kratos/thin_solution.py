@@ -112,7 +112,7 @@ class Gauge:
 
     @cached_property
     def _elements(self) -> SmallStrains:
-        return SmallStrains(self._rest, self.problem.part.case.material)
+        return SmallStrains(self._rest, self.problem.part.case.isotropic)
 
     def measure(self, values: Array) -> Deformation:
         """Return the strains of displacements and rotation vectors (v, 6)."""
@@ -189,7 +189,7 @@ class ThinSolution(ShellSolution):
     @cached_property
     def _elements(self) -> Elements:
         """Elements that have kept no state but rest; those of a path remember where it led."""
-        return Elements(self.problem.positions, self.mesh.quads, self.case.material)
+        return Elements(self.problem.positions, self.mesh.quads, self.case.isotropic)
 
     @cached_property
     def _gauge(self) -> Gauge:
@@ -234,7 +234,7 @@ class ThinSolution(ShellSolution):
 
         D / 2 [(1 - nu) e : e + nu (tr e)^2], with B instead of D in bending (Kairanda et al. 2023, eqs. (17)-(19)).
         """
-        material = self.case.material
+        material = self.case.isotropic
         nu = material.poissons_ratio
         stiffness = material.membrane_stiffness if name.startswith("membrane") else material.bending_stiffness
         trace = tensor[:, 0, 0] + tensor[:, 1, 1]

@@ -44,7 +44,7 @@ class ThinProblem:
     @cached_property
     def elements(self) -> Elements:
         """Kratos' elements between the nodes."""
-        return Elements(self.positions, self.mesh.quads, self.part.case.material)
+        return Elements(self.positions, self.mesh.quads, self.part.case.isotropic)
 
     @cached_property
     def supports(self) -> Supports:

@@ -38,7 +38,7 @@ class Elasticity:
     @property
     def material(self) -> Material:
         """The case's material."""
-        return self.grid.case.material
+        return self.grid.case.isotropic
 
     @cached_property
     def frames(self) -> Array:

@@ -117,7 +117,7 @@ def reason(case: Case) -> str | None:
         return "it has loads on edges, and this solver knows those on areas and at points"
     if case.following:
         return "its pressure follows the shell, where this solver's loads are dead"
-    if not 0 <= case.material.poissons_ratio < INCOMPRESSIBLE:
+    if not 0 <= case.isotropic.poissons_ratio < INCOMPRESSIBLE:
         return "its Poisson's ratio is negative, which the engine refuses"
     return next((words for obstacle in case.obstacles if (words := _why_no_geom(obstacle))), None)
 

@@ -137,7 +137,7 @@ def _add_flex(spec: Any, grid: Grid, damping: float) -> None:
     The flex has one Young's modulus and one thickness. If a case scales its bending stiffness by a factor f, the
     thickness is h sqrt(f) and the modulus E / sqrt(f): E h stays, and E h^3 becomes f times as large.
     """
-    material, size = grid.case.material, float(np.ptp(grid.rest, axis=0).max())
+    material, size = grid.case.isotropic, float(np.ptp(grid.rest, axis=0).max())
     root = math.sqrt(material.bending_factor)
     flex = spec.add_flex(
         name="cloth",
@@ -335,7 +335,7 @@ class _Course:
     def __post_init__(self) -> None:
         self.elasticity, self.loading = Elasticity(self.grid), Loading(self.grid)
         self.unknowns = int((~self.grid.held).sum())
-        material = self.grid.case.material
+        material = self.grid.case.isotropic
         self.negligible = NEGLIGIBLE * material.membrane_stiffness * float(self.grid.areas.sum())
 
     def keep(self, frame: Frame) -> bool:

@@ -58,7 +58,7 @@ def bulk_data(deck: Deck, element: str, parameters: Iterable[tuple[str, object]]
         Whether the surface's normal is given at each grid point (SNORM).
     """
     shear = () if element.endswith("K") else (1, SHEAR)
-    material = deck.part.case.material
+    material = deck.part.case.isotropic
     lines = ["SOL 1", "CEND", "DISPLACEMENT = ALL", "SPC = 1", "LOAD = 1", "BEGIN BULK"]
     lines += [_short("PARAM", f"{name:<8}", value) for name, value in parameters]
     lines.append(_card("MAT1", 1, float(material.youngs_modulus), None, float(deck.poissons_ratio)))

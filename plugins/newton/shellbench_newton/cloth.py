@@ -68,7 +68,7 @@ class Cloth:
     @property
     def material(self) -> Material:
         """The case's material."""
-        return self.case.material
+        return self.case.isotropic
 
     @cached_property
     def triangles(self) -> Integers:

@@ -61,7 +61,7 @@ def solve(deck: Deck, degree: int, shear: bool) -> tuple[NDArray[np.float64], in
     """
     corners = Deck.of(deck.part, deck.grid.counts, "tri3", deck.grid.distortion, deck.at)
     curved = CurvedMesh(corners, degree)
-    mesh, material = curved.mesh, deck.part.case.material
+    mesh, material = curved.mesh, deck.part.case.isotropic
     curved.curve()
     sides, still, hard = held_sides(deck)
     names = ["|".join(name for name, held in sides.items() if c in held) for c in range(3)]
@@ -104,7 +104,7 @@ def solve(deck: Deck, degree: int, shear: bool) -> tuple[NDArray[np.float64], in
 
 def _form(space: Any, mesh: Any, degree: int, deck: Deck, youngs: float, h: float) -> Any:
     """Return the assembled form; inner unknowns are eliminated element by element."""
-    nu, factor = deck.poissons_ratio, float(deck.part.case.material.bending_factor)
+    nu, factor = deck.poissons_ratio, float(deck.part.case.isotropic.bending_factor)
     normal, tangent = specialcf.normal(3), specialcf.tangential(3)
     conormal = ngsolve.Cross(normal, tangent)
     project = Id(3) - OuterProduct(normal, normal)

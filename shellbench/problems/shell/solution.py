@@ -31,7 +31,7 @@ from shellbench.problems.shell.quantities.quantities import DerivativeQuantity, 
 from shellbench.problems.shell.question.contact import Touch
 from shellbench.problems.shell.variants.edit import why_no_edit
 from shellbench.problems.shell.variants.slopes import DERIVATIVES, from_energies, key, why_not_from_energies
-from shellbench.problems.shortened import shortened
+from shellbench.problems.shortened import shortened as shortened
 from shellbench.problems.solving import CheckedSolver
 from shellbench.protocol.notebook import solution_html
 
