@@ -77,7 +77,7 @@ class Parameter:
 def parameters_of(shell: Any) -> dict[str, Parameter]:
     """Return all parameters of a shell by name."""
     found = []
-    for name, (unit, powers) in UNITS.items():
+    for name, (unit, powers) in UNITS.items() if shell.material.kind == "isotropic" else ():
         value = getattr(shell.material, name)
         if value is not None and not (name == "areal_density" and value == 0):
             found.append(Parameter(f"material.{name}", value, unit, powers))
