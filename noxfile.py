@@ -345,8 +345,8 @@ def engines(session: nox.Session) -> None:
 def board(session: nox.Session) -> None:
     """Solve the shells of the board by the elements of other programs, and write docs/board/. `-- --solver NAME`.
 
-    What is in docs/board/figures.json is kept; `-- --again` solves it again. CalculiX (`ccx`) and MYSTRAN are taken from
-    the PATH; without them their elements keep their figures.
+    What is in docs/board/figures.json is kept; `-- --again` solves it again. CalculiX (`ccx`) and MYSTRAN are taken
+    from the PATH; without them their elements keep their figures.
     """
     install(session, "compiled")
     install_plugins(session, *plugins_here())

@@ -242,7 +242,7 @@ class Shell:
 
     @property
     def near(self) -> float | None:
-        """What a mesh is compared with as the roof gets thinner: the right limit, or that of the thin shell.
+        """The value that thinner roofs are compared with: the right limit, or that of the thin shell.
 
         With shear the roof of 1e-3 is about .05 % softer, that of 1e-4 about .005 %.
         """
@@ -289,7 +289,7 @@ class Shell:
 
     @property
     def right(self) -> bool | None:
-        """Whether the limit is the right one, within its own uncertainty; None where there is none."""
+        """True if the limit is the right one, within its own uncertainty; None if no limit is known."""
         if self.distance is None or self.limit is None or self.known is None:
             return None
         return abs(self.distance) <= max(RIGHT, self.limit.uncertainty / abs(self.known)) and (
@@ -298,7 +298,7 @@ class Shell:
 
     @property
     def off(self) -> bool:
-        """Whether the limit is off by more than `OTHER`, or there is none."""
+        """True if the limit is off by more than `OTHER`, or the values have none."""
         if self.limit is None or self.known is None or self.distance is None:
             return True
         if self.drifts or (self.errors or [1.0])[-1] <= OTHER:
@@ -307,7 +307,7 @@ class Shell:
 
     @property
     def drifts(self) -> bool:
-        """Whether the last halving moves the value by more than `OTHER`, and not toward the right limit."""
+        """True if the last halving moves the value by more than `OTHER`, and not toward the right limit."""
         errors = self.errors or [0.0, 0.0]
         return abs(self.drift or 0.0) > OTHER and errors[-1] >= errors[-2]
 

@@ -199,7 +199,7 @@ OTHERS = (  # heading, words, model of the case, tables, quantities, example, na
     ("Edited shells", 'kind = "editing"', "A shell, and one change of it. The table `[shell]` has the keys of a shell without title, theory and quantities.",
      editing.EditingCase, {"[edit]": editing.Edit, "[[edit.changes]]": editing.Change}, (EditedDisplacement,), "edit_cantilever_pose", ("deflection",)),
     ("Fields", 'kind = "field"', "A vector field over the unit square of u and v; points from a density; or distances from a body."
-     " Numbers of equations are those of Shu et al. ([fields on grids](fields.md)). Quantities have no `at`.",
+     " Numbers of equations are those of Shu et al. ([fields on grids](fields.md)). Quantities have no `at`. A `[body]` is of kind `\"ball\"`, `\"torus\"` or `\"prism\"`.",
      field.FieldCase, {"[match]": field.Match, "[cloth]": field.Cloth, "[training]": field.Training, "[[pins]]": field.Pin,
                        "[disc]": field.Disc, "[density]": field.Density, '[body] kind = "ball"': ball.Ball,
                        '[body] kind = "torus"': ball.Torus, '[body] kind = "prism"': ball.Prism},

@@ -92,6 +92,7 @@ def test_your_own_case_shows_what_is_said_of_a_wrong_one(right, wrong):
 def test_every_page_is_in_the_contents():
     contents = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
     pages = [str(path.relative_to(DOCS)) for path in PAGES if DOCS in path.parents]
+    pages = [name for name in pages if not name.startswith("board/") or name == "board/index.md"]  # it links its own
     assert [name for name in pages if not re.search(rf"[ :]{re.escape(name)}$", contents, re.MULTILINE)] == []
 
 

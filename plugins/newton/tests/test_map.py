@@ -1,4 +1,4 @@
-"""The map from E, nu and h to each solver's numbers, held against closed forms; free fall."""
+"""The map from E, nu and h to each solver's numbers, compared with closed forms; free fall."""
 
 import numpy as np
 import pytest

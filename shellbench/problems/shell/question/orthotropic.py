@@ -139,7 +139,7 @@ class OrthotropicMaterial(Model):
 
 
 def _matrix(given: Stiffnesses) -> Array:
-    """Return a matrix (3, 3) from four stiffnesses or its own rows; ValueError if it is none."""
+    """Return a matrix (3, 3) from four stiffnesses or its own rows; ValueError for other shapes."""
     if len(given) == 4 and not isinstance(given[0], tuple):
         first, coupled, second, shear = given
         return np.array([[first, coupled, 0.0], [coupled, second, 0.0], [0.0, 0.0, shear]], dtype=float)

@@ -14,8 +14,7 @@ the tangential part of x,ab, so that p . m = u,1 . (a2 x p) + u,2 . (p x a1).
 Exact strains have two variations. With a_a = x,a + u,a the deformed base vectors, g = a1 x a2 = j n and n the deformed
 unit normal,
 
-    eps_ab = (a_a . a_b - abar_ab) / 2,    kappa_ab = bbar_ab - (x,ab + u,ab) . n     (Kairanda et al. 2023, (15),
-    (16)).
+    eps_ab = (a_a . a_b - abar_ab) / 2,    kappa_ab = bbar_ab - (x,ab + u,ab) . n     (eqs. (15), (16)).
 
 Both are evaluated without subtracting large numbers, from u's derivatives: with g = J N + m, J N the reference value,
 
@@ -224,7 +223,7 @@ def elasticities(surface: Midsurface, material: AnyMaterial) -> Array:
     """Return H (n, 2, 3, 3) of stretching and of bending."""
     if isinstance(material, OrthotropicMaterial):
         return orthotropic_elasticity(surface.base, surface.normal, surface.contravariant_metric, material)
-    known = {nu: elasticity(surface, nu) for nu in set(material.poissons_ratios)}  # mostly one
+    known = {nu: elasticity(surface, nu) for nu in set(material.poissons_ratios)}
     return np.stack([known[nu] for nu in material.poissons_ratios], axis=1)
 
 
