@@ -60,7 +60,7 @@ RUNS: dict[str, list[tuple[str, dict[str, Any]]]] = {
 
 
 def ratios(case: str, solution: Any) -> dict[str, float]:
-    """Return what a solution simulates, as multiples of what it was given, by name of the passport's property."""
+    """Return the stiffnesses of a solution as multiples of those it was given, by name of the passport's property."""
     from shellbench.bench.catalogue import catalog
     from shellbench.bench.judge.passport import PROPERTIES
     from shellbench.problems.shell.quantities.measure import measure

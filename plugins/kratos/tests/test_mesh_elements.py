@@ -94,7 +94,7 @@ MOMENT = [{"kind": "moment", "on": ["xi1_max"], "axis": [0, -1, 0], "value": LOA
 
 
 def rolled(kind, **settings):
-    """Return how far a strip that a moment rolls is from a cylinder, relative to its largest displacement."""
+    """Return the distance of a strip that a moment rolls from a cylinder, over its largest displacement."""
     answer = solved(kind, flat(kind.capabilities.theories[0], 0.0, loads=MOMENT), (4, 3), symmetry=False, **settings)
     curvature = LOAD / (MODULUS * THICKNESS**3 / 12)
     exact = curvature / 2 * answer.deck.nodes[:, :1] ** 2 * [0, 0, 1]
