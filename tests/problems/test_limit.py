@@ -16,7 +16,7 @@ def test_the_stated_uncertainty_covers_a_series_with_a_second_term(rate, size, s
     found = limit_of(steps, values)
     assert abs(found.value - 1) <= 2 * found.uncertainty + 1e-9
     assert found.uncertainty >= 0.0999 * abs(values[-1] - values[-2])  # steep rates included
-    if found.rate is not None and abs(size) > 0.01:
+    if found.rate is not None and abs(size) > 0.01 and abs(second) < 0.02:
         assert found.rate == pytest.approx(rate, abs=0.4)
 
 
