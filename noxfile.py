@@ -17,6 +17,7 @@ STUDIES = ("resolution", "thinness", "sampling", "training")
 PINNED_EXTRAS = ("compiled", "dask", "vtk", "test", "docs", "lint")  # `fast` is Intel's alone
 PINNED = "# Versions that CI installs: pip install -c constraints.txt . Written by: python -m nox -s constraints\n"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+LARGE = ("newton", "ngsolve")  # plug-ins whose programs are large: the quick session leaves them out
 PLUGINS = ("calculix", "kratos", "mujoco", "nastran", "newton", "ngsolve", "opensees")  # packages below plugins/
 CALIBRATED = ("obstacle_course", "verification", "shapes", "variants", "thinness")  # the linear shells
 ONE_THREAD = ("--threads", "1")  # as many runs at a time as there are cores: none waits where others can't share work
@@ -315,11 +316,11 @@ def evidence(session: nox.Session) -> None:
 
 @nox.session
 def plugins(session: nox.Session) -> None:
-    """Install the packages below plugins/ and run their tests. `-- --quick` for the quick ones."""
+    """Install the packages below plugins/ and run their tests. `-- --quick`: quick ones, without large programs."""
     install(session, "test")
-    names = plugins_here()
-    install_plugins(session, *names)
     quick = ("-m", "not long") if "--quick" in session.posargs else ()
+    names = tuple(name for name in plugins_here() if not (quick and name in LARGE))
+    install_plugins(session, *names)
     session.run("python", "-m", "pytest", *quick, *(f"plugins/{name}" for name in names))
 
 

@@ -64,7 +64,9 @@ def test_no_text_has_a_banned_phrase():
 
 
 def test_pages_are_short():
-    counted = [name for name in pages() if not name.startswith(("docs/board/", "docs/papers/"))]  # figures of elements, rows
+    counted = [
+        name for name in pages() if not name.startswith(("docs/board/", "docs/papers/"))
+    ]  # figures of elements, rows
     lengths = {name: len(text_of(name).split()) for name in ["README.md", *counted]}
     assert max(lengths["README.md"], lengths["docs/index.md"]) <= MOST_WORDS_OF_A_FIRST_PAGE
     assert sum(lengths.values()) - lengths["README.md"] < MOST_WORDS, lengths
