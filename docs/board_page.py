@@ -95,6 +95,10 @@ def page(found: Mapping[str, Any]) -> str:
         "",
     ]
     lines += ["![Error of the roof against unknowns, by element](roof.png)", ""]
+    lines += [
+        "CalculiX solves whole shells here, with four times the unknowns of a quarter: it does not take all supports of a plane of symmetry.",
+        "",
+    ]
     versions = sorted({row["version"] or engine(row) for row in found.values()})
     lines += ["Programs: " + ", ".join(versions) + ".", ""]
     lines += ["Notes on single programs: [findings](findings.md).", ""] if (FOLDER / "findings.md").exists() else []
