@@ -10,7 +10,7 @@ import pytest
 
 from shellbench.errors import InputError
 from shellbench.problem import NumberFormat
-from shellbench.problems.shell.solution import EXPONENT_BYTES
+from shellbench.problems.shortened import EXPONENT_BYTES
 from shellbench.solvers.fem.mechanics.solution import FemSolution
 from shellbench.solvers.fem.motion.motion_solution import MotionSolution
 from shellbench.solvers.fem.solver import FemSettings, FemSolver

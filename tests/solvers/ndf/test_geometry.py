@@ -34,7 +34,7 @@ def test_rigid_motions_strain_nothing(surface):
     points = inner_points(case)
     rows = energy_rows(
         geometry(case.surface, points, PLACEMENT),
-        case.material.poissons_ratios,
+        case.material,
         rigidities(case.surface, case.material, points, PLACEMENT),
     )
     modes = from_derivatives(rigid_modes(case.surface, points, order=2), PLACEMENT)
@@ -81,7 +81,7 @@ def test_energy_density_of_a_stretched_and_bent_plate(nu_bending):
     points = inner_points(case)
     rows = energy_rows(
         geometry(case.surface, points, PLACEMENT),
-        case.material.poissons_ratios,
+        case.material,
         rigidities(case.surface, case.material, points, PLACEMENT),
     )
     strain = apply_rows(rows, PLACEMENT.tensor(differences(displacement, points)))

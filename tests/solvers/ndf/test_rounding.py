@@ -13,7 +13,7 @@ from torch import Tensor
 
 from shellbench.bench.catalogue.catalog import named_case
 from shellbench.problem import NumberFormat
-from shellbench.problems.shell.solution import EXPONENT_BYTES
+from shellbench.problems.shortened import EXPONENT_BYTES
 from shellbench.solvers.ndf.field.weights import rounded_tensors
 from shellbench.solvers.ndf.linear.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.motion.motion_solution import MotionSolution
