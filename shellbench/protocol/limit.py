@@ -11,7 +11,7 @@ RATES = np.linspace(0.2, 12, 2361)  # of convergence that are looked for
 ASSUMED = 2.0  # the rate where two values can't tell it
 SURE = 0.5  # share of the last extrapolation that stays uncertain if nothing else bounds it
 LEAST = 0.1  # of the last change, and of the last extrapolation: so much is uncertain however steep the rate is
-ROUNDING = 1e-12  # relative change that is none
+ROUNDING = 1e-12  # relative change that is rounding
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from shellbench.problems.shell.quantities.resultant_quantities import material_a
 from shellbench.problems.shell.variants.edit import why_no_edit
 from shellbench.solvers.cst.solver import CstSolver
 from shellbench.solvers.fem.mechanics.kinematics import Midsurface, elasticities, stiffness_moduli
+from shellbench.solvers.fem.solver import FemSolver
 from shellbench.solvers.ndf.field.jets import Placement
 from shellbench.solvers.ndf.strains.strain_measures import Undeformed
 from shellbench.testing.mechanics import energy_densities
@@ -154,3 +155,13 @@ def test_what_has_no_meaning_for_given_stiffnesses_is_refused():
     with pytest.raises(InputError, match="orthotropic"):
         catalog.variant_of(shell(LAYER), "naghdi")
     assert "orthotropic" in (CstSolver().declines(shell(LAYER)) or "")
+
+
+@pytest.mark.parametrize(("parameter", "unit"), [("loads.1", "J"), ("surface.xi1_max", "J/m")])
+def test_fem_gives_no_derivatives_of_orthotropic_shells(parameter, unit):
+    """The adjoint's own strain energy is isotropic: a silent answer would be that of another shell."""
+    asked = {"name": "slope", "kind": "derivative", "derivative_of": "strain_energy", "with_respect_to": parameter}
+    asked["unit"] = unit
+    energy = {"name": "strain_energy", "kind": "strain_energy", "primary": True}
+    case = shell(LAYER, quantities=[energy, asked])
+    assert "orthotropic" in FemSolver().declines_quantity(case, case.quantity("slope"))

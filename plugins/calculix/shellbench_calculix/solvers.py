@@ -46,11 +46,6 @@ class Element(MeshSolver):
     settings_type: ClassVar[type[Settings]] = CalculixSettings
     entry: ClassVar[str]
 
-    def declines(self, case: Case) -> str | None:
-        """Return the reason that the solver declines a case, as one clause, or None if it takes it."""
-        homogeneous = case.material.bending_factor == 1.0
-        return super().declines(case) or (None if homogeneous else "its bending stiffness is not a homogeneous shell's")
-
     def solve_mesh(self, deck: Deck, settings: Settings) -> NDArray[np.float64]:
         """Return the displacements (v, 3) of the nodes, m; SolveFailure if CalculiX fails."""
         assert isinstance(settings, CalculixSettings)

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from shellbench.problem import Capabilities, Settings
-from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.deck.cells import Shape
 from shellbench.problems.shell.deck.deck import Deck
 from shellbench.problems.shell.deck.solver import MeshSolver
@@ -52,6 +51,7 @@ class Element(MeshSolver):
     """
 
     settings_type: ClassVar[type[Settings]] = EngineSettings
+    scales_bending: ClassVar[bool] = True
     entry: ClassVar[str]
 
     def solve_mesh(self, deck: Deck, settings: Settings) -> NDArray[np.float64]:
@@ -139,10 +139,6 @@ class Quad8(Element):
     capabilities: ClassVar[Capabilities] = Capabilities(
         theories=SHEARED, label="MYSTRAN CQUAD8: curved shear-flexible quadrilaterals of eight nodes (MITC8)"
     )
+    scales_bending: ClassVar[bool] = False
     entry: ClassVar[str] = "CQUAD8"
     shape: ClassVar[Shape] = "quad8"
-
-    def declines(self, case: Case) -> str | None:
-        """Return the reason that the solver declines a case, as one clause, or None if it takes it."""
-        homogeneous = case.material.bending_factor == 1.0
-        return super().declines(case) or (None if homogeneous else "its bending stiffness is not a homogeneous shell's")

@@ -60,6 +60,7 @@ class HHJ(MeshSolver):
     takes: ClassVar[frozenset[Beyond]] = frozenset({"transverse shear", "local supports"})
     shape: ClassVar[Shape] = "tri6"
     moments: ClassVar[bool] = False
+    scales_bending: ClassVar[bool] = True
 
     def declines(self, case: Case) -> str | None:
         """Return the reason that the solver declines a case, as one clause, or None if it takes it."""

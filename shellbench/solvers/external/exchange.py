@@ -102,7 +102,7 @@ def read_displacements(path: Path, format: ResultFormat, nodes: Array) -> Array:
         numbers = np.array([row[:4] for _, row in rows if len(row) >= 4]).reshape(-1, 4)
         found, moved = numbers[:, 0] - 1, numbers[:, 1:]
         if not np.all((found >= 0) & (found < len(nodes)) & (found == np.rint(found))):
-            raise SolveFailure(f"its result numbers a node that is none of 1 to {len(nodes)}")
+            raise SolveFailure(f"its result has a node number that is not from 1 to {len(nodes)}")
         return _at_nodes(found.astype(int), moved, len(nodes))
     if widths == {6}:
         numbers = np.array([row for _, row in rows])

@@ -17,7 +17,7 @@ from shellbench.problems.field.structure import EDGES, MIDDLE, OUTER, corners
 
 Array = NDArray[np.float64]
 ToTensor = Callable[[NDArray[Any]], Tensor]
-"""How an array becomes a tensor: of which numbers, and where."""
+"""Makes a tensor of an array, in a number format and on a device."""
 
 
 def strains(places: Tensor, rest: Tensor) -> Tensor:

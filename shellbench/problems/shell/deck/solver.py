@@ -67,6 +67,8 @@ class MeshSolver(ShellSolver):
         Of the element's cells.
     moments
         Whether the element takes moments on its nodes.
+    scales_bending
+        Whether it takes a bending stiffness that is not that of a homogeneous shell.
     """
 
     settings_type: ClassVar[type[Settings]] = MeshSettings
@@ -74,6 +76,7 @@ class MeshSolver(ShellSolver):
     reactions: ClassVar[bool] = False
     shape: ClassVar[Shape] = "quad4"
     moments: ClassVar[bool] = True
+    scales_bending: ClassVar[bool] = False
 
     def declines(self, case: Case) -> str | None:
         """Return the reason that the solver declines a case, as one clause, or None if it takes it."""
@@ -84,6 +87,8 @@ class MeshSolver(ShellSolver):
             return "it is no linear static case, and this solver takes no other"
         if len(case.states) != 1:
             return "it asks for several states, and this solver gives one"
+        if not self.scales_bending and case.isotropic.bending_factor != 1.0:
+            return "its bending stiffness is not that of a homogeneous shell"
         if not self.moments and any(isinstance(load, MomentLoad) for load in case.loads):
             return "moments act on its edges, which this element does not take"
         if case.theory == "naghdi-linear" and any(isinstance(load, PointLoad) for load in case.loads):

@@ -22,7 +22,7 @@ from shellbench.protocol.schema import LARGEST, SMALLEST, Finite, Model, Positiv
 
 Array = NDArray[np.float64]
 Stiffnesses = tuple[Finite, Finite, Finite, Finite] | tuple[tuple[Finite, Finite, Finite], ...]
-SYMMETRIC = 1e-12  # relative difference of two entries that is none
+SYMMETRIC = 1e-12  # relative difference of two entries that is rounding
 SINGLY = ("youngs_modulus", "poissons_ratio", "shear_modulus")  # of one layer
 
 

@@ -278,7 +278,7 @@ class _Reparametrisation:
         """Return the coordinate of the chart that runs along one of the case; InputError, as a clause, if none does."""
         name = COORDINATES[1 - axis if self.chart.formulas == COORDINATES[::-1] else axis]
         if re.search(rf"\b{name}\b", self.chart.formulas[1 - axis]):
-            raise InputError(f"{words} along a line that is none of these coordinates")
+            raise InputError(f"{words} along a line on which both of these coordinates change")
         return name
 
     def _folds(self) -> dict[str, dict[str, list[float]]]:

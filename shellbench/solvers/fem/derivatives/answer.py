@@ -106,6 +106,8 @@ def why_no_derivative(case: Case, quantity: QuantityModel, parameter: Parameter 
     """Return the reason that `fem` gives no derivative of a quantity (by a parameter), as one clause, or None."""
     if case.surface.fold_lines:
         return "fem gives no derivatives of shells with folds"
+    if case.material.kind == "orthotropic":
+        return "fem gives no derivatives of orthotropic shells"
     if case.prescribed:
         return "nothing is solved for where the whole surface is prescribed"
     kinds: tuple[type, ...] = (DisplacementQuantity, PositionQuantity, EnergyQuantity)

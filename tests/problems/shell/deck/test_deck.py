@@ -111,3 +111,6 @@ def test_what_a_mesh_program_cannot_take_is_declined():
     assert all("displacements" in solver.declines_quantity(PLATE, q) for q in energies)
     for name, why in (("scordelis_lo@naghdi", "theory"), ("angle_frame", "folds"), ("cantilever_shear", "theory")):
         assert why in solver.declines(shellbench.case(name))
+    stiffer = PLATE.model_copy(update={"material": PLATE.material.model_copy(update={"bending_factor": 1.5})})
+    assert "homogeneous" in solver.declines(stiffer)
+    assert type("Scaling", (Wavy,), {"scales_bending": True})().declines(stiffer) is None
