@@ -30,7 +30,7 @@ def sheet(
         ),
     ] = None,
     units: Annotated[
-        str, typer.Option("--units", metavar="U", help="Units: m-N-Pa, mm-N-MPa or mm-kN-GPa.")
+        str, typer.Option("--units", metavar="U", help="Units, such as m-N-Pa, mm-N-MPa or mm-kN-GPa.")
     ] = "m-N-Pa",
     element: Annotated[
         list[str] | None,

@@ -4,8 +4,8 @@ CalculiX makes solids of shell elements. A displacement of a shell's node is the
 rotation or a moment acts on the mean rotation of its fibre. Turning about the normal means nothing to a fibre: the
 manual (section "Eight-node shell element") forbids to prescribe it unless all three rotations are, and wants a local
 system where a held rotation is along no axis, as on a plane of symmetry across a curved shell. With such a system the
-node in the middle of the thickness stays free (CalculiX issue 43): the roof is then .04 % too soft with 16 x 16
-cells of S8R, and .2 % with 64. This deck has none. Whole shells are solved unless `symmetry` is asked for.
+roof is .04 % too soft with 16 x 16 cells of S8R, and .2 % with 64; CalculiX issue 43 may be the reason. This deck has
+none. Whole shells are solved unless `symmetry` is asked for.
 """
 
 from __future__ import annotations
