@@ -261,7 +261,7 @@ def page(kept: dict[str, Any]) -> str:
         "",
         "`newton-style3d` multiplies velocities by 0.998 in every step (`style3d/kernels.py`, `update_velocity`). Shorter steps therefore damp more:",
         f"after 1 s the cloth has fallen {fell_coarse} of the right distance with steps of {step_of('newton', 1e-2):.2g} s, and {fell} with {step_of('newton', 1e-3):.2g} s. The factor is not an option.",
-        "Such damping keeps cloth calm at a fixed step. But refining the step leads to no limit. A search of the tracker found no report. A deck of newton alone, with",
+        "Such damping keeps cloth calm at a fixed step. But refining the step leads to no limit. One search of the tracker found no report. A deck of newton alone, with",
         "its own grid and default options (`plugins/newton/decks/free_fall.py`), shows the same:",
         "",
         *fence(kept.get("decks", {}).get("free_fall", [])),
@@ -304,7 +304,7 @@ def page(kept: dict[str, Any]) -> str:
         "- **Thickness.** With a non-linear material, `energy.py` integrates over the thickness by Simpson's rule and *subtracts* the strain energy of the",
         "  bottom, where the rule adds it. Uniform stretch then counts two thirds. Pure bending stores nothing. Bending with stretch depends on its sign and can be",
         "  negative. Loads have the weights 1, 4 and 1 with the same reversed sign, so stretch under a uniform load is unaffected. The branch of the linear material",
-        "  has no such sum. Cotton, silk and canvas of the released configurations are non-linear materials. A search of the tracker found no report.",
+        "  has no such sum. Cotton, silk and canvas of the released configurations are non-linear materials. One search of the tracker found no report.",
         "<!-- end -->",
     ]
     return "\n".join(lines) + "\n"
