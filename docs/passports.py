@@ -231,6 +231,7 @@ def page(kept: dict[str, Any]) -> str:
         "",
         "A cloth simulator asks for numbers of its own: triangle and edge stiffnesses instead of E, nu and h. A passport measures the",
         "stiffness that comes out, as a multiple of the one that was asked for. One means: as asked.",
+        "No example of newton's own was run here, beside decks of newton alone and closed forms of one cell.",
         "",
         "<!-- table passports -->",
         f"Versions: {', '.join(sorted(used))}. `docs/passports.py` measures and writes this page.",
