@@ -187,7 +187,13 @@ def run(asked: Sequence[str], cases: Sequence[str], again: bool) -> None:
             values = shells[name].get("values", [])
             print(f"{element.label}, {name}: {values[-1:] or shells[name]}", flush=True)
             FIGURES.parent.mkdir(exist_ok=True)
-            FIGURES.write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n")
+            keep(kept)
+
+
+def keep(found: Mapping[str, Any]) -> None:
+    """Write the file of figures, an element a line."""
+    lines = (f"{json.dumps(key)}: {json.dumps(row, sort_keys=True)}" for key, row in sorted(found.items()))
+    FIGURES.write_text("{\n" + ",\n".join(lines) + "\n}\n")
 
 
 def apart(solver: str, question: str, settings: Mapping[str, Any]) -> dict[str, Any]:
