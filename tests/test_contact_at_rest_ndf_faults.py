@@ -22,6 +22,7 @@ from shellbench.solvers.ndf.path.equilibrium import PathProblem
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.stepping.control import PathEndsError
 from tests.injecting import shares_of_tolerances
+from tests.test_contact_ndf_faults import glued as pulling_obstacles
 
 STRIP, DRAPE = "contact_heavy_strip", "contact_drape"
 TURN = {"kind": "rotation", "axis": [0, 1, 0], "angle": "10*t"}
@@ -57,14 +58,8 @@ def at_rest(patch):
 
 
 def glued(patch):
-    """Obstacles that pull as well, at all points that the load alone would push in."""
-
-    def stuck(compliance, gap, give):
-        forces, held = np.zeros(len(gap)), gap < 0
-        forces[held] = np.linalg.solve((compliance + np.diag(give))[np.ix_(held, held)], -gap[held])
-        return forces
-
-    patch.setattr(touching, "least_forces", stuck)
+    """Obstacles that pull as well."""
+    pulling_obstacles(patch, touching)
 
 
 def halved(patch):

@@ -43,7 +43,7 @@ def pulled(patch):
     patch.setattr(contact, "least_forces", lambda *a: -forces(*a))
 
 
-def glued(patch):
+def glued(patch, module=contact):
     """Obstacles that pull as well, at all points that the load alone would push in."""
 
     def stuck(compliance, gap, give):
@@ -51,7 +51,7 @@ def glued(patch):
         forces[held] = np.linalg.solve((compliance + np.diag(give))[np.ix_(held, held)], -gap[held])
         return forces
 
-    patch.setattr(contact, "least_forces", stuck)
+    patch.setattr(module, "least_forces", stuck)
 
 
 def turned_normal(patch):

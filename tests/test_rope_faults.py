@@ -39,35 +39,16 @@ def no_push_of_the_root(stepper, places, velocities, external, root):
     return stepper, places, velocities, external, (root[0], np.zeros(3), root[2])
 
 
-def printed_tensions(patch):
-    original = Stepper.tensions
-
-    def tensions(stepper, *rest):
-        return original(replace(stepper, scheme=replace(stepper.scheme, printed=True)), *rest)
-
-    patch.setattr(Stepper, "tensions", tensions)
-
-
-def strict(patch):
-    original = Stepper.links
-
-    def links(stepper, *rest):
-        return original(replace(stepper, scheme=replace(stepper.scheme, taut=0.0)), *rest)
-
-    patch.setattr(Stepper, "links", links)
+def schemed(method, **changes):
+    """Call a method of the stepper with another scheme."""
+    return given(Stepper, method, lambda own, *rest: (replace(own, scheme=replace(own.scheme, **changes)), *rest))
 
 
 def pulls_may_push(patch):
     patch.setattr(pulls, "direct_pulls", lambda rows: pulls.eliminate(rows, rows.taut))
 
 
-def undamped(patch):
-    original = Stepper.external
-
-    def external(stepper, *rest):
-        return original(replace(stepper, chains=replace(stepper.chains, damping=0.0)), *rest)
-
-    patch.setattr(Stepper, "external", external)
+undamped = given(Stepper, "external", lambda own, *rest: (replace(own, chains=replace(own.chains, damping=0.0)), *rest))
 
 
 def one_sided(patch):
@@ -89,15 +70,15 @@ FAULTS = (
     Fault("tensions push", "rope_static", wrapped(stepping.pulls, "direct_pulls", lambda found: -found)),
     Fault("tensions are twice as large", "rope_wind", wrapped(stepping.pulls, "direct_pulls", lambda found: 2 * found)),
     Fault("pulls may push", "rope_jerk", pulls_may_push),
-    Fault("tensions as printed", "rope_falling_root", printed_tensions),
-    Fault("tensions as printed, in motion", "rope_unequal_links", printed_tensions),
+    Fault("tensions as printed", "rope_falling_root", schemed("tensions", printed=True)),
+    Fault("tensions as printed, in motion", "rope_unequal_links", schemed("tensions", printed=True)),
     Fault("masses upside down", "rope_jerk", given(pulls, "mass_rows", lambda d, m, *rest: (d, m[::-1], *rest))),
     Fault("all masses are 1 kg", "rope_unequal_links", given(pulls, "mass_rows", lambda d, m, *rest: (d, m * 0 + 1, *rest))),
     Fault("no centripetal term", "rope_circle", given(Stepper, "tensions", no_centripetal)),
     Fault("no centripetal term, nine links", "rope_nine_links", given(Stepper, "tensions", no_centripetal)),
     Fault("the root's acceleration is left out", "rope_falling_root", given(Stepper, "tensions", no_root_acceleration)),
     Fault("the root's velocity is left out", "rope_unequal_links", given(Stepper, "tensions", no_push_of_the_root)),
-    Fault("taut without a tolerance", "rope_pendulum", strict),
+    Fault("taut without a tolerance", "rope_pendulum", schemed("links", taut=0.0)),
     Fault("no impulses", "rope_jerk", lambda patch: patch.setattr(Stepper, "apply_impulses", lambda self, x, v, *_: v)),
     Fault("no impulses at the catch", "rope_catch", lambda patch: patch.setattr(Stepper, "apply_impulses", lambda self, x, v, *_: v)),
     Fault("directions of neighbours do not couple", "rope_nine_links", wrapped(pulls, "cosines", lambda c: (0 * c[0], 0 * c[1]))),
