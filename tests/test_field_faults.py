@@ -29,9 +29,16 @@ SMALLER = {  # as right, and cheaper
     ("field_stretch", "vertex-mesh"): {"resolution": 8},
     ("field_hang", "vertex-mesh"): {"resolution": 24},
 }
-LONG = {"field_sine", "field_stretch", "field_hang", "field_ball", "field_drape", "field_torus", "field_prism"} | {
-    f"field_order_{name}" for name in ("grid", "positional", "plain")
-}
+LONG = {
+    "field_sine",
+    "field_stretch",
+    "field_hang",
+    "field_ball",
+    "field_drape",
+    "field_torus",
+    "field_prism",
+    "field_disc",
+} | {f"field_order_{name}" for name in ("grid", "positional", "plain")}
 RUNS = sorted((case, name) for name, held in catalog.tolerances().items() for case in held if case.startswith("field_"))
 
 

@@ -189,6 +189,7 @@ def test_without_a_fault_the_gate_is_green(solver, case, tmp_path):
     must_be_green(solver, case, tmp_path)
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(
     "fault",
     marked([(fault,) for fault in FAULTS], lambda fault: (fault.solver, fault.name) in LONG_FAULTS),

@@ -224,6 +224,7 @@ def test_the_pressed_plate_stays_so_flat_that_it_is_linear():
 # --- a plate on a bed, and a tube under pressure ------------------------------------------------
 
 
+@pytest.mark.long
 def test_the_bed_carries_what_presses_the_raft():
     deflection, work, bed = raft.series()
     (x, v), (y, w) = (np.polynomial.legendre.leggauss(n) for n in (40, 60))

@@ -193,6 +193,7 @@ def test_without_lateral_contraction_the_compressed_sleeve_stays_a_cylinder():
     assert state.force == pytest.approx(2 * np.pi * 0.25 * 5000.0 * THICK * (1 - 0.98**2) / 2 * 0.98, rel=1e-10)
 
 
+@pytest.mark.long
 def test_critical_force_of_a_thin_cylinder_is_the_classical_one():
     """2 pi E h^2 / sqrt(3) without lateral contraction; corrections are of order h / R and 1 / n^2."""
     sleeve = Sleeve(THIN, poisson=0.0, functions=44)
@@ -202,6 +203,7 @@ def test_critical_force_of_a_thin_cylinder_is_the_classical_one():
     assert first.state.force == pytest.approx(classical, rel=0.02)
 
 
+@pytest.mark.long
 def test_critical_torque_of_a_long_tube():
     """Timoshenko and Gere, Theory of Elastic Stability, ch. 11: two waves; clamped ends raise it less and less."""
     h, nu = 0.006, 0.25

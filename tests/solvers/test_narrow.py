@@ -101,6 +101,7 @@ def test_what_no_cells_tell_is_named_with_its_place():
     assert plate("1 + xi1").undecided is None
 
 
+@pytest.mark.long
 def test_a_mesh_that_does_not_resolve_a_stiffness_says_so():
     material = {"youngs_modulus": 1e7, "poissons_ratio": 0.3, "thickness": 0.01, "thickness_factor": OBLIQUE}
     solution = FemSolver().solve(plate("1", material=material), FemSettings(cells=(4, 4)))

@@ -12,6 +12,7 @@ from shellbench.problems.shell.variants import slopes
 from shellbench.testing import derivatives
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("name", "solver", "settings", "limit"),
     [

@@ -90,6 +90,7 @@ def test_coordinates_that_turn_the_normal_exchange_the_sides():
     assert catalog.variant_of(case, "units").quantity("stress").factor == pytest.approx(1e6)  # N/mm^2 to Pa
 
 
+@pytest.mark.long
 def test_a_solver_has_the_stresses_of_moments_and_of_forces_at_edges():
     """Moments of 12 N at the ends of xi1 lift them: the top is pressed. Those at xi2 pull it."""
     bent = FemSolver().solve(asked(), FemSettings())

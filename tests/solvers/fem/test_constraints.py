@@ -72,6 +72,7 @@ def test_a_clamped_edge_does_not_turn_even_in_oblique_coordinates(surface):
     assert turned[1] <= turned[0] / 4 + 1e-12
 
 
+@pytest.mark.long
 def test_a_clamped_curved_shell_converges_with_order_four():
     """Nodal ties alone leave an error of first order, of 3e-4 here: see `shellbench.solvers.fem.mechanics.clamping`."""
     thick = {"youngs_modulus": 1e4, "poissons_ratio": 0.3, "thickness": 0.2}

@@ -101,6 +101,7 @@ def test_short_sequences_promise_nothing():
     assert estimate([2.0, 2.0, 2.0], RESOLUTIONS).uncertainty == 0.0
 
 
+@pytest.mark.long
 def test_an_edge_of_contact_at_the_end_of_its_line_is_no_surer_than_it_is_far_from_there():
     # pressed by a tenth of its load, the strip touches with its middle alone, the end of the line of 0.5 m
     whole = named_case("contact_strip_stages").data()

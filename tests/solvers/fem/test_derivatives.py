@@ -113,6 +113,7 @@ GROUPS = {
 }
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("group", GROUPS)
 def test_a_derivative_is_that_of_the_answer_on_the_same_mesh(group):
     assert largest_error(shell(), GROUPS[group]) < 3e-8
@@ -135,6 +136,7 @@ def test_derivatives_of_random_small_shells(height, twist, thickness, ratio, cla
     assert largest_error(case, ("material.thickness", "surface.H"), {"moved", "energy"}) < 1e-7
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("name", "more"),
     [

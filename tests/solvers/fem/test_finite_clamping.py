@@ -155,6 +155,7 @@ def test_rims_that_turn_together_cost_no_energy(axis):
     assert np.log2(energies[0] / energies[1]) > 5  # what is left is the interpolation of a circle
 
 
+@pytest.mark.long
 def test_between_the_nodes_of_turned_rims_the_gap_closes_with_the_fourth_power():
     """The ties hold it and its derivative along the rim at the nodes, about the turned normal."""
     loads = [{"kind": "area", "vector": ["-0.1*t*sin(xi1)", 0, "0.1*t*(1 + cos(xi1))"]}]

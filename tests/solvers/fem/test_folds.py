@@ -139,6 +139,7 @@ def box(**more):
     )
 
 
+@pytest.mark.long
 def test_a_box_girder_twists_by_bredt_and_saint_venant():
     """T = G (4 A^2 / (U/h) + U h^3/3) theta', exact for walls whose ends turn rigidly and may warp; a fold is a seam."""
     assert solved(box())["torque"] == pytest.approx(TORQUE, rel=1e-9)
@@ -152,6 +153,7 @@ def test_a_fold_without_angle_changes_nothing():
     assert solved(folded)["strain_energy"] == pytest.approx(solved(plain)["strain_energy"], rel=2e-6)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["axes", "turned", "units", "flipped", "swapped", "stretched", "warped"])
 def test_an_angle_asked_otherwise_answers_the_same(name):
     case = angle()
@@ -213,6 +215,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", FAULTS)
 def test_faults_at_folds_are_seen(name, monkeypatch):
     place, attribute, fault = FAULTS[name]
@@ -250,6 +253,7 @@ def test_other_theories_and_degree_3_decline_folds():
     assert "obliquely" in FemSolver().declines(oblique)
 
 
+@pytest.mark.long
 def test_an_angle_between_clamps_vibrates_as_the_frame_does():
     """Its fold turns, and stays but for 1e-4 of stretching: bars that are clamped and pinned, then clamped at both ends."""
     modes = [{"name": f"mode_{k}", "kind": "frequency", "number": k, "primary": k == 1} for k in (1, 2)]

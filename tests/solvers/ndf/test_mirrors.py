@@ -232,6 +232,7 @@ def test_planes_change_an_answer_by_less_than_it_is_sure_of(roof):
     np.testing.assert_allclose(*energies, rtol=plain.diagnostics["challenge_gain"] + ROUNDING)
 
 
+@pytest.mark.long
 def test_a_mirror_of_the_wrong_sign_is_another_shell(roof, monkeypatch):
     def energy():
         return solved(ROOF, neurons=60, largest_gap=1.0, mirrors=True).diagnostics["certified_energy"]

@@ -173,6 +173,7 @@ def test_challengers_that_lose_certified_energy_are_no_part_of_the_answer(lost):
     assert SolvedLevel(None, (), first, (challenged,) * 3, dict).best is (first if lost == 1e-6 else challenged)
 
 
+@pytest.mark.long
 def test_challengers_that_exploit_their_rule_do_not_make_the_field_worse():
     """Lame's solution is smooth: 120 neurons have it to 1e-12 in energy, and challengers at the edges are beside it."""
     solution = solve("pulled_ring")

@@ -342,6 +342,7 @@ QUANTITIES = [
 ]
 
 
+@pytest.mark.long
 def test_quantities_at_the_critical_point_survive_a_file(tmp_path):
     case = strut(quantities=QUANTITIES)
     solution = RitzSolver().solve(case, RitzSettings(neurons=40, scale=2.5, panels=(5, 2)))

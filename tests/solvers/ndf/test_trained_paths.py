@@ -108,6 +108,7 @@ def test_faults_of_training_gain_nothing(bent, fault, monkeypatch):
     assert not gain(bent) > GAINED
 
 
+@pytest.mark.long
 def test_a_trained_path_is_nearer_than_one_as_drawn():
     """At equal width, the trained network stores more of the energy of a wide one, which is right to 1e-4."""
     case = strip()
@@ -121,6 +122,7 @@ def test_a_trained_path_is_nearer_than_one_as_drawn():
     assert abs(short - up) < 0.1 * abs(drawn - up)
 
 
+@pytest.mark.long
 def test_a_trained_network_that_cannot_follow_the_path_is_dropped(monkeypatch):
     """The path of the drawn layers is an answer already, and stays."""
 

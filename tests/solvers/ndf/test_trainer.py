@@ -281,6 +281,7 @@ def test_a_start_drawn_as_usual_gets_there_too(seed):
     assert errors[-1] < 1e-3 < errors[0]
 
 
+@pytest.mark.long
 def test_a_linear_path_under_edge_moments_states_its_error():
     """`cases/bent_plate.toml`: against the values of its derivation."""
     case = catalog.named_case("bent_plate")
