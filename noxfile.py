@@ -14,11 +14,20 @@ CONSTRAINTS = ("-c", "constraints.txt")
 QUICK_SOLVERS = ("--solver", "fem", "--solver", "ndf-ritz", "--seed", "0")
 GATES = ("--regression", "--cost")  # what is reported unless it is asked to be judged
 STUDIES = ("resolution", "thinness", "sampling", "training")
-PINNED_EXTRAS = ("compiled", "dask", "vtk", "test", "docs", "lint")  # `fast` is Intel's alone
+PINNED_EXTRAS = ("compiled", "vtk", "test", "docs", "lint")  # `fast` is Intel's alone
 PINNED = "# Versions that CI installs: pip install -c constraints.txt . Written by: python -m nox -s constraints\n"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 LARGE = ("newton", "ngsolve")  # plug-ins whose programs are large: the quick session leaves them out
-PLUGINS = ("calculix", "kratos", "mujoco", "nastran", "newton", "ngsolve", "opensees")  # packages below plugins/
+PLUGINS = (
+    "calculix",
+    "dask",
+    "kratos",
+    "mujoco",
+    "nastran",
+    "newton",
+    "ngsolve",
+    "opensees",
+)  # packages below plugins/
 CALIBRATED = ("obstacle_course", "verification", "shapes", "variants", "thinness")  # the linear shells
 ONE_THREAD = ("--threads", "1")  # as many runs at a time as there are cores: none waits where others can't share work
 SPEED = "rope_speed"  # whose runs are made one at a time: none waits for memory that others use
@@ -420,7 +429,7 @@ def paper(session: nox.Session) -> None:
 @nox.session
 def tests(session: nox.Session) -> None:
     """Run the quick tests, in parallel."""
-    install(session, "test", "compiled", "dask")
+    install(session, "test", "compiled")
     if not any(map(shutil.which, BROWSERS)):
         session.run("playwright", "install", "chromium", silent=True, success_codes=range(256))  # else tests say so
     # Work is stolen from the end: tests of one file stay together, and what they share is made once.
@@ -430,7 +439,7 @@ def tests(session: nox.Session) -> None:
 @nox.session
 def long(session: nox.Session) -> None:
     """Run the tests that take more than a few seconds each: accuracy, injected faults, killed runs."""
-    install(session, "test", "compiled", "dask")
+    install(session, "test", "compiled")
     session.run("pytest", "-n", "2", "--dist", "worksteal", "-m", "long", *session.posargs)
 
 

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from shellbench.bench.store.store import Store
 
 
+EXECUTORS = "shellbench.executors"  # entry points of packages that make runs elsewhere
 QUICK_SOLVERS = ("fem", "ndf-ritz")  # the solver of each kind that takes seconds
 
 
@@ -221,9 +222,13 @@ def _print_logs(where: Store, outcomes: list[Outcome]) -> None:
 
 def _executor(scheduler: str | None, jobs: int | None, threads: int | None, timeout: float | None) -> Executor:
     if scheduler is not None:
-        from shellbench.bench.run.cluster import DaskCluster
+        from shellbench.bench.plugins.registry import load, registered
 
-        return DaskCluster(scheduler, jobs, threads, timeout, say)
+        found = registered(EXECUTORS, "executor").get("dask")
+        if found is None:
+            raise InputError("--scheduler needs the plug-in for Dask: python -m pip install ./plugins/dask in a clone")
+        executor: Executor = load(found, "executor", lambda make: make(scheduler, jobs, threads, timeout, say))
+        return executor
     from shellbench.bench.run.local import LocalProcesses
     from shellbench.bench.store import environment
 

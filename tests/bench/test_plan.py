@@ -11,7 +11,6 @@ from shellbench.bench.plugins.kinds import problem_of
 from shellbench.bench.plugins.registry import find_solver, load_solver, solver_entries
 from shellbench.bench.plugins.settings import parse_setting
 from shellbench.bench.run.plan import Plan, Request, make_plan, wanted_runs
-from shellbench.bench.run.remote import reason_unfit
 from shellbench.bench.store import environment
 from shellbench.bench.store.store import Contents, Store
 from shellbench.bench.store.task import Task
@@ -266,12 +265,6 @@ def test_the_version_of_an_engine_is_in_identity_and_environment(toys: Path, plu
     (task,) = plan("strip", solvers=("toy",), settings={"toy": {"factor": 2.0}}).tasks
     assert task.identity.settings["engine"] == f"psutil {version('psutil')}"
     assert task.environment.versions["psutil"] == version("psutil")
-
-
-@pytest.mark.parametrize(("case", "solver"), [("hanging_chain", "chain"), ("square_plate", "fem")])
-def test_a_worker_with_the_same_source_fits_whatever_the_kind_of_problem(case: str, solver: str) -> None:
-    (task,) = plan(case, solvers=(solver,)).tasks
-    assert reason_unfit(task) is None
 
 
 def quick(**asked: Any) -> list[tuple[str, str, tuple[int, ...]]]:

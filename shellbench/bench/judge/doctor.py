@@ -34,7 +34,7 @@ from shellbench.errors import ShellbenchError
 
 State = Literal["ok", "note", "BAD"]
 PACKAGES = ("numpy", "scipy", "scikit-fem", "torch", "pandas", "pydantic")
-OPTIONAL = {"pypardiso": "fast", "numba": "compiled", "pyvista": "vtk", "distributed": "dask"}  # with their extras
+OPTIONAL = {"pypardiso": "fast", "numba": "compiled", "pyvista": "vtk"}  # with their extras
 GIGABYTE = 1e9
 MEMORY = 2 * GIGABYTE  # a training of the course takes 1.6 GB
 DISK, LEAST_DISK = 2 * GIGABYTE, 0.05 * GIGABYTE  # a suite's records, and one record with its fields

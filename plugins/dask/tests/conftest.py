@@ -4,12 +4,17 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.bench.cluster.two_workers import Cluster
+pytest.importorskip("distributed", reason="needs Dask: python -m pip install ./plugins/dask")
+
+from two_workers import Cluster
+
+from tests.bench.conftest import own_case, plugin, store, toys
+
+__all__ = ["own_case", "plugin", "store", "toys"]  # fixtures of toys
 
 
-@pytest.fixture(scope="package")  # no longer: other tests look at all processes that this one has started
+@pytest.fixture(scope="session")
 def started(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
-    pytest.importorskip("distributed", reason="needs the extra dask")
     cluster = Cluster(tmp_path_factory.mktemp("dask"))
     try:
         yield cluster.start()

@@ -3,15 +3,15 @@
 from pathlib import Path
 
 import pytest
+from on_cluster import by_behaviour, on_cluster, toy_tasks
+from shellbench_dask import cluster as module
+from shellbench_dask.cluster import LOSSES, DaskCluster, address_of
+from two_workers import Cluster
 
-from shellbench.bench.run import cluster as module
-from shellbench.bench.run.cluster import LOSSES, DaskCluster, address_of
 from shellbench.bench.run.display import Silent
 from shellbench.bench.run.execute import execute
 from shellbench.bench.store.store import Store
 from shellbench.errors import InputError
-from tests.bench.cluster.running import by_behaviour, on_cluster, toy_tasks
-from tests.bench.cluster.two_workers import Cluster
 from tests.bench.test_compare import edit
 from tests.patience import until
 
@@ -136,7 +136,6 @@ def test_what_is_no_address_is_refused(given: str, said: str) -> None:
 
 
 def test_a_scheduler_that_does_not_answer_is_refused(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("distributed", reason="needs the extra dask")
     monkeypatch.setattr(module, "PATIENCE", 0.5)
     executor = DaskCluster("tcp://127.0.0.1:9", None, 1, None, print)
     with pytest.raises(InputError, match="no Dask scheduler answers there") as caught:

@@ -12,24 +12,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from two_workers import Cluster
 
 from shellbench.bench.store.store import Store
-from tests.bench.cluster.two_workers import Cluster
 from tests.bench.conftest import PLUGIN
 from tests.patience import COMMAND_LINE, GUARD, until
 
 PRESSES = 20
-IMPATIENT = f"from shellbench.bench.run import cluster; cluster.PATIENCE = 0.5; {COMMAND_LINE}"
+IMPATIENT = f"from shellbench_dask import cluster; cluster.PATIENCE = 0.5; {COMMAND_LINE}"
 WITHOUT_DASK = f"""
-import sys
-from importlib import metadata
-sys.modules["distributed"] = sys.modules["dask"] = None
-version = metadata.version
-def blocked(name):
-    if name in ("dask", "distributed"):
-        raise metadata.PackageNotFoundError(name)
-    return version(name)
-metadata.version = blocked
+from shellbench.bench.plugins import registry
+registered = registry.registered
+registry.registered = lambda group, what: {{}} if what == "executor" else registered(group, what)
 {COMMAND_LINE}
 """
 
@@ -67,23 +61,14 @@ class Program:
         return self.process.returncode, out, err
 
 
-def test_without_the_extra_it_says_which_to_install(own_case: Path, store: Store) -> None:
-    program = Program.start(WITHOUT_DASK, own_case, "--solver", "toy", "--scheduler", "tcp://127.0.0.1:1", "--store", store.folder)  # fmt: skip
-    said = "shellbench: --scheduler: distributed is not installed: python -m pip install 'shellbench[dask]'\n"
-    assert program.end() == (2, "", said)
-
-
-def test_without_the_extra_local_runs_need_nothing(own_case: Path, store: Store) -> None:
-    program = Program.start(WITHOUT_DASK, own_case, "--solver", "toy", "--threads", "1", "--store", store.folder)
-    code, out, err = program.end()
-    assert (code, out.splitlines()[1:], err) == (0, ["1 solved"], "")
-    assert out.startswith("ok own_strip toy ")
-    assert store.read().records[0].environment.threads == 1
+def test_without_the_plug_in_it_says_how_to_install_it(own_case: Path, store: Store) -> None:
+    code, out, err = Program.start(WITHOUT_DASK, own_case, "--solver", "toy", "--scheduler", "a:1", "--store", store.folder).end()  # fmt: skip
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "python -m pip install ./plugins/dask" in err
 
 
 @pytest.mark.long
 def test_an_unreachable_scheduler_is_one_sentence(own_case: Path, store: Store) -> None:
-    pytest.importorskip("distributed", reason="needs the extra dask")
     address = "tcp://127.0.0.1:9"
     code, out, err = Program.start(IMPATIENT, own_case, "--solver", "toy", "--scheduler", address, "--store", store.folder).end()  # fmt: skip
     assert (code, out) == (2, "")
@@ -112,7 +97,6 @@ def test_ctrl_c_stops_the_runs_on_the_workers_and_keeps_what_had_ended(
 @pytest.fixture
 def lone_scheduler(tmp_path: Path) -> Iterator[Cluster]:
     """A scheduler without workers."""
-    pytest.importorskip("distributed", reason="needs the extra dask")
     cluster = Cluster(tmp_path / "lone")
     try:
         yield cluster.start(workers=0)

@@ -6,13 +6,13 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from on_cluster import toy_tasks
+from shellbench_dask import remote
+from shellbench_dask.remote import reason_unfit, standing_by
 
 from shellbench.bench.plugins import source
 from shellbench.bench.plugins.process import ServerProcess
-from shellbench.bench.run import remote
-from shellbench.bench.run.remote import reason_unfit, standing_by
 from shellbench.bench.store.store import Store
-from tests.bench.cluster.running import toy_tasks
 
 pytestmark = pytest.mark.usefixtures("toys")
 

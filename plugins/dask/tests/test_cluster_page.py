@@ -11,10 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from shellbench_dask.cluster import LOSSES
+from shellbench_dask.remote import reason_unfit
 
-from shellbench.bench.run.cluster import LOSSES
+from shellbench.bench.run.plan import Request, make_plan
 from shellbench.bench.store.environment import THREADS
-from shellbench.bench.store.store import Store
+from shellbench.bench.store.store import Contents, Store
 from tests.bench.conftest import PLUGIN
 from tests.patience import GUARD
 
@@ -131,7 +133,6 @@ def test_the_script_of_the_page_makes_a_sweep(tmp_path: Path, own_case: Path, st
 @pytest.mark.long
 def test_the_batch_script_of_the_page_makes_a_sweep(tmp_path: Path, own_case: Path, store: Store) -> None:
     """With an srun that starts one worker on this machine; a job ends with all that it has started."""
-    pytest.importorskip("distributed", reason="needs the extra dask")
     place = environment(tmp_path / "home", tmp_path / "tools", tmp_path / "queue")
     line = f"shellbench run {own_case} --solver toy --store {store.folder}"
     script = block("bash").replace("shellbench run --suite resolution", line) + "code=$?; kill $(jobs -p); exit $code\n"
@@ -141,3 +142,9 @@ def test_the_batch_script_of_the_page_makes_a_sweep(tmp_path: Path, own_case: Pa
     )
     assert (done.returncode, done.stdout.splitlines()[-1]) == (0, "1 solved"), done.stderr
     assert len(store.read().records) == 1
+
+
+@pytest.mark.parametrize(("case", "solver"), [("hanging_chain", "chain"), ("square_plate", "fem")])
+def test_a_worker_with_the_same_source_fits_whatever_the_kind_of_problem(case: str, solver: str) -> None:
+    (task,) = make_plan(Request(cases=(case,), solvers=(solver,)), Contents(())).tasks
+    assert reason_unfit(task) is None

@@ -3,13 +3,14 @@
 from collections.abc import Sequence
 from typing import Any
 
-from shellbench.bench.run.cluster import DaskCluster
+from shellbench_dask.cluster import DaskCluster
+from two_workers import Cluster
+
 from shellbench.bench.run.display import Silent
 from shellbench.bench.run.execute import Observer, Outcome, execute
 from shellbench.bench.run.plan import Request, make_plan
 from shellbench.bench.store.store import Store
 from shellbench.bench.store.task import Task
-from tests.bench.cluster.two_workers import Cluster
 from tests.patience import GUARD
 
 

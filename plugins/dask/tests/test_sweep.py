@@ -9,12 +9,12 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from on_cluster import toy_tasks
+from shellbench_dask import cluster
+from shellbench_dask.cluster import LOSSES, DaskCluster, SchedulerLostError, difference
 
-from shellbench.bench.run import cluster
-from shellbench.bench.run.cluster import LOSSES, DaskCluster, SchedulerLostError, difference
 from shellbench.bench.run.execute import Ended, Event, Started
 from shellbench.bench.store.store import Store
-from tests.bench.cluster.running import toy_tasks
 
 pytestmark = pytest.mark.usefixtures("toys")
 

@@ -28,7 +28,6 @@ from pathlib import Path
 from typing import Any
 
 from shellbench.bench.run.execute import Ended, Event, Progressed, Started
-from shellbench.bench.run.remote import run_task
 from shellbench.bench.store.environment import THREADS
 from shellbench.bench.store.record import Environment, read_document
 from shellbench.bench.store.store import Store
@@ -37,8 +36,8 @@ from shellbench.disk import said_plainly
 from shellbench.errors import InputError, ShellbenchError
 from shellbench.files import read_file
 from shellbench.problem import Progress
-from shellbench.protocol import engine
 from shellbench.protocol.schema import MAX_BYTES
+from shellbench_dask.remote import run_task
 
 LOSSES = 3  # workers that a run may lose before it counts as failed
 LOOK = 1.0  # seconds between two looks at the workers
@@ -89,7 +88,7 @@ class DaskCluster:
         Raises
         ------
         InputError
-            If `distributed` is not installed, or no scheduler answers.
+            If no scheduler answers.
         SchedulerLostError
             If the scheduler is lost during runs.
         """
@@ -324,12 +323,8 @@ def connect_client(given: str) -> Iterator[Any]:
     Raises
     ------
     InputError
-        If `distributed` is not installed, no scheduler answers there, or its versions differ from those here.
+        If no scheduler answers there, or its versions differ from those here.
     """
-    try:
-        engine.need("dask", ["distributed"])
-    except InputError as error:
-        raise InputError(f"--scheduler: {error}") from None
     from distributed import Client
     from distributed.utils import silence_logging_cmgr
 

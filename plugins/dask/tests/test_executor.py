@@ -6,15 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from on_cluster import by_behaviour, toy_tasks
+from shellbench_dask.cluster import DaskCluster
 
-from shellbench.bench.run.cluster import DaskCluster
 from shellbench.bench.run.display import Silent
 from shellbench.bench.run.execute import Ended, Executor, Progressed, Started, execute
 from shellbench.bench.run.local import LocalProcesses
 from shellbench.bench.store.record import Record
 from shellbench.bench.store.store import LOG, Store
 from tests.bench import strip
-from tests.bench.cluster.running import by_behaviour, toy_tasks
 from tests.patience import GUARD
 
 pytestmark = pytest.mark.usefixtures("toys")

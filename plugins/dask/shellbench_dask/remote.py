@@ -1,4 +1,4 @@
-"""One run on a worker of a Dask cluster, for `shellbench.bench.run.cluster`.
+"""One run on a worker of a Dask cluster, for `shellbench_dask.cluster`.
 
 A task arrives as text and runs as a local run (`shellbench.bench.run.local`) in a temporary folder, in a process of its
 own. Its record and the bytes of its files are sent back. The worker tells the client its start and its progress.
