@@ -1,8 +1,8 @@
 """Bend the thick twisted beam of MacNeal & Harder by a shell element of OpenSees: `python beam.py ShellDKGQ 8 88`.
 
-Numbers of cells across and along follow the element. A force of 1 along y is put on the nodes of its end by the trapezoidal rule.
-Only openseespy is used, nothing of shellbench. Prints how far the middle of the end moves along y: .001750742 in thin
-theory. Triangles take the diagonal from the first corner.
+Numbers of cells across and along follow the element. A force of 1 along y is put on the nodes of its end by the
+trapezoidal rule. Only openseespy is used, nothing of shellbench. Prints how far the middle of the end moves along y:
+.001750742 in thin theory. Triangles take the diagonal from the first corner.
 """
 
 import sys
