@@ -16,6 +16,7 @@ from shellbench.cli import app
 from shellbench.errors import InputError
 from shellbench.problems.shell.deck.cells import MESHIO
 from shellbench.problems.shell.deck.deck import Deck
+from shellbench.problems.shell.deck.nodal_field import read_nodes
 from shellbench.problems.shell.sheet.formats import ELEMENTS
 from shellbench.problems.shell.symmetry.symmetry import part_of
 from shellbench.protocol.sheet import ANSWERS, Request
@@ -207,3 +208,21 @@ def test_programs_run_the_decks_as_they_are(program, case, element, point, known
     line = next(line for line in program(folder, stem) if line[:1] == [str(node + 1)])
     for value, expected in zip(line[1:4], known, strict=True):
         assert expected is None or float(value) == pytest.approx(expected, rel=bound, abs=1e-9)
+
+
+def test_a_dat_of_calculix_is_read_with_the_mesh_beside_it(tmp_path):
+    folder, stem = written(tmp_path, "square_plate", "S4", cells=(4,))
+    dat, vtu = folder / f"{stem}.dat", folder / f"{stem}.vtu"
+    x = meshio.read(vtu).points
+    rows = [f" {n} {a:.6E} 0.0 {b:.6E}" for n, (a, b, _) in enumerate(x.tolist(), 1)]
+    states = [["", " displacements (vx,vy,vz) for set ALL and time", "", *part] for part in (rows[::-1], rows)]
+    dat.write_text("\n".join([*states[0], *states[1], "", " total internal energy for set SHELL", " 1 2 3 4"]))
+    _, moved, ((shape, cells),) = read_nodes(dat)
+    assert (shape, len(cells)) == ("quad4", 16)
+    assert np.allclose(moved, np.stack([x[:, 0], 0 * x[:, 0], x[:, 1]], axis=1), atol=1e-4)
+    dat.write_text("\n".join(states[1][:-1]))
+    with pytest.raises(InputError, match=r"node 25, field 'ux': found no finite number"):
+        read_nodes(dat)
+    vtu.unlink()
+    with pytest.raises(InputError, match=r"4x4_S4\.vtu beside it"):
+        read_nodes(dat)

@@ -13,7 +13,7 @@ from shellbench.cli.options import CASES, Format, WideOption, note, say, text_wi
 def judge_command(
     files: Annotated[
         list[Path],
-        typer.Argument(metavar="FILE", help="answers.csv, or nodal results (.vtu, .csv); a file for each mesh."),
+        typer.Argument(metavar="FILE", help="answers.csv, or nodal results (.vtu, .csv, .dat); a file for each mesh."),
     ],
     case: Annotated[
         str | None, typer.Option("--case", metavar="CASE", help="Case that nodal results answer.", **CASES)
@@ -39,8 +39,8 @@ def judge_command(
 ) -> None:
     """Compare values or nodal results of any program with known values, and tell which limit the program tends to.
 
-    `shellbench sheet CASE` writes the answers.csv to fill in. Nodal results are a .vtu with displacements, or a .csv of
-    x, y, z, ux, uy, uz; the mesh may be the whole shell or a symmetric part of it.
+    `shellbench sheet CASE` writes the answers.csv to fill in. Nodal results are a .vtu with displacements, a .csv of
+    x, y, z, ux, uy, uz, or a .dat of CalculiX beside the sheet's .vtu. The mesh may be a symmetric part of the shell.
 
     With --store, the values on the finest mesh are kept as stated results. Tables show them as such, and no gate takes
     them. The exit code is 0 if everything was judged, 1 if --class is missed, 2 for bad input.
@@ -58,14 +58,15 @@ def judge_command(
 
     found = judge_answers(read_sources(files, case, units), Author(name, program, element), theory)
     warn(found.warnings)
-    shown = table(found.judged)
+    shown = table(found.judged, name or " ".join(filter(None, (program, element))))
     if format is Format.json:
         typer.echo(shown.data.to_json(orient="records", indent=1))
     else:
         typer.echo(shown.write(cast(Any, format.value), text_width(wide)), nl=False)
     if store is not None:
         store_records(found, Store(store))
-        note(f"kept in {store} as {', '.join(sorted({f'{r.identity.solver!r}' for r in found.records}))}")
+        kept = ", ".join(record.case_name for record in found.records)
+        note(f"kept in {store} as '{found.records[0].identity.solver}' for {kept}")
     missed = found.missed(size) if size is not None else []
     for one in missed:
         say(f"{one.rows[-1].case} {one.rows[-1].quantity} misses class {size:g}")

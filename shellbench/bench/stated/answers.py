@@ -6,8 +6,10 @@ import csv
 import hashlib
 import io
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 from importlib import import_module
 from pathlib import Path
 from typing import TypeAlias, cast
@@ -24,6 +26,7 @@ from shellbench.protocol.spelling import did_you_mean
 from shellbench.protocol.units import System, factor_between, length_of
 
 COLUMNS, MORE = ANSWERS[:5], ANSWERS[5:]
+NODAL = re.compile(rb"\bux\b|\bu1\b", re.IGNORECASE)  # in the first line of a table of displacements
 SAME_MARK = 1e-6  # relative difference of two marks of one state
 Source: TypeAlias = Path | pd.DataFrame
 
@@ -42,6 +45,8 @@ class Answer:
         Name of the file, and the place in it, for messages.
     nearest
         Distance of the nearest node, if it was measured on a mesh.
+    rounding
+        Half a unit of the last digit that was stated, in the quantity's unit.
     """
 
     case: Problem
@@ -53,6 +58,7 @@ class Answer:
     file: str
     where: str
     nearest: float | None = None
+    rounding: float = 0.0
 
     @property
     def size(self) -> float | None:
@@ -95,7 +101,7 @@ def read_sources(sources: Sequence[Source], case: str | None, units: str | None)
         name = source.name if isinstance(source, Path) else f"table {number}"
         content = _content(source)
         digest = hashlib.sha256(content).hexdigest()
-        nodal = name.endswith(".vtu") or b"ux" in content.split(b"\n", 1)[0]
+        nodal = name.endswith((".vtu", ".dat")) or NODAL.search(content.split(b"\n", 1)[0]) is not None
         if files.setdefault(name, digest) != digest:
             raise InputError(f"{source}: another file is called {name} too")
         if not nodal:
@@ -148,6 +154,11 @@ def _rows(name: str, content: bytes, given: Problem | None) -> Iterator[Answer]:
     columns = [column.strip() for column in next(table, [])]
     lacking = [column for column in COLUMNS if column not in columns]
     unknown = [column for column in columns if column not in COLUMNS + MORE]
+    if len(lacking) == len(COLUMNS):
+        raise InputError(
+            f"{name}: line 1 is no heading of answers ({','.join(COLUMNS)}), nor of displacements (x,y,z,ux,uy,uz);"
+            " CalculiX writes its displacements to .dat"
+        )
     if lacking or unknown or len(set(columns)) < len(columns):
         found = f"no column '{lacking[0]}'" if lacking else f"the columns {without_middle(head.strip())!r}"
         raise InputError(f"{name}: line 1: found {found}; allowed are {', '.join(COLUMNS)} and {', '.join(MORE)}")
@@ -197,9 +208,10 @@ class _Row:
         value = self.number("value")
         assert value is not None
         try:
-            value *= factor_between(self.cells["unit"], quantity.unit)
+            factor = factor_between(self.cells["unit"], quantity.unit)
         except InputError as error:
             raise self.wrong("unit", error) from None
+        rounding = abs(factor) * float(Decimal(5).scaleb(int(Decimal(self.cells["value"]).as_tuple().exponent) - 1))
         try:
             mark: float | None = float(self.cells["at"])
         except ValueError:  # words about the place
@@ -207,6 +219,7 @@ class _Row:
         if mark is not None and quantity.mark is not None and not math.isclose(mark, quantity.mark, rel_tol=SAME_MARK):
             raise self.wrong("at", f"found {mark:g}, but the quantity is asked at {quantity.mark:g}")
         counts = [None if (n := self.number(field, 1)) is None else int(n) for field in MORE[:2]]
+        seconds = self.number("seconds", 0)
         return Answer(
-            case, quantity.name, value, counts[0], counts[1], self.number("seconds", 0), self.file, self.where
+            case, quantity.name, value * factor, counts[0], counts[1], seconds, self.file, self.where, rounding=rounding
         )

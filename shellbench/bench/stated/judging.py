@@ -108,7 +108,10 @@ def judge_answers(read: Read, author: Author, theory: str | None = None) -> Judg
         ladders = {q.name: _ladder(q.name, mine) for q in case.quantities if any(a.quantity == q.name for a in mine)}
         limits = {name: _limit(ladder) for name, ladder in ladders.items()}
         theories = _theories(case)
-        chosen = _theory(case, theories, limits, theory)
+        seen = theory or _theory(case, theories, ladders, limits)
+        if seen is not None and seen not in theories:
+            raise InputError(f"--theory: found {theory!r}, but case '{case.name}' has values of {', '.join(theories)}")
+        chosen = seen or next(name for name, (same, _) in theories.items() if same.digest() == case.digest())
         asked, words = theories[chosen][0], find_kind(case.kind).limits
         meshes = max(len(ladder) for ladder in ladders.values())
         found = {}
@@ -121,6 +124,9 @@ def judge_answers(read: Read, author: Author, theory: str | None = None) -> Judg
         warnings += [words for one in found.values() for words in _doubts(one)]
         lacking = [q.name for q in case.quantities if q.name not in ladders and _known(theories, q.name)]
         warnings += [f"{case.name}: nothing is stated of {', '.join(lacking)}"] if lacking else []
+        if seen is None and len(_known(theories, _headline(case, ladders))) > 1 and meshes >= ENOUGH:
+            own = words.get(chosen, chosen)
+            warnings.append(f"{case.name}: which limit the values tend to is not sure: the {own} judges, or --theory")
         if meshes < ENOUGH:
             few = f"{meshes} mesh{'es' if meshes > 1 else ''}"
             warnings.append(f"{case.name}: {few} of {ENOUGH}: which limit the program tends to is not sure")
@@ -140,14 +146,22 @@ def _ladder(quantity: str, answers: Sequence[Answer]) -> tuple[Answer, ...]:
     sizes = [answer.size for answer in found]
     for number, answer in enumerate(found):
         if len(found) > 1 and (answer.size is None or answer.size in sizes[:number]):
-            why = "no number of cells" if answer.size is None else "the mesh of another of its values"
-            raise InputError(f"{answer.file}: {answer.where}, field 'cells': {quantity} has several values, this {why}")
+            if answer.size is None:
+                raise InputError(
+                    f"{answer.file}: {answer.where}, field 'cells': {quantity} has other values: on which mesh?"
+                )
+            other = found[sizes.index(answer.size)]
+            raise InputError(
+                f"{answer.file}: {answer.where}: {quantity} has a value on this mesh in {other.file}, {other.where},"
+                " too: judge each element for itself"
+            )
     return tuple(sorted(found, key=lambda answer: -(answer.size or 0.0)))
 
 
 def _limit(ladder: Sequence[Answer]) -> Limit | None:
     sizes = [answer.size or 1.0 for answer in ladder]
-    return None if len(ladder) == 1 else limit_of(sizes, [answer.value for answer in ladder])
+    rounding = min(answer.rounding for answer in ladder)  # spreadsheets drop zeros at the end of some
+    return None if len(ladder) == 1 else limit_of(sizes, [answer.value for answer in ladder], rounding)
 
 
 Theories = Mapping[str, tuple[Problem, KnownValues]]
@@ -171,16 +185,22 @@ def _known(theories: Theories, quantity: str) -> dict[str, KnownValue]:
     return {name: value for name, value in judges.items() if value is not None}
 
 
-def _theory(case: Problem, theories: Theories, limits: Mapping[str, Limit | None], asked: str | None) -> str:
-    """Return the name of the theory in which a case is judged."""
-    if asked is not None and asked not in theories:
-        raise InputError(f"--theory: found {asked!r}, but case '{case.name}' has values of {', '.join(theories)}")
-    own = next(name for name, (same, _) in theories.items() if same.digest() == case.digest())
-    headline = next(q.name for q in sorted(case.quantities, key=lambda q: not q.primary) if q.name in limits)
+def _headline(case: Problem, stated: Mapping[str, object]) -> str:
+    """Return the primary quantity, or the first that is stated."""
+    return next(q.name for q in sorted(case.quantities, key=lambda q: not q.primary) if q.name in stated)
+
+
+def _theory(
+    case: Problem, theories: Theories, ladders: Mapping[str, Sequence[Answer]], limits: Mapping[str, Limit | None]
+) -> str | None:
+    """Return the name of the theory whose limit the headline tends to; None if it does not tell the limits apart."""
+    headline = _headline(case, ladders)
     limit, known = limits[headline], _known(theories, headline)
-    if asked is not None or limit is None or limit.rate is None or not known:
-        return asked or own
-    return min(known, key=lambda name: abs(known[name].value - limit.value))
+    if limit is None or not known or len(ladders[headline]) < ENOUGH:
+        return None
+    far = {name: abs(value.value - limit.value) for name, value in known.items()}
+    nearest, *others = sorted(far, key=lambda name: far[name])
+    return nearest if all(far[name] - far[nearest] > 2 * limit.uncertainty for name in others) else None
 
 
 def _record(

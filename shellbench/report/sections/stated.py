@@ -18,11 +18,11 @@ COLUMNS += ["error", "absolute_error", "class", "rate", "nearest_node", "seconds
 SETTLED = 1e-9  # relative spread of values that no longer change
 
 
-def table(judged: Sequence[Judged]) -> Table:
+def table(judged: Sequence[Judged], name: str = "") -> Table:
     """Return the table: for each quantity the known limits, the values from coarse to fine, and their limit."""
     return Table(
         name="stated",
-        title="Stated values",
+        title=f"Stated values{f': {name}' if name else ''}",
         caption="Errors are relative to the known value that is marked with *: that of the theory which judges. A class"
         " is the tightest relative error that the value is within. Digits in brackets are uncertainties.",
         data=frame([line for one in judged for line in _lines(one)], COLUMNS),
@@ -91,11 +91,15 @@ def tends_to(one: Judged) -> str:
     value, doubt = one.limit.value, one.limit.uncertainty
     first, *others = (abs(of.value - value) - (of.uncertainty or 0.0) for _, of in listed)
     if one.limit.rate is None and len(one.rows) >= ENOUGH and doubt > SETTLED * abs(value):
-        begin = f"approaches no limit: the last three values differ by {doubt:.2g}"
+        begin = f"shows no rate of convergence: the last values differ by {doubt:.2g}"
     else:
         begin = f"tends to {_number(value, doubt)}"
+    nearest, near = listed[0]
     if any(other <= doubt for other in others):
         begin += ", which is too uncertain to tell the limits apart"
-    elif first > max(BLUNT * doubt, CLASSES[-1] * abs(listed[0][1].value)):
+    elif first > max(BLUNT * doubt, CLASSES[-1] * abs(near.value)):
         begin += ", which is none of the known limits"
+    elif first > BLUNT * doubt and near.value:
+        off = MARKDOWN.error((value - near.value) / abs(near.value))
+        begin += f", which is {off} from the {nearest}, more than the meshes explain"
     return f"{begin}: {'; '.join(known)}"

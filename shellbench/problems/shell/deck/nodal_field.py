@@ -27,7 +27,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.deck.cells import MESHIO, Mesh, Shape, shapes_at
 from shellbench.problems.shell.deck.solver import OF_DISPLACEMENTS
 from shellbench.problems.shell.deck.vtu import read_vtu
-from shellbench.problems.shell.mesh.other import LINES
+from shellbench.problems.shell.mesh.other import LINES, meshio_mesh
 from shellbench.problems.shell.posed.rigid import rigid_modes
 from shellbench.problems.shell.quantities.quantities import PointQuantity
 from shellbench.problems.shell.question.conditions import RIGID_MOTIONS
@@ -39,8 +39,10 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 COLUMNS = ["x", "y", "z", "ux", "uy", "uz"]
+OTHER_NAMES = {"u1": "ux", "u2": "uy", "u3": "uz"}
 SHAPES = {name: shape for shape, name in MESHIO.items()}
 FARTHEST = 1e-3  # of the shell's size: largest distance of its nodes from the midsurface
+HALF = "half the thickness: nodes of a solid; print those of the shell, as the .dat has them"
 SAMPLES = 201  # points a side of the midsurface from which closest points are looked for
 STEPS, NEAR = 30, 1e-13  # of the search, and where it ends, in sides of the domain
 ON_BOUND = 1e-5  # of the domain's side: nodes as near to a bound, or a plane of symmetry, lie on it in another program
@@ -82,8 +84,15 @@ Cells = list[tuple[Shape, Integers]]
 def read_nodes(path: Path) -> tuple[Array, Array, Cells]:
     """Return positions (n, 3), displacements (n, 3), and cells by shape; none of a CSV file."""
     content = read_file(path, LARGEST_RESULT)
-    if path.suffix == ".vtu":
-        mesh, moved = read_vtu(content)
+    if path.suffix in (".vtu", ".dat"):
+        if path.suffix == ".vtu":
+            mesh, moved = read_vtu(content)
+        else:
+            beside = path.with_suffix(".vtu")
+            if not beside.is_file():
+                raise InputError(f"it has numbers of nodes only: put the sheet's {beside.name} beside it")
+            mesh = meshio_mesh(read_file(beside, LARGEST_RESULT), ".vtu")
+            moved = _last_displacements(content, len(mesh.points))
         blocks = [block for block in mesh.cells if block.type not in LINES]
         for block in blocks:
             if block.type not in SHAPES:
@@ -92,22 +101,35 @@ def read_nodes(path: Path) -> tuple[Array, Array, Cells]:
         if not cells:
             raise InputError("it has no cells")
         data = np.hstack([np.asarray(mesh.points, float), moved])
-        first = 0
+        first = 1
     else:
         try:
             table = pd.read_csv(io.BytesIO(content), dtype=str, skipinitialspace=True)
         except (ValueError, pd.errors.ParserError) as error:
             raise InputError(f"it is no CSV ({without_middle(' '.join(str(error).split()))})") from None
+        table.columns = [OTHER_NAMES.get(name, name) for name in map(str.lower, map(str.strip, table.columns))]
         if lacking := [name for name in COLUMNS if name not in table]:
             raise InputError(f"line 1, field '{lacking[0]}': not found; the columns are {', '.join(COLUMNS)}")
         data, cells, first = table[COLUMNS].apply(pd.to_numeric, errors="coerce").to_numpy(float), [], 2
     bad = np.argwhere(~np.isfinite(data))
     if len(bad):
-        where = f"{'line' if first else 'node'} {bad[0, 0] + first}"
+        where = f"{'line' if first == 2 else 'node'} {bad[0, 0] + first}"
         raise InputError(f"{where}, field '{COLUMNS[bad[0, 1]]}': found no finite number")
     if len(data) < 3:
         raise InputError(f"it has {len(data)} nodes, and a mesh has at least 3")
     return data[:, :3], data[:, 3:], cells
+
+
+def _last_displacements(content: bytes, count: int) -> Array:
+    """Return the displacements (count, 3) of the last state in a .dat of CalculiX (`*NODE PRINT`, `U`)."""
+    moved = np.full((count, 3), np.nan)
+    for line in content.decode(errors="replace").rpartition("displacements")[2].splitlines()[1:]:
+        numbers = line.split()
+        if len(numbers) == 4 and numbers[0].isdigit() and 1 <= int(numbers[0]) <= count:
+            moved[int(numbers[0]) - 1] = [float(number) for number in numbers[1:]]
+        elif numbers:
+            break
+    return moved
 
 
 def coordinates_on(surface: Surface, positions: Array) -> tuple[Array, Array]:
@@ -167,9 +189,11 @@ class NodalField:
         corners = case.surface.position(case.surface.domain.grid(9, 9)).reshape(-1, 3)
         size, farthest = float(np.linalg.norm(np.ptp(corners, axis=0))), int(np.argmax(distance))
         if distance[farthest] > FARTHEST * size:
+            half = np.isclose(distance[farthest], getattr(case.material, "thickness", 0.0) / 2, rtol=0.01)
             raise InputError(
                 f"it is not the shell of case '{case.name}': node {used[farthest] + 1} is {distance[farthest]:.3g} from"
-                f" the midsurface, and at most {FARTHEST:g} of the shell's size {size:.3g} is allowed (other --units?)"
+                f" the midsurface, and at most {FARTHEST:g} of the shell's size {size:.3g} is allowed"
+                f" ({HALF if half else 'other --units?'})"
             )
         # Other programs round: nodes beside a bound are put on it, or points on it would lie outside of the mesh.
         domain = case.surface.domain

@@ -147,7 +147,8 @@ def _abaqus(decks: Sequence[Deck], element: str, title: str) -> Iterator[str]:
         yield from ["*CLOAD"] * bool(loads)
         yield from (f"{n + 1}, {c + 1}, {_real(value)}" for n, c, value in loads)
         last = f"FREQUENCY={MOST_STEPS}"  # at the end of the step only
-        yield from (f"*NODE PRINT, NSET=ALL, {last}", "U", f"*NODE FILE, {last}", "U", "*END STEP")
+        yield from (f"*NODE PRINT, NSET=ALL, {last}", "U", f"*NODE FILE, {last}", "U")
+        yield from (f"*EL PRINT, ELSET=SHELL, TOTALS=YES, {last}", "ELSE", "*END STEP")
 
 
 def _large(name: str, *fields: int | float | str) -> Iterator[str]:

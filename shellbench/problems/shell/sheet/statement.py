@@ -72,6 +72,7 @@ def statement(decks: Mapping[str, Deck], names: System, unit: Callable[[ShellQua
         supports=[*_supports(part.case)],
         hinged=any(isinstance(place, Edge) and not s.holds_slope for s, place in case.supported_places()),
         marked=marked(case),
+        pointed=any(isinstance(load, PointLoad) for load in case.loads),
         loads=[*_loads(deck, names)],
         total=_total(deck)[:3],
         what=_what,
