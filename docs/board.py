@@ -53,8 +53,8 @@ ROOFS = ("scordelis_lo", "roof_thinness_1e_3", "roof_thinness_1e_4")
 POINT = ("pinched_cylinder_diaphragm", "pinched_cylinder_free")  # forces at points: no limit if normals shear
 LADDER, LONG_LADDER = (4, 8, 16, 32), (2, 4, 8)  # cells across the part; of the beam, which is long
 LONG = ("twisted_beam_thick_y",)
-WHOLE_QUADRATIC = ("calculix-s6", "calculix-s8", "calculix-s8r")  # whole shells of solids: the finest takes minutes
-HIGH, LADDER_OF_HIGH = ("ngsolve",), (2, 4, 8)
+WHOLE_QUADRATIC = ("calculix-s6", "calculix-s8")  # whole shells of solids: the finest takes minutes
+HIGH, LADDER_OF_HIGH = ("ngsolve",), (2, 4, 8, 16)
 DISTORTED, DISTORTION = "scordelis_lo", 0.25  # cells by which nodes of the roof's meshes are moved at random
 TIME_LIMIT = 120.0  # seconds of wall time of one shell by one element
 LEVELS = (1e-2, 1e-3)  # errors to which cells and seconds are counted
@@ -130,7 +130,7 @@ def ladder(case: str, solver: str) -> tuple[int, ...]:
     if solver in WHOLE_QUADRATIC and case not in LONG:
         return LADDER[:3]
     high = solver.partition("-")[0] in HIGH
-    return (LONG_LADDER[:2] if high else LONG_LADDER) if case in LONG else (LADDER_OF_HIGH if high else LADDER)
+    return LONG_LADDER if case in LONG else (LADDER_OF_HIGH if high else LADDER)
 
 
 def processor_seconds() -> float:

@@ -91,7 +91,7 @@ def page(found: Mapping[str, Any]) -> str:
     lines += [
         "Grades. "
         + GRADES
-        + " They were chosen before the first figure was seen, with two changes after: E began at .1 %, which CalculiX' S8R misses by .01 % on a plate, since its shear factor is 1 where others have 5/6; and A to C had 16, 32 and 64 cells, before the ladders lost their finest mesh for want of time. S6, S8 and S8R end at 16 cells, NGSolve at 8: their D may be a C.",
+        + " They were chosen before the first figure was seen, with two changes after: E began at .1 %, which CalculiX' S8R misses by .01 % on a plate, since its shear factor is 1 where others have 5/6; and A to C had 16, 32 and 64 cells, before the ladders lost their finest mesh for want of time. S6 and S8 end at 16 cells: their D may be a C. NGSolve ends at 16.",
         "",
     ]
     lines += ["![Error of the roof against unknowns, by element](roof.png)", ""]
