@@ -95,6 +95,12 @@ EXAMPLES = {  # by section
         '[material]\nkind = "orthotropic"\nmembrane = [9e3, 1e3, 4e3, 300]    # N/m\nbending = [3e-4, 2e-5, 1e-4, 4e-5] # N m\n'
         'thickness = 0.001                  # m\nangle = 30                         # warp, from the line of xi1\nareal_density = 0.1'
     ),
+    "Membranes that stiffen": Example(
+        '[material]\nkind = "orthotropic"\nmembrane = [4.3, 4.971, 9.942, 0.285]\nbending = [1e-6, 1e-7, 1e-6, 4e-7]\nthickness = 0.000239\n\n'
+        "[material.stiffening]\nwarp = { mu = [61.769, -60.769], alpha = [-2.23, -115.578], until = 0.41 }\n"
+        "weft = { mu = [1], alpha = [-2.5], until = 0.34 }\nshear = { mu = [1], alpha = [1], until = 0.11 }",
+        "path",
+    ),
     "Parts of edges": Example(
         '[edge_parts]\nhinge = { edge = "xi2_min", between = [0.2, 0.6] }\n\n[[supports]]\nname = "hinge"\non = ["hinge"]\ncomponents = ["z"]'
     ),
@@ -139,6 +145,7 @@ SECTIONS = (  # heading, words, common base, classes
     ("Material", "`[material]` is linear, and isotropic unless its kind is another. The membrane stiffness is D = E h / (1 - nu^2), the bending stiffness B = E h^3 / (12 (1 - nu^2)). The factors vary D and B only, not the areal density. `bending_poissons_ratio` changes the [energy](theory.md#energy) of bending, not B.", None, ("Material",)),
     ("Orthotropic materials", "`[material]` of `kind = \"orthotropic\"`: woven cloth, ribbed plates, laminates. One layer has `youngs_modulus`, `poissons_ratio` and `shear_modulus`, and A = h Q, D = h^3 Q / 12."
      " Cloth and laminates have the stiffnesses `membrane` and `bending` instead. Direction 2 is the normal x direction 1. The stiffnesses are the same everywhere.", None, ("OrthotropicMaterial",)),
+    ("Membranes that stiffen", "`[material.stiffening]`: how the membrane of woven cloth stiffens ([energy](theory.md#energy)), for `fem` and `ndf-ritz` only.", None, ("Stiffening", "StiffeningCurve")),
     ("Parts of edges", "`[edge_parts]` is a table of names. Supports, and loads of the kinds `edge` and `moment`, can use these names.", None, ("EdgePart",)),
     ("Supports", "`[[supports]]`: any number. A support holds its `components` at zero or moves them as `motion` says; the other components are free."
      ' Components are Cartesian, or local to the shell at rest: "along" an edge, "across" it within the surface, "normal" to the surface.'
@@ -173,6 +180,8 @@ TABLES = {  # models that are tables of a section beside its own
     "Translation": "motion.kind",
     "Rotation": "motion.kind",
     "Contact": "[contact]",
+    "Stiffening": "[material.stiffening]",
+    "StiffeningCurve": "warp, weft or shear",
 }
 FORMULA_NOTE = (
     "The `phi` of a formula body may be piecewise: `min` joins bodies, `max` keeps their common part. It need not be a distance."

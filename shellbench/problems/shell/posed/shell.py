@@ -46,7 +46,8 @@ from shellbench.protocol.schema import Finite, Name
 Array = NDArray[np.float64]
 Theory = Literal["kirchhoff-love-linear", "kirchhoff-love-nonlinear", "naghdi-linear"]
 LATER: dict[str, Any] = {"kind": "isotropic", "modulus_factor": 1.0, "thickness_factor": 1.0, "follows": False,
-         "bending_poissons_ratio": None, "frame": "global", "fold_side": None, "axes": "shell"}  # fmt: skip
+         "bending_poissons_ratio": None, "frame": "global", "fold_side": None, "axes": "shell",
+         "stiffening": None}  # fmt: skip
 MOTION_VARIABLES = ("xi1", "xi2", "t")  # t is the time, or the load factor of a static case
 
 
@@ -157,9 +158,8 @@ class Shell(Problem):
         if not data["obstacles"]:
             del data["obstacles"], data["contact"]
         for part in (data["material"], *data["loads"], *data["quantities"]):  # left out for the same reason
-            for name, default in LATER.items():
-                if part.get(name, ...) == default:
-                    del part[name]
+            for name in [name for name, default in LATER.items() if part.get(name, ...) == default]:
+                del part[name]
         for name in ("folds", "hinges"):  # left out for the same reason
             if not data["surface"].get(name, True):
                 del data["surface"][name]
