@@ -1,10 +1,12 @@
-"""The gate of orthotropic shells: mistakes of either mechanics must turn it red, and the same path without one is green."""
+"""The gate of woven and damped shells: mistakes of either mechanics turn it red, and the same path without one is green."""
 
 import numpy as np
 
 from shellbench.problems.shell.question.orthotropic import OrthotropicMaterial
 from shellbench.solvers.fem.mechanics import kinematics as fem
+from shellbench.solvers.fem.motion.damping import StepDamping
 from shellbench.solvers.ndf.field import geometry as ndf
+from shellbench.solvers.ndf.motion.motion_problem import Motion
 from shellbench.solvers.ndf.strains import strain_measures
 from tests.injecting import given, wrapped
 from tests.test_faults import Fault, gate_tests
@@ -45,6 +47,19 @@ def exchanged(rows):
     return np.asarray(rows)[np.ix_([1, 0, 2], [1, 0, 2])].tolist()
 
 
+def damped_as(change):
+    """Inject into each mechanics a motion whose damping is read wrongly."""
+
+    def changed(dynamics, *others):
+        return dynamics.model_copy(update=change(dynamics.mass_damping, dynamics.stiffness_damping)), *others
+
+    original = Motion.dynamics.fget
+    return {
+        "fem": given(StepDamping, "of_step", changed),
+        "ndf-ritz": lambda patch: patch.setattr(Motion, "dynamics", property(lambda self: changed(original(self))[0])),
+    }
+
+
 READ = {
     "warp and weft exchanged": ("woven_plate", lambda m: {"angle": m.angle + 90}),
     "the angle's sign": ("woven_swatch", lambda m: {"angle": -m.angle}),
@@ -52,8 +67,16 @@ READ = {
     "bending by the wrong direction": ("woven_plate_modes", lambda m: {"bending": exchanged(m.bending)}),
     "always from the line of xi1": ("woven_tube", lambda m: {"along": "xi1"}),
 }
+DAMPED = {
+    "damping dropped": lambda alpha, beta: {"mass_damping": 0.0, "stiffness_damping": 0.0},
+    "damping halved": lambda alpha, beta: {"mass_damping": alpha / 2, "stiffness_damping": beta / 2},
+    "alpha for beta": lambda alpha, beta: {"mass_damping": beta, "stiffness_damping": alpha},
+    "beta dropped": lambda alpha, beta: {"stiffness_damping": 0.0},
+}
 FAULTS = (
     *(Fault(name, solver, case, inject) for name, (case, change) in READ.items() for solver, inject in read_as(change).items()),
+    *(Fault(name, solver, "damped_plate", inject) for name, change in DAMPED.items() for solver, inject in damped_as(change).items()),
+    Fault("damping dropped", "fem", "damped_pendulum", damped_as(DAMPED["damping dropped"])["fem"]),
     Fault("nu21 for nu12", "fem", "woven_swatch", by_nu21),
     Fault("nu21 for nu12", "ndf-ritz", "woven_swatch", by_nu21),
     Fault("shear strain taken once", "ndf-ritz", "woven_plate", wrapped(ndf, "direction_products", lambda found: found * found.new_tensor([1, 1, 0.5])[:, None, None])),

@@ -40,6 +40,7 @@ class RitzSolver(FieldSolver):
             "folds",
             "modes",
             "contact",
+            "damping",
             "resultants",
             "narrow formulas",
         }
