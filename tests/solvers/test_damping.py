@@ -40,11 +40,11 @@ def test_a_mode_decays_by_alpha_and_beta_with_errors_of_second_order(alpha, beta
     half, errors = (alpha + beta * SQUARE) / 2, []
     v = np.sqrt(SQUARE - half**2 + 0j)
     expected = 1e-6 / SQUARE * (1 - np.exp(-half / 2) * (np.cos(v / 2) + half / v * np.sin(v / 2))).real
-    for steps in (25, 50):
-        answer = FemSolver().solve(moving(alpha, beta), FemSettings(cells=(6, 1), time_step=0.5 / steps))
+    for steps in (20, 40):
+        answer = FemSolver().solve(moving(alpha, beta), FemSettings(cells=(4, 1), time_step=0.5 / steps))
         found = -answer.displacement(np.array([[0.5, 0.05]]), 0.5)[0, 2]
         errors.append([abs(found / expected - 1), answer.diagnostics["energy_drift"] * SQUARE / 1e-12])
-    np.testing.assert_array_less(errors[1], 5e-4)
+    np.testing.assert_array_less(errors[1], 1e-3)
     np.testing.assert_array_less(3, np.divide(*errors))
 
 
