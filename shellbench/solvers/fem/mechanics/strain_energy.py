@@ -122,12 +122,9 @@ class StrainEnergy:
             share = (weights.ravel() * reference.area)[:, None, None, None]
             tensor = elasticities(reference, self.material)
             sizes = mesh.sizes[cells]
-            fast = Midsurface(
-                *map(points_fastest, (reference.base, reference.normal, reference.second, reference.area))
-            )
             yield Portion(
                 cells,
-                fast,
+                reference.with_points_fastest(),
                 tensor * moduli[:, :, None, None] * share,
                 np.stack([sizes[:, 0] ** i * sizes[:, 1] ** j for i, j in DERIVATIVES], axis=-1),
                 basis_scales(mesh, cells).reshape(-1, FUNCTIONS),
