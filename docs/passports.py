@@ -211,7 +211,7 @@ def off_axes(kept: dict[str, Any]) -> list[str]:
         "|---|---|---|---|",
         *lines,
         "",
-        "Stretch is right in every direction, bending along warp and weft too. Off both, bending depends on the cut of the cells, at any mesh size:",
+        "Stretch is right in every direction, and bending along warp and weft within 2 %. Off both, bending is 8 to 26 % too stiff by the cut of the cells:",
         "cloth along its bias twists as it bends, and the [twist of hinges](hinges.md) is that of another plate.",
         "",
     ]
