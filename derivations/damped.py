@@ -40,7 +40,7 @@ TIMES = (0.3, 0.6, 1.2)
 ASIDE, OBLIQUE = (0.5, 0.75), -2 / 3
 SPANS = (6, 6), (8, 8)
 STIFFENING = 5e-6
-"""Relative: immovable edges stiffen a plate by some A11 w^2 / (4 D11), here 1e-9, and it slides by w^2 / L in its plane: 4e-6."""
+"""Relative: immovable edges stiffen a plate by some A11 w^2 / (4 D11), here 2e-9, and it slides by w^2 / L in its plane: 4e-6."""
 
 STRIP, MASS, GRAVITY, BRAKE = 1.0, 0.144 * 0.1, 9.8, 0.8
 """Length, m, mass, kg, gravity, m/s^2, and alpha, 1/s."""
