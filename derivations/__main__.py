@@ -49,6 +49,7 @@ from .benchmark_shells import JUDGES as BENCHMARKS
 from .bent_strip import JUDGES as BENT_STRIP
 from .contact import JUDGES as CONTACT
 from .cylinder_modes import JUDGES as CYLINDERS
+from .damped import JUDGES as DAMPED
 from .discrete_catenary import hanging_chain
 from .fields import JUDGES as FIELDS
 from .garments import JUDGES as GARMENTS
@@ -126,6 +127,7 @@ CASES = {
     **GRADIENTS,
     **IDENTIFIED,
     **WOVEN,
+    **DAMPED,
 }
 TITLE = "case", "quantity", "value", "uncertainty", "unit"
 ROW = "{:<31} {:<21} {:>19} {:>11} {}"

@@ -49,12 +49,17 @@ HANGING = [("heavy_cantilever", {"cells": [20, 1]})]
 CST: list[tuple[str, dict[str, Any]]] = [
     ("vibrating_strip", {**BASE, "time_step": 1e-3, "diagonal": cut}) for cut in ("right", "left", "alternating")
 ]
+WOVEN: list[tuple[str, dict[str, Any]]] = [
+    ("woven_swatch", {"cells": [16, 16]}),
+    *((f"woven_cantilever_{thread}", {"cells": [64, 4]}) for thread in ("warp", "weft")),
+    *(("woven_bias_strip", {"cells": [64, 16], "diagonal": cut}) for cut in ("right", "left", "alternating")),
+]
 RUNS: dict[str, list[tuple[str, dict[str, Any]]]] = {
     "newton-semi-implicit": [*EXPLICIT, *HANGING],
     "newton-vbd": NEWTON,
     "newton-style3d": SLOW,
     "newton-xpbd": NEWTON,
-    "cst-hinge": [("free_fall", {"cells": [4, 4], "time_step": 1e-2}), *CST],
+    "cst-hinge": [("free_fall", {"cells": [4, 4], "time_step": 1e-2}), *CST, *WOVEN],
     "mujoco-flex": [("free_fall", {"cells": [4, 4]}), *(("vibrating_strip", {"cells": c}) for c in ([10, 1], [20, 2]))],
 }
 
@@ -90,6 +95,7 @@ def measure(solver: str, only: str | None = None) -> None:
     from shellbench.bench.catalogue import catalog
     from shellbench.bench.plugins.registry import find_solver, load_solver
     from shellbench.errors import InputError, SolveFailure
+    from shellbench.problem import declined_quantities
 
     taken = load_solver(find_solver(solver))
     for case, settings in RUNS[solver]:
@@ -102,7 +108,7 @@ def measure(solver: str, only: str | None = None) -> None:
             problem = catalog.named_case(case)
             if reason := taken.declines(problem):
                 raise InputError(reason)
-            # `answer_from` and not `solve`: quantities that the solver declines are not measured
+            problem = problem.without(declined_quantities(taken, problem))
             solution = taken.answer_from(None, problem, taken.settings_type(**settings), lambda _: None)
             line["ratios"] = ratios(case, solution)
             if solution.unsettled:
@@ -182,6 +188,31 @@ def at_rest(kept: dict[str, Any]) -> list[str]:
         "",
         "Stretch is ten million times as stiff as bending here. With 40,000 steps for each load, kinetic damping does not bring the strip to rest.",
         "The other solvers of newton were not asked.",
+        "",
+    ]
+
+
+def off_axes(kept: dict[str, Any]) -> list[str]:
+    """Return the section on woven cloth."""
+    tables = {
+        "woven_swatch": "stretch and shear at 30 degrees to the warp, by their work",
+        "woven_cantilever_warp": "bending along the warp, Gamma 40",
+        "woven_cantilever_weft": "bending along the weft, Gamma 100",
+        "woven_bias_strip": "bending at 30 degrees to the warp",
+    }
+    lines = [line.replace("| `", f"| {words} | `", 1) for case, words in tables.items() for line in rows(kept, case)]
+    return [
+        "## Warp, weft and bias",
+        "",
+        "Cloth has other stiffnesses along its warp than along its weft. Of the simulators here only `cst-hinge` takes them: its triangles have",
+        "the membrane's, and each hinge that of a cylinder along its edge, as cloth simulators do it.",
+        "",
+        "| what | solver | settings | ratio |",
+        "|---|---|---|---|",
+        *lines,
+        "",
+        "Stretch is right in every direction, and bending along warp and weft within 2 %. Off both, bending is 8 to 26 % too stiff by the cut of the cells:",
+        "cloth along its bias twists as it bends, and the [twist of hinges](hinges.md) is that of another plate.",
         "",
     ]
 
@@ -268,6 +299,7 @@ def page(kept: dict[str, Any]) -> str:
         *fence(kept.get("decks", {}).get("free_fall", [])),
         "",
         *at_rest(kept),
+        *off_axes(kept),
         "## What newton's numbers mean",
         "",
         "| number | `SolverVBD` | `SolverSemiImplicit` | `SolverXPBD` | `SolverStyle3D` |",

@@ -1,10 +1,11 @@
-"""The gate of orthotropic shells: mistakes of either mechanics must turn it red, and the same path without one is green."""
+"""The gate of woven and damped shells: mistakes of either mechanics turn it red, and the same path without one is green."""
 
 import numpy as np
 
 from shellbench.problems.shell.question.orthotropic import OrthotropicMaterial
 from shellbench.solvers.fem.mechanics import kinematics as fem
 from shellbench.solvers.fem.mechanics import orthotropic as stiffening
+from shellbench.solvers.fem.motion.damping import StepDamping
 from shellbench.solvers.ndf.field import geometry as ndf
 from shellbench.solvers.ndf.strains import strain_measures
 from tests.injecting import given, wrapped
@@ -62,6 +63,15 @@ def exchanged(rows):
     return np.asarray(rows)[np.ix_([1, 0, 2], [1, 0, 2])].tolist()
 
 
+def damped_as(change):
+    """Read the damping of a motion wrongly."""
+
+    def changed(dynamics, *others):
+        return dynamics.model_copy(update=change(dynamics.mass_damping, dynamics.stiffness_damping)), *others
+
+    return given(StepDamping, "of_step", changed)
+
+
 READ = {
     "warp and weft exchanged": ("woven_plate", lambda m: {"angle": m.angle + 90}),
     "the angle's sign": ("woven_swatch", lambda m: {"angle": -m.angle}),
@@ -75,10 +85,18 @@ CURVES = {
     "the range ignored": ("silk_warp", each(lambda _: {"until": 10.0})),
 }
 SHEAR = 0.059  # the end of canvas's range in shear
+DAMPED = {
+    "damping dropped": lambda alpha, beta: {"mass_damping": 0.0, "stiffness_damping": 0.0},
+    "damping halved": lambda alpha, beta: {"mass_damping": alpha / 2, "stiffness_damping": beta / 2},
+    "alpha for beta": lambda alpha, beta: {"mass_damping": beta, "stiffness_damping": alpha},
+    "beta dropped": lambda alpha, beta: {"stiffness_damping": 0.0},
+}
 FAULTS = (
     *(Fault(name, solver, case, inject) for name, (case, change) in READ.items() for solver, inject in read_as(change).items()),
     *(Fault(name, solver, case, inject) for name, (case, inject) in CURVES.items() for solver in ("fem", "ndf-ritz")),
     Fault("the curve of E12 for that of its square", "fem", "canvas_bias", given(stiffening, "eta_with_derivatives", lambda curve, x: (curve, np.sqrt(x) if curve.until == SHEAR else x))),
+    *(Fault(name, "fem", "damped_plate", damped_as(change)) for name, change in DAMPED.items()),
+    Fault("damping dropped", "fem", "damped_pendulum", damped_as(DAMPED["damping dropped"])),
     Fault("nu21 for nu12", "fem", "woven_swatch", by_nu21),
     Fault("nu21 for nu12", "ndf-ritz", "woven_swatch", by_nu21),
     Fault("shear strain taken once", "ndf-ritz", "woven_plate", wrapped(ndf, "direction_products", lambda found: found * found.new_tensor([1, 1, 0.5])[:, None, None])),

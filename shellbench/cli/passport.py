@@ -27,9 +27,10 @@ def passport_command(
 ) -> None:
     """Measure the material that a solver really simulates: its stiffnesses as multiples of the given ones.
 
-    The tests are stretch, shear, twist, bending under its own weight up to Gamma = q L^3 / B = 1000, and free fall. The
-    runs are those of the suite `passport`, some of them on several meshes. A ratio is that of the finest mesh, with its
-    uncertainty. Declined cases are listed. The exit code is 1 if nothing could be measured or a run failed.
+    The tests are stretch, shear, twist, bending under its own weight up to Gamma = q L^3 / B = 1000, also of woven
+    cloth along its warp, its weft and between them, and free fall. The runs are those of the suite `passport`, some of
+    them on several meshes. A ratio is that of the finest mesh, with its uncertainty. Declined cases are listed. The
+    exit code is 1 if nothing could be measured or a run failed.
 
     Examples
     --------

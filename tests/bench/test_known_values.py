@@ -15,6 +15,7 @@ from derivations import (
     clothing,
     contact,
     cylinder_modes,
+    damped,
     drape,
     elastica,
     fields,
@@ -86,6 +87,7 @@ ORIGINS = {
     **gradients.JUDGES,
     **identification.JUDGES,
     **woven.JUDGES,
+    **damped.JUDGES,
 }
 MODES = {
     **plate_modes_by_splines.SECOND_FORMS,
@@ -97,6 +99,7 @@ MODES = {
     **gradients.SECOND_FORMS,
     **identification.SECOND_FORMS,
     **woven_by_splines.SECOND_FORMS,
+    **damped.SECOND_FORMS,
 }
 LONG = {
     "pressed_column",

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 SUITE = "passport"
 GRAVITY = 9.8  # m/s^2, of its free fall
-Rule = Literal["inverse", "proportional", "quotient", "hanging", "vibrating"]
+Rule = Literal["inverse", "proportional", "quotient", "hanging", "peirce", "vibrating"]
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,8 @@ class Property:
     rule
         Rule that gives the property. It is proportional or inversely proportional to the quantity, or to the quotient
         of two. Or it is the stiffness of a strip that hangs under its own weight; the quantities are the drop and the
-        shortening, as parts of its length. Or it is that of a strip which vibrates as in `VIBRATION`; the quantity is
-        the deflection.
+        shortening, as parts of its length. "peirce" is the same as a laboratory reads it, by Peirce's formula. Or it is
+        that of a strip which vibrates as in `VIBRATION`; the quantity is the deflection.
     nominal
         The material's own, from the material of the case.
     """
@@ -68,6 +68,18 @@ PROPERTIES = (
                  (f"drop_{gamma}", f"shortening_{gamma}"), "hanging", lambda m: m.bending_stiffness)
         for gamma in (1, 10, 100, 1000)
     ),
+    Property("bending_by_peirce", "Bending, B, as Peirce's cantilever reads it", "N m", "heavy_cantilever",
+             ("drop_10", "shortening_10"), "peirce", lambda m: m.bending_stiffness),
+    Property("stretch_off_warp", "Stretch and shear off the warp, by their work", "N/m", "woven_swatch",
+             ("strain_energy",), "inverse", lambda m: m.membrane_stiffness),
+    *(
+        Property(f"bending_{thread}", f"Bending, B, along the {thread}, at Gamma {gamma}", "N m",
+                 f"woven_cantilever_{thread}", (f"drop_{gamma}", f"shortening_{gamma}"), "hanging",
+                 lambda m: m.turned_stiffnesses[1][0, 0])
+        for thread, gamma in (("warp", 40), ("weft", 100))
+    ),
+    Property("bending_off_warp", "Bending, B, off the warp", "N m", "woven_bias_strip", ("tip_deflection",), "inverse",
+             lambda m: m.turned_stiffnesses[1][0, 0]),
     Property("bending_on_edge", "Bending and torsion, B, on edge", "N m", "strip_on_edge_1_20", ("load_factor_1",),
              "proportional", lambda m: m.bending_stiffness),
     Property("bending_in_motion", "Bending, B, in motion", "N m", "vibrating_strip", ("deflection_1000ms",),

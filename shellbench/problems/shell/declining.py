@@ -24,6 +24,7 @@ Beyond = Literal[
     "kinks",
     "folds",
     "contact",
+    "damping",
     "modes",
     "transverse shear",
     "resultants",
@@ -72,6 +73,8 @@ def _properties_beyond_plain(case: Case) -> Iterator[tuple[Beyond, str]]:
         yield "kinks", "a formula of it has kinks or jumps, and this solver takes smooth ones only"
     if case.obstacles:
         yield "contact", "it touches obstacles, which this solver does not take"
+    if case.dynamics is not None and case.dynamics.damped:
+        yield "damping", "its motion is damped, and this solver knows no damping"
     if case.modal:
         yield "modes", "it asks for modes, and this solver finds none"
 

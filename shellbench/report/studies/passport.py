@@ -22,7 +22,8 @@ from shellbench.report.studies.stiffnesses import Entry, elastica, gamma_of, pas
 
 CURVE = "master_curve"
 LEAST, ROUNDING = 1e-5, 1e-9  # of a ratio: the last digit that is shown, and a doubt that says nothing
-HANGING = [one for one in PROPERTIES if one.rule == "hanging"]
+FIRST = next(one.case for one in PROPERTIES if one.rule == "hanging")
+HANGING = [one for one in PROPERTIES if one.rule == "hanging" and one.case == FIRST]
 SIZE = (4.6, 3.4)  # inches
 TIPS = [0.44 - 0.02 * 1.36**k for k in range(24)]  # logarithms of the tip's angle along the curve
 
@@ -99,7 +100,7 @@ def curve_exhibit(found: Evidence, rows: Sequence[Row]) -> Exhibit | None:
         return None
     said = "; ".join(f"{solver}, Gamma {gamma:.4g}: {shape:.5g}" for solver, gamma, shape, _ in marks)
     return Exhibit(
-        name=f"{CURVE}_{HANGING[0].case}",
+        name=f"{CURVE}_{FIRST}",
         title="The heavy cantilever's master curve",
         caption="Drop H over reach W of a strip that is clamped level and hangs under its own weight, against Gamma ="
         " q L^3 / B: the inextensible elastica (line), and each solver where it was asked. A mark above the curve is a"
@@ -114,7 +115,7 @@ def _marks(rows: Sequence[Row]) -> list[tuple[str, float, float, str]]:
     """Return solver, Gamma, H / W and run of each strip that hangs."""
     marks = []
     for run_id, of_run in grouped([row for row in rows if row.run_id], lambda row: str(row.run_id)).items():
-        mine = {row.quantity: row for row in of_run if row.case == HANGING[0].case and row.value is not None}
+        mine = {row.quantity: row for row in of_run if row.case == FIRST and row.value is not None}
         for one in HANGING:
             if set(one.quantities) <= mine.keys():
                 shape, known = (

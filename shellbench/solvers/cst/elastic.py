@@ -45,8 +45,8 @@ class Elastic:
     def from_case(cls, case: Case, mesh: TriangleMesh) -> Elastic:
         """Put a mesh on a case's midsurface."""
         rest = case.surface.position(mesh.domain.wrap(mesh.points))
-        membrane = Membrane.from_mesh(mesh, rest, case.isotropic)
-        hinges = Hinges.from_mesh(mesh, rest, membrane, case.isotropic, Walls.from_case(case, mesh))
+        membrane = Membrane.from_mesh(mesh, rest, case.material)
+        hinges = Hinges.from_mesh(mesh, rest, membrane, case.material, Walls.from_case(case, mesh))
         return cls(rest, membrane, hinges, case.linear)
 
     def strain(self, displacement: Array) -> Array:
@@ -69,7 +69,7 @@ class Elastic:
     def gradient(self, displacement: Array) -> Array:
         """Return the derivative (v, 3) of the energy by the vertices: the forces that hold them so, N."""
         if self.linear:
-            stress = self.strain(displacement) @ self.membrane.elasticity * self.membrane.areas[:, None]
+            stress = self.membrane.stresses(self.strain(displacement)) * self.membrane.areas[:, None]
             stretching = np.einsum("tsk,ts->tk", self.membrane.rest_operator, stress)
             moment = 2 * self.hinges.stiffness * self.hinge_changes(displacement)
             bending = moment[:, None] * self.hinges.rest_gradient

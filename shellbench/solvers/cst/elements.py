@@ -11,7 +11,8 @@ al. 2003; ARCSim). On a regular grid with sides p and q, the surface w = kappa x
 kappa p each; such an edge, of length q between triangles of areas p q/2, then has the energy k q^2/(p q) (kappa p)^2 =
 k kappa^2 p q, and a cell has one of them. The plate has B kappa^2/2 per area: k = B/2.
 
-With this k the energy of a cylinder along either coordinate is exact on any regular grid. Limits of hinges:
+With this k the energy of a cylinder along either coordinate is exact on any regular grid. An orthotropic shell has A
+instead of D, and as B of an edge the stiffness of a cylinder along it, as cloth simulators do. Limits of hinges:
 
 - They have no Poisson's ratio: the material's ratio enters bending through B only.
 - They converge to the stiffness of another plate, which depends on the mesh's pattern. Square cells with all diagonals
@@ -35,8 +36,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.question.conditions import Material
+from shellbench.problems.shell.question.orthotropic import AnyMaterial, OrthotropicMaterial
 from shellbench.problems.shell.question.places import Edge
+from shellbench.problems.shell.question.surface import COORDINATES
 from shellbench.solvers.cst.mesh import TriangleMesh
 
 Array = NDArray[np.float64]
@@ -60,7 +62,9 @@ class Membrane:
     scales
         (t, 2, 2) derivatives of these coordinates by (xi1, xi2).
     elasticity
-        (3, 3) stress resultants, N/m, of unit strains.
+        (t, 3, 3) stress resultants, N/m, of unit strains.
+    warp
+        (t,) angles of an orthotropic material's direction 1 in these coordinates, radians; zeros if it is isotropic.
     """
 
     triangles: Integers
@@ -69,9 +73,10 @@ class Membrane:
     frames: Array
     scales: Array
     elasticity: Array
+    warp: Array
 
     @classmethod
-    def from_mesh(cls, mesh: TriangleMesh, rest: Array, material: Material) -> Membrane:
+    def from_mesh(cls, mesh: TriangleMesh, rest: Array, material: AnyMaterial) -> Membrane:
         """Make the triangles between vertices at rest (v, 3)."""
         corners = rest[mesh.triangles]
         first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
@@ -83,15 +88,25 @@ class Membrane:
         inverse = np.linalg.inv(sides)
         chart = np.diff(mesh.corners, axis=1, prepend=mesh.corners[:, :1])[:, 1:]
         chart = np.stack([chart[:, 0], chart[:, 0] + chart[:, 1]], axis=-1)
-        nu = material.poissons_ratio
+        scales, warp, nu = sides @ np.linalg.inv(chart), np.zeros(len(corners)), material.poissons_ratios[0]
+        elasticity = material.membrane_stiffness * np.array([[1, nu, 0], [nu, 1, 0], [0, 0, (1 - nu) / 2]])
+        if isinstance(material, OrthotropicMaterial):
+            line = scales[:, :, COORDINATES.index(material.along)]
+            warp = np.arctan2(line[:, 1], line[:, 0]) + np.radians(material.angle)
+            elasticity = material.turned_by(warp)[0]
         return cls(
             triangles=mesh.triangles,
             areas=twice / 2,
             gradients=np.concatenate([-inverse.sum(axis=1, keepdims=True), inverse], axis=1),
             frames=frames,
-            scales=sides @ np.linalg.inv(chart),
-            elasticity=material.membrane_stiffness * np.array([[1, nu, 0], [nu, 1, 0], [0, 0, (1 - nu) / 2]]),
+            scales=scales,
+            elasticity=np.broadcast_to(elasticity, (len(corners), 3, 3)),
+            warp=warp,
         )
+
+    def stresses(self, strain: Array) -> Array:
+        """Return the stress resultants (t, 3), N/m, of strains (t, 3)."""
+        return np.asarray((strain[:, None] @ self.elasticity)[:, 0])
 
     def deformation(self, positions: Array) -> Array:
         """Return F (t, 3, 2) at vertex positions (v, 3)."""
@@ -122,11 +137,11 @@ class Membrane:
 
     def energy(self, strain: Array) -> Array:
         """Return the energy (t,) of each triangle, J, at strains (t, 3)."""
-        return np.asarray(self.areas / 2 * np.einsum("ts,sr,tr->t", strain, self.elasticity, strain))
+        return np.asarray(self.areas / 2 * np.sum(strain * self.stresses(strain), axis=1))
 
     def gradient(self, positions: Array) -> Array:
         """Return the derivative (t, 9) of each triangle's energy by its corners, N."""
-        stress = self.strain(positions) @ self.elasticity
+        stress = self.stresses(self.strain(positions))
         operator = self._operator(self.deformation(positions))
         return np.asarray(np.einsum("t,tsk,ts->tk", self.areas, operator, stress))
 
@@ -137,7 +152,7 @@ class Membrane:
         is a sum of squares.
         """
         operator = self._operator(self.deformation(positions))
-        voigt = self.strain(positions) @ self.elasticity
+        voigt = self.stresses(self.strain(positions))
         stress = voigt[:, [[0, 2], [2, 1]]]
         if definite:
             values, axes = np.linalg.eigh(stress)
@@ -147,7 +162,7 @@ class Membrane:
 
     def geometric_stiffness(self, strain: Array) -> Array:
         """Return the part (t, 9, 9) of the second derivative that stresses have at rest, N/m, from strains (t, 3)."""
-        return self._stress_stiffness((strain @ self.elasticity)[:, [[0, 2], [2, 1]]])
+        return self._stress_stiffness(self.stresses(strain)[:, [[0, 2], [2, 1]]])
 
     def _stress_stiffness(self, stress: Array) -> Array:
         geometric = np.einsum("t,tak,tkl,tbl->tab", self.areas, self.gradients, stress, self.gradients)
@@ -224,7 +239,7 @@ class Hinges:
 
     @classmethod
     def from_mesh(
-        cls, mesh: TriangleMesh, rest: Array, membrane: Membrane, material: Material, walls: Walls | None = None
+        cls, mesh: TriangleMesh, rest: Array, membrane: Membrane, material: AnyMaterial, walls: Walls | None = None
     ) -> Hinges:
         """Make the hinges between vertices at rest (v, 3), and those at walls."""
         vertices, sides = mesh.hinges
@@ -235,8 +250,12 @@ class Hinges:
             vertices, sides = np.vstack([vertices, np.column_stack([rim, corner])]), np.vstack([sides, side])
             areas = np.append(areas, membrane.areas[side[:, 0]])
             rest = np.vstack([rest, walls.corners(rest[rim])])
-        squared = np.sum((rest[vertices[:, 1]] - rest[vertices[:, 0]]) ** 2, axis=1)
-        return cls(vertices, sides, material.bending_stiffness / 2 * squared / areas, rest)
+        edge = rest[vertices[:, 1]] - rest[vertices[:, 0]]
+        bending: float | Array = material.bending_stiffness
+        if isinstance(material, OrthotropicMaterial):
+            x, y = np.einsum("hi,hia->ah", edge, membrane.frames[sides[:, 0]])
+            bending = material.turned_by(membrane.warp[sides[:, 0]] - np.arctan2(-x, y))[1][:, 0, 0]
+        return cls(vertices, sides, bending / 2 * np.sum(edge**2, axis=1) / areas, rest)
 
     def corners(self, positions: Array) -> Array:
         """Return the corners (h, 4, 3) of the hinges at vertex positions (v, 3)."""

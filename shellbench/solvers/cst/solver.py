@@ -81,7 +81,7 @@ def _why_no_modes(case: Case) -> str | None:
 
 def why_declined(case: Case) -> str | None:
     """Return the reason that the solver declines a case, as one clause; None if it takes it."""
-    if refusal := why_not_plain(case, frozenset({"modes", "contact"})):
+    if refusal := why_not_plain(case, frozenset({"modes", "contact", "orthotropic"})):
         return refusal
     if case.obstacles and case.dynamics is None:
         return "it touches obstacles at rest, and this mesh meets them in motion only"

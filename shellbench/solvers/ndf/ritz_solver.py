@@ -41,6 +41,7 @@ class RitzSolver(FieldSolver):
             "folds",
             "modes",
             "contact",
+            "damping",
             "resultants",
             "narrow formulas",
         }

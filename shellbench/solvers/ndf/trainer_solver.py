@@ -37,6 +37,7 @@ class NdfSolver(FieldSolver):
             "foundation",
             "loaded parts",
             "local loads",
+            "damping",
             "kinks",
             "modes",
         }

@@ -30,7 +30,7 @@ class MotionEnergy(ShellQuantity):
     The total energy is kinetic energy, strain energy and that of the springs, less the work of the loads. The loads
     have to be constant in time; a motion from rest then keeps it at zero. The balance is stated by the solver's own
     history at each step, with the work of all loads and supports. Its value is the largest distance from zero until the
-    time. Impacts and friction take energy: cases with obstacles have neither quantity.
+    time. It counts what damping takes. Impacts and friction take energy: cases with obstacles have neither quantity.
     """
 
     powers: ClassVar[tuple[int, int]] = (1, 1)
@@ -44,9 +44,11 @@ class MotionEnergy(ShellQuantity):
     def check_motion(self, shell: Any, constant: bool) -> None:
         """Raise ValueError if the case asks for the total energy, and it is not conserved."""
         kept = constant and not shell.following and all(load.spread for load in shell.loads)
+        kept = kept and not shell.dynamics.damped
         if self.kind == "total_energy" and not kept:
             raise ValueError(
-                f"quantity '{self.name}' needs supports at rest, and loads that are dead, constant and spread out"
+                f"quantity '{self.name}' needs supports at rest, no damping, and loads that are dead, constant and"
+                " spread out"
             )
         if self.kind == "energy_balance" and shell.obstacles:
             raise ValueError(f"quantity '{self.name}' has no obstacles: impacts and friction take energy")

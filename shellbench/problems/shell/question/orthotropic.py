@@ -103,7 +103,8 @@ class OrthotropicMaterial(Model):
     coupling
         The matrix B of a laminate, N: a symmetric one has none, and no other is taken.
     angle
-        degrees, from the coordinate line to direction 1, about the normal by the right hand.
+        degrees, a number: from the coordinate line to direction 1, about the normal by the right hand. Directions that
+        vary are those of coordinate lines that run along them.
     along
         Coordinate whose line direction 1 is turned from.
     """
@@ -177,9 +178,14 @@ class OrthotropicMaterial(Model):
     @property
     def turned_stiffnesses(self) -> tuple[Array, Array]:
         """A and D on (11, 22, twice 12) in the frame of the coordinate line `along` and the normal x it."""
-        c, s = math.cos(math.radians(self.angle)), math.sin(math.radians(self.angle))
-        turn = np.array([[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2 * c * s, 2 * c * s, c * c - s * s]])
-        membrane, bending = (turn.T @ matrix @ turn for matrix in self.stiffnesses)
+        return self.turned_by(math.radians(self.angle))
+
+    def turned_by(self, angle: ArrayLike) -> tuple[Array, Array]:
+        """Return A and D (..., 3, 3) in frames from whose first axis direction 1 is turned by angles (...), radians."""
+        c, s = np.cos(angle), np.sin(angle)
+        rows = [[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2 * c * s, 2 * c * s, c * c - s * s]]
+        turn = np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+        membrane, bending = (np.swapaxes(turn, -1, -2) @ matrix @ turn for matrix in self.stiffnesses)
         return membrane, bending
 
     def turned_over(self) -> dict[str, Any]:

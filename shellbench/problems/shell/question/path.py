@@ -56,7 +56,10 @@ SHORTEST, LONGEST = 1e-9, 1e9  # seconds: a time outside is taken as a mistake i
 class Dynamics(Model):
     """A motion by Newton's law, from rest at t = 0.
 
-    The areal density times the acceleration is the load less the derivative of the strain energy. There is no damping.
+    The areal density times the acceleration is the load less the derivative of the strain energy, and less Rayleigh's
+    damping. Its power per reference area is alpha rho |v|^2 + beta (A de . de + D dk . dk), of the velocity and of the
+    rates de and dk of the strains and changes of curvature: a rigid turn does not feel beta. A small vibration of
+    frequency w about rest decays as exp(-(alpha + beta w^2) t / 2). Springs are not damped.
 
     Attributes
     ----------
@@ -64,7 +67,18 @@ class Dynamics(Model):
         Final time, s.
     states
         Further times to keep, beside those of the quantities, s.
+    mass_damping
+        Rayleigh's alpha, 1/s: the damping force per mass and velocity.
+    stiffness_damping
+        Rayleigh's beta, s: the stress by a rate of strain, over that by the same strain (Kelvin and Voigt).
     """
 
     until: Annotated[Finite, Field(ge=SHORTEST, le=LONGEST)]
     states: tuple[Positive, ...] = ()
+    mass_damping: Annotated[Finite, Field(ge=0)] = 0.0
+    stiffness_damping: Annotated[Finite, Field(ge=0)] = 0.0
+
+    @property
+    def damped(self) -> bool:
+        """True if the motion is damped."""
+        return self.mass_damping > 0 or self.stiffness_damping > 0

@@ -150,12 +150,9 @@ class StrainEnergy:
             share = weights.ravel() * reference.area
             tensor = elasticities(reference, self.material)
             sizes = mesh.sizes[cells]
-            fast = Midsurface(
-                *map(points_fastest, (reference.base, reference.normal, reference.second, reference.area))
-            )
             yield Portion(
                 cells,
-                fast,
+                reference.with_points_fastest(),
                 tensor * moduli[:, :, None, None] * share[:, None, None, None],
                 np.stack([sizes[:, 0] ** i * sizes[:, 1] ** j for i, j in DERIVATIVES], axis=-1),
                 basis_scales(mesh, cells).reshape(-1, FUNCTIONS),
@@ -185,14 +182,15 @@ class StrainEnergy:
         gradients = by_cell / portion.steps.T[:, None, :, None]
         return np.ascontiguousarray(gradients).reshape(len(DERIVATIVES), COMPONENTS, -1).transpose(2, 0, 1)
 
-    def deform(self, q: Array) -> StrainedMesh:
-        """Deform the mesh."""
+    def deform(self, q: Array, shifts: tuple[Array, ...] | None = None) -> StrainedMesh:
+        """Deform the mesh; strains (n, 6) by portion are counted from `shifts`, if given."""
         forces = np.zeros((self.mesh.node_count, NODE_DOFS))
         energies = np.zeros(2)
         deformations, stresses = [], []
-        for portion in self.portions:
+        for number, portion in enumerate(self.portions):
             deformation = Deformation.from_gradients(portion.reference, self.gradients(portion, q))
-            stress, work = portion.respond(deformation.strains)
+            strains = deformation.strains if shifts is None else deformation.strains - shifts[number]
+            stress, work = portion.respond(strains)
             energies += work
             self.add_forces(forces, portion, deformation.first_variation(stress))
             deformations.append(deformation)
@@ -201,11 +199,17 @@ class StrainEnergy:
 
     def parts(self, q: Array) -> tuple[float, float]:
         """Return the membrane and the bending part of the strain energy, J, at half the cost of `deform`."""
-        energies = np.zeros(2)
-        for portion in self.portions:
-            strains = Deformation.from_gradients(portion.reference, self.gradients(portion, q)).strains
-            energies += portion.respond(strains)[1]
-        return float(energies[0]), float(energies[1])
+        return self.parts_of_strains(self.strains(q))
+
+    def strains(self, q: Array) -> tuple[Array, ...]:
+        """Return the strains (n, 6) by portion."""
+        return tuple(Deformation.from_gradients(p.reference, self.gradients(p, q)).strains for p in self.portions)
+
+    def parts_of_strains(self, strains: tuple[Array, ...]) -> tuple[float, float]:
+        """Return the membrane and the bending energy, J, of strains (n, 6) by portion."""
+        parts = (portion.respond(e)[1] for portion, e in zip(self.portions, strains, strict=True))
+        membrane, bending = np.sum(list(parts), axis=0).tolist()
+        return membrane, bending
 
     def predicted_stresses(self, strained: StrainedMesh, step: Array) -> tuple[Array, ...]:
         """Return the stresses by portion that the strains' first variation predicts after a step (nodes, 12)."""

@@ -58,7 +58,7 @@ class Instant:
     iterations
         Newton iterations of the step that led here.
     supplied
-        Work of the supports, loads and moving obstacles since rest, J.
+        Work of the supports, loads and moving obstacles since rest, less what damping took, J.
     lost
         Energy that impacts and friction have taken since rest, J.
     touch

@@ -74,6 +74,8 @@ def why_declined(case: Case) -> str | None:
         return "it can't follow moments on edges in time"
     if case.following:
         return "its pressures keep the normal of the shell at rest in time"
+    if case.obstacles and case.dynamics is not None and case.dynamics.damped:
+        return "it damps no motion beside obstacles"
     for support in case.supports:
         if support.clamped and isinstance(support.motion, Value):
             return f"it can't move the clamped support '{support.name}' by a formula in time"
@@ -291,8 +293,8 @@ def follow(
     # One mesh in time, a step in four:
     # 1. Step. If Newton's method fails, or the local error is too large, halve the step and repeat it.
     # 2. Double the next one if the error leaves room, up to the usual length.
-    # 3. Record the balance of energy: kinetic, elastic and that of springs, less the work of loads and supports. The
-    #    loss by impacts and friction is no drift.
+    # 3. Record the balance of energy: kinetic, elastic and that of springs, less the work of loads and supports, and
+    #    with what damping took. The loss by impacts and friction is no drift.
     # 4. Keep every n-th instant, and the ends of steps of another length.
     # Textbooks scale a step by a root of its error. Here it is halved and doubled only: lengths repeat, and a
     # factorised tangent serves one length (`time_step`).

@@ -14,6 +14,8 @@ where x* is the value of x without any force. Obstacles add impulses: see `conta
 potential is convex, and Newton's method with a line search finds its minimum. The factorised tangent is kept from
 iteration to iteration and from step to step until it converges too slowly.
 
+Rayleigh's damping keeps it so (`damping`).
+
 Chung & Hulbert (1993), A time integration algorithm for structural dynamics with improved numerical dissipation:
 the generalized-alpha method, Journal of Applied Mechanics 60.
 """
@@ -34,6 +36,7 @@ from shellbench.solvers.fem.mechanics.contact_points import CLOSED
 from shellbench.solvers.fem.mechanics.strain_energy import StrainedMesh
 from shellbench.solvers.fem.mechanics.ties import Ties
 from shellbench.solvers.fem.motion.contact_in_motion import STEEPER, Compliance, StepContact, StepPush, TouchingPoints
+from shellbench.solvers.fem.motion.damping import StepDamping
 from shellbench.solvers.fem.motion.generalised_alpha import Instant, Scheme
 from shellbench.solvers.fem.path.finite_state import solve_on_free
 from shellbench.solvers.fem.path.problem import FiniteProblem
@@ -159,13 +162,17 @@ class MovingShell:
         free = coast - h**2 * s.beta * s.alpha_m / (1 - s.alpha_m) * start.a
         target = (1 - s.alpha_f) * free + s.alpha_f * start.q  # x*
         weight = (1 - s.alpha_m) / ((1 - s.alpha_f) * s.beta * h**2)
+        damping = StepDamping.of_step(problem.case.dynamics, problem.energy, s, start, h, coast)
+        target, weight = damping.with_inertia(target, weight)
         contact = None if self.points is None else self._step_contact(self.points, start, end)
         guess = start.q + h * start.velocity + h**2 / 2 * start.a
         if start.impulse is not None:
             guess = guess + h / 2 * start.impulse
         guess = ties.particular[..., 0] + ties.to_nodal(ties.to_free(guess[..., None]))[..., 0]
         x = (1 - s.alpha_f) * guess + s.alpha_f * start.q
-        minimum = _StepPotential(self, ties, middle, loads, target, weight, self._kinetic(start.v), start.q, contact)
+        minimum = _StepPotential(
+            self, ties, middle, loads, target, weight, self._kinetic(start.v), start.q, contact, damping
+        )
         x, residual, forces, iterations = minimum.minimise(x, h)
         q = minimum.end_displacement(x)
         push = np.zeros_like(q)  # r of `contact_in_motion`
@@ -194,6 +201,7 @@ class MovingShell:
         exerted = reaction + late * (reaction - start.reaction)
         loaded = 0.5 * (problem.loads(start.t) + problem.loads(end)) + exerted
         supplied += float(np.sum(loaded * (q - start.q)))
+        supplied -= damping.work(problem.energy, start.q, q, self._kinetic(start.v) + self._kinetic(v), h)
         return Instant(end, q, v, a, reaction, h, iterations, supplied, lost, **touched)
 
     def _step_contact(self, points: TouchingPoints, start: Instant, end: float) -> StepContact:
@@ -221,6 +229,11 @@ class _StepPotential:
     kinetic: float = 0.0
     begin: Array = field(default_factory=lambda: np.zeros(()))
     contact: StepContact | None = None
+    damping: StepDamping = field(default_factory=StepDamping)
+
+    def _deform(self, x: Array) -> StrainedMesh:
+        """Deform the mesh, with the strains that damping counts."""
+        return self.shell.problem.energy.deform(x, self.damping.shifts)
 
     def end_displacement(self, x: Array) -> Array:
         """Return the displacement (nodes, 12) at the step's end."""
@@ -246,11 +259,11 @@ class _StepPotential:
         # 4. Drop the tangent when decrements fall too slowly, or the step was cut.
         # The textbook factorises at each iteration. The inertia c M does not change and grows as 1 / h^2. For a short
         # step it dominates, and the tangent of the step before is nearly right.
-        kept, energy = self.shell._kept, self.shell.problem.energy
+        kept = self.shell._kept
         # c depends on the length of the step.
         if kept.length != h:
             kept.factor, kept.length = None, h
-        strained = energy.deform(x)
+        strained = self._deform(x)
         value, size = self._potential(x, strained)
         residual, before, share = self._residual(x, strained), np.inf, 0.0
         for iteration in range(1, MOST_ITERATIONS + 1):
@@ -271,7 +284,7 @@ class _StepPotential:
             share, floor, merit = 1.0, CONVERGED * size, value + self._contact_merit(x, touch)
             while True:
                 moved = x + share * step
-                strained = energy.deform(moved)
+                strained = self._deform(moved)
                 found, size = self._potential(moved, strained)
                 if found + self._contact_merit(moved, touch) <= merit - SUFFICIENT * share * decrement + floor:
                     break
@@ -319,17 +332,21 @@ class _StepPotential:
         """Return the incremental potential, and the magnitude of the energies that it is made of, J."""
         away = x - self.target
         inertia = self.weight / 2 * float(np.sum(away * self.shell.momentum(away)))
-        elastic = strained.energy + self.shell.problem.clamp_potential(x, self.t) + self.shell._spring_energy(x)
+        elastic = (
+            self.damping.factor * strained.energy
+            + self.shell.problem.clamp_potential(x, self.t)
+            + self.shell._spring_energy(x)
+        )
         work = float(np.sum(self.loads * x))
         return inertia + elastic - work, self.kinetic + inertia + elastic + abs(work)
 
     def _residual(self, x: Array, strained: StrainedMesh) -> Array:
-        forces = self.loads - strained.forces - self.weight * self.shell.momentum(x - self.target)
+        forces = self.loads - self.damping.factor * strained.forces - self.weight * self.shell.momentum(x - self.target)
         forces -= sum(clamp.deform_edge(x, self.t).gradient(len(x)) for clamp in self.shell.problem.clamps)
         return forces if self.shell.springs is None else forces - self.shell.spring_forces(x)
 
     def _factorised(self, x: Array, strained: StrainedMesh) -> Factor:
-        matrix = self.shell.problem.tangent(x, self.t, strained, strained.stresses)
+        matrix = self.shell.problem.tangent(x, self.t, strained, strained.stresses, self.damping.factor)
         matrix.blocks[...] += self.weight * self.shell.mass.blocks
         if self.shell.springs is not None:
             matrix.blocks[...] += self.shell.springs.blocks

@@ -201,12 +201,16 @@ class FiniteProblem:
         """Return the potential of clamps between the nodes, J."""
         return sum(clamp.deform_edge(q, t).potential for clamp in self.clamps)
 
-    def tangent(self, q: Array, t: float, strained: StrainedMesh, stresses: tuple[Array, ...]) -> BlockMatrix:
+    def tangent(
+        self, q: Array, t: float, strained: StrainedMesh, stresses: tuple[Array, ...], factor: float = 1.0
+    ) -> BlockMatrix:
         """Return the symmetric part of -dr/dq, supports not applied, with these stresses in its geometric part.
 
-        Only a pressure that follows has another part; see `factorised`.
+        Only a pressure that follows has another part; see `factorised`. The `factor` is of the strain energy.
         """
         matrix = self.energy.tangent(strained, stresses)
+        if factor != 1.0:
+            matrix.blocks[...] *= factor
         if self.pressure is not None:
             self.pressure.add_tangent(matrix, q, t)
         for moment in self.moments:

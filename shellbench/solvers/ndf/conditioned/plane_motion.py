@@ -35,6 +35,8 @@ PLANE = 2  # components of the motion
 def refusal(case: ConditionedCase) -> str | None:
     """Return the reason that the motions of a shell can't be followed here, as one clause, or None if they can."""
     shell = case.shell_of(case.middle)
+    if shell.dynamics is not None and shell.dynamics.damped:
+        return "its motion is damped"
     if not shell.material.uniform:
         return "its modulus or thickness varies"
     if shell.surface.kind != "plane" or shell.held_everywhere != (PLANE,):

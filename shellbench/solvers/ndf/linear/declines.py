@@ -86,6 +86,8 @@ def _why_not_folded(case: Case, spec: FieldSpec) -> str | None:
 def why_not_given(case: Case, quantity: Quantity) -> str | None:
     """Return the reason that a field can't give a quantity of a case that it takes, as a clause, or None if it can."""
     if isinstance(quantity, ReactionQuantity | TorqueQuantity):
+        if case.dynamics is not None and case.dynamics.stiffness_damping:
+            return "its reactions know no stresses of damping by stiffness"
         if oblique_at_folds(case.surface):  # the virtual motions would turn the shell there
             return "coordinate lines meet a fold obliquely, where virtual motions break its condition"
         support = next(s for s in case.supports if s.name == quantity.support)

@@ -16,7 +16,7 @@ from shellbench.solvers.ndf.motion.motion_problem import Motion
 
 RTOL, ATOL = 1e-6, 1e-8  # of y and y', in m sqrt(kg) and m/s sqrt(kg): errors then stay far below those of the field
 MOST_TIME_STEPS = 6_000
-STABLE = 5.5  # largest step times frequency: the method's amplification exceeds 1 from 5.9 on
+STABLE = 5.5  # largest step times a root's magnitude: the method's amplification exceeds 1 from 5.9 on
 FIRST = (
     1e-4  # of the whole time: the first step, before the error is known; a longer one is rejected, a shorter one grows
 )
@@ -86,7 +86,9 @@ def integrate(
 
     t, z, step = 0.0, np.zeros(2 * motion.basis.size + 1), FIRST * marks[-1]
     # An explicit method is unstable beyond this. Its error control would find the limit by rejected steps.
-    longest = STABLE / motion.highest_frequency()
+    longest = STABLE / motion.fastest_rate()
+    if motion.dynamics.stiffness_damping and marks[-1] > stepping.most_steps * longest:
+        raise StuckError(f"damping by stiffness makes its explicit steps too short: {longest:.2g} s")
     record(t, z, law(t, z))
     left = list(marks)
     while left:
@@ -114,7 +116,7 @@ def integrate(
         if following is not None:
             z = extended_state(motion, following, z, t)
             motion = following
-            longest = STABLE / motion.highest_frequency()
+            longest = STABLE / motion.fastest_rate()
 
 
 def extended_state(motion: Motion, following: Motion, z: Array, t: float) -> Array:

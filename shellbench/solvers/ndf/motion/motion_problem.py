@@ -3,9 +3,10 @@
 The displacement is u = lift(t) + M w . phi with w = held g(t) + combine y. Point supports hold w to the prescribed
 g(t); the other unknowns y obey
 
-    y'' = combine^T [ f(t) - dE/dw - rho (M phi, lift'') ],
+    y'' = combine^T [ f(t) - dE/dw - d(w, w') - rho (M phi, lift'') ],
 
-where E is the energy of strains and springs, f are the loads. The columns of `held` and `combine` are orthogonal in
+where E is the energy of strains and springs, f are the loads and d is Rayleigh's damping: alpha times momentum, and as
+stresses beta times those of the rates of strain. The columns of `held` and `combine` are orthogonal in
 mass, so that g'' exerts nothing on y. The power of loads and supports is integrated beside y: their work must equal the
 shell's energy.
 """
@@ -22,6 +23,7 @@ import torch
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.question.path import Dynamics
 from shellbench.solvers.ndf.field.ansatz import Ansatz, Combined
 from shellbench.solvers.ndf.field.build import build_ansatz
 from shellbench.solvers.ndf.field.choices import FieldSpec
@@ -65,9 +67,10 @@ class Motion:
         return build_ansatz(self.case, self.spec.model_copy(update={"t": t}))
 
     @property
-    def _until(self) -> float:
+    def dynamics(self) -> Dynamics:
+        """The case's data of its motion."""
         assert self.case.dynamics is not None
-        return self.case.dynamics.until
+        return self.case.dynamics
 
     @cached_property
     def sampled(self) -> Sampled:
@@ -181,8 +184,8 @@ class Motion:
         # Finite differences on a stencil that stays between rest and the end, one-sided there. Their weights solve
         # Vandermonde's system: exact for polynomials up to the sixth degree. A prescribed motion may be any function of
         # time, so that no formula is differentiated.
-        spacing = SPACING * self._until
-        first = min(max(t - spacing * (STENCIL // 2), 0.0), self._until - spacing * (STENCIL - 1))
+        spacing = SPACING * self.dynamics.until
+        first = min(max(t - spacing * (STENCIL // 2), 0.0), self.dynamics.until - spacing * (STENCIL - 1))
         times = first + spacing * np.arange(STENCIL)
         powers = np.vander((times - t) / spacing, increasing=True).T
         wanted = np.zeros((STENCIL, 2))
@@ -272,26 +275,48 @@ class Motion:
         on_jet[..., VALUE] += (self.sampled.matrix.mT @ force[..., None])[..., 0]
         return self._table.pull_back(on_jet.mT).reshape(-1)
 
-    def resistance(self, w: Tensor, t: float) -> tuple[Tensor, Tensor, Tensor]:
-        """Return dE/dw (3 M,), and by point the forces conjugate to gradients (N, 15) and the springs' pull (N, 3)."""
+    def resistance(self, w: Tensor, t: float, rate: Tensor | None = None) -> tuple[Tensor, Tensor, Tensor, float]:
+        """Return dE/dw + d (3 M,), by point its forces on gradients (N, 15) and on u (N, 3), and the power d takes.
+
+        Only with w', `rate`, is there any damping d.
+        """
         u, gradients = self._fields(w, self._lift(t) if self._lifts else None)
         strained = self.sampled.undeformed.strained(self.spec.strain, gradients)
-        stress = stresses(self._elasticity, strained.strains)
+        strains, pull, power = strained.strains, self._springs * u, 0.0
+        if rate is not None and self.dynamics.damped:
+            v, slopes = self._fields(rate, self._lift_rates(t)[0] if self._lifts else None)
+            dragged = self.dynamics.mass_damping * self.case.material.areal_density * self.areas[:, None] * v
+            pull, power = pull + dragged, float((dragged * v).sum())
+            if beta := self.dynamics.stiffness_damping:
+                rates = self._strain_rates(gradients, slopes)
+                strains = strains + beta * rates
+                power += beta * float((rates * stresses(self._elasticity, rates)).sum())
+        stress = stresses(self._elasticity, strains)
         # Stress . eps' is conjugate to the gradients of u, the springs' pull to u itself.
-        conjugate, pull = strained.conjugate_forces(stress), self._springs * u
-        return self._weight_forces(pull, conjugate), conjugate, pull
+        conjugate = strained.conjugate_forces(stress)
+        return self._weight_forces(pull, conjugate), conjugate, pull, power
+
+    def _strain_rates(self, gradients: Tensor, slopes: Tensor) -> Tensor:
+        """Return the rates (N, 6) of the strains of gradients (N, 5, 3) that change by `slopes`."""
+
+        def strains(moved: Tensor) -> Tensor:
+            return self.sampled.undeformed.strained(self.spec.strain, moved).strains
+
+        rates: Tensor = torch.func.jvp(strains, (gradients,), (slopes,))[1]
+        return rates
 
     def accelerate(self, y: Tensor, velocity: Tensor, t: float) -> tuple[Tensor, float]:
-        """Return y'' (r,), and the power of loads and supports, W."""
-        # y'' = combine^T (f - dE/dw - rho (M phi, lift'')): no mass matrix, as the basis is orthonormal in mass.
-        # 1. Sum the forces of strains and springs at w, dead loads, and inertia of the lift.
+        """Return y'' (r,), and the power of loads and supports less that of damping, W."""
+        # y'' = combine^T (f - dE/dw - d - rho (M phi, lift'')): no mass matrix, as the basis is orthonormal in mass.
+        # 1. Sum the forces of strains, springs and damping at w, dead loads, and inertia of the lift.
         # 2. Compute the power of the loads on w'.
         # 3. Add the power of point supports: mass times acceleration less all other forces, on the part of w' that they
         #    move.
         # 4. Add the power of moving edges and of loads on their motion: inertia, springs and stresses on the lift's
         #    rate.
         w = self.weights(y, t)
-        resistance, conjugate, pull = self.resistance(w, t)
+        moved = self.weights(velocity, t, 1)
+        resistance, conjugate, pull, damping = self.resistance(w, t, moved)
         force = self.forces(t)
         rho = self.case.material.areal_density
         residual = force - resistance
@@ -299,8 +324,7 @@ class Motion:
         if rates is not None:
             residual = residual - self.force_vector(rho * self.areas[:, None] * rates[1].values)
         acceleration = self.basis.gather(residual)
-        moved = self.weights(velocity, t, 1)
-        power = float(force @ moved)
+        power = float(force @ moved) - damping
         if self._moves_supports:
             # The free fields are in balance, so that only held ones remain; w' - combine y' is their motion.
             balance = self.inertia(self.weights(acceleration, t, 2)) - residual
@@ -312,8 +336,9 @@ class Motion:
             power += float(((inertia + pull) * rate.values).sum() + (conjugate * rate.gradients.flatten(1)).sum())
         return acceleration, power
 
-    def highest_frequency(self) -> float:
-        """Return the highest angular frequency of small motions about rest, rad/s, by power iteration."""
+    def fastest_rate(self) -> float:
+        """Return the largest magnitude of a root of small motions about rest, 1/s: of l^2 + (a + b w^2) l + w^2."""
+        # w is the highest angular frequency, by power iteration; a and b are the damping.
         # Power iteration on the stiffness at rest, which in this basis has the squared frequencies as eigenvalues. Its
         # product with a vector is a central difference of the forces: no matrix is made.
         rest = self.areas.new_zeros(self.basis.size)
@@ -326,12 +351,13 @@ class Motion:
             )
             direction = self.basis.gather(there - back) / (2 * size)
             value = float(direction.norm())
-        return math.sqrt(value)
+        damping = (self.dynamics.mass_damping + self.dynamics.stiffness_damping * value) / 2
+        return damping + math.sqrt(damping**2 - value) if damping**2 > value else math.sqrt(value)
 
-    def support_forces(self, w: Tensor, second: Tensor, t: float) -> Tensor:
-        """Return the forces (k,) of the point supports, N, from output weights (3 M,) and their second derivative."""
+    def support_forces(self, w: Tensor, rate: Tensor, second: Tensor, t: float) -> Tensor:
+        """Return the forces (k,) of the point supports, N, from output weights (3 M,) and their derivatives in time."""
         # D'Alembert: the supports exert the unbalanced forces, on the fields that move one of them by one unit.
-        residual = self.resistance(w, t)[0] - self.forces(t) + self.inertia(second)
+        residual = self.resistance(w, t, rate)[0] - self.forces(t) + self.inertia(second)
         if self._lifts:
             lag = self.case.material.areal_density * self.areas[:, None] * self._lift_rates(t)[1].values
             residual = residual + self.force_vector(lag)

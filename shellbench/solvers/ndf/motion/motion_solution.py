@@ -185,9 +185,10 @@ class MotionSolution(FieldSolution):
         state = replace(self._state(t), point_forces=tuple(self._point_forces(t)))
 
         def lag(points: Array) -> Array:
-            """Inertia and springs as a force per area, N/m^2."""
+            """Inertia, damping by mass and springs as a force per area, N/m^2."""
             springs = self.case.spring_stiffness(points) * state.displacement(points)
-            return -self.case.material.areal_density * self._rate(points, t, 2) - springs
+            lag = self._rate(points, t, 2) + self._motion.dynamics.mass_damping * self._rate(points, t, 1)
+            return -self.case.material.areal_density * lag - springs
 
         with torch.no_grad():
             return state.support_reaction(number, centre, NOWHERE, lag)
@@ -197,8 +198,8 @@ class MotionSolution(FieldSolution):
         if not point_supports(self.case):
             return np.zeros(0)
         with torch.no_grad():
-            w, second = (self.course.at(t, order).reshape(-1) for order in (0, 2))
-            return np.asarray(self._motion.support_forces(w, second, t).cpu().numpy())
+            w, rate, second = (self.course.at(t, order).reshape(-1) for order in range(3))
+            return np.asarray(self._motion.support_forces(w, rate, second, t).cpu().numpy())
 
     def _output(self, t: float, order: int = 0) -> Tensor:
         """Return the output weights (3, M) of the network itself, or of products, or their derivative."""
