@@ -61,6 +61,8 @@ SHELL = {
         {"name": "energy", "kind": "strain_energy"},
         {"name": "potential", "kind": "potential_energy"},
         {"name": "force", "kind": "reaction", "support": "wall", "direction": [1, 1, 1]},
+        {"name": "pulled", "kind": "membrane_force", "component": "12", "on": ["a"]},
+        {"name": "bent", "kind": "moment", "component": "22", "on": ["a", "xi1_max,xi2_max"]},
     ],
 }
 
@@ -133,7 +135,7 @@ def test_derivatives_of_random_small_shells(height, twist, thickness, ratio, cla
     data["surface"] = SHELL["surface"] | {"constants": {"H": height, "s": twist, "q": 1.0}}
     data["material"] = {"youngs_modulus": 2e9, "poissons_ratio": ratio, "thickness": thickness, "areal_density": 1.0}
     case = build_case(data, name="random", where="random")
-    assert largest_error(case, ("material.thickness", "surface.H"), {"moved", "energy"}) < 1e-7
+    assert largest_error(case, ("material.thickness", "surface.H"), {"moved", "energy", "pulled"}) < 1e-7
 
 
 @pytest.mark.sampled(1)
@@ -214,6 +216,12 @@ def test_a_derivative_that_makes_no_sense_is_refused_in_one_sentence(change, wor
     with pytest.raises(InputError, match=words) as refused:
         asked(change)
     assert "\n" not in str(refused.value)
+
+
+def test_a_table_shows_the_relative_derivative_beside_that_with_units():
+    case = asked({})
+    words = case.quantity("d").words(case, {"d": -6.0, "moved": 0.1}.get)
+    assert words == "derivative of moved by material.thickness, relative -3"
 
 
 def test_a_relative_derivative_has_no_unit():
