@@ -54,7 +54,7 @@ class Manifest(Model):
     solver, label
         Name of the solver, and a description in one line.
     distribution, version
-        The package that provides the solver.
+        The package that provides the solver, or the name of the file that describes it.
     install
         A command that installs it; empty if not stated.
     shellbench
@@ -190,7 +190,7 @@ def _manifest(
     data = {
         "format": 1,
         "solver": entry.name,
-        "distribution": entry.distribution,
+        "distribution": entry.distribution or (entry.file.name if entry.file else ""),
         "version": entry.version,
         "install": install,
         "shellbench": __version__,
