@@ -182,7 +182,7 @@ class CommandSolver(MeshSolver):
                 raise SolveFailure(f"the program's result can't be used {where}: {failure}{last}") from None
 
     def _called(self, command: list[str], folder: Path, where: str) -> str:
-        """Run a command in a folder; return its last line as a clause.
+        """Run a command in a folder; return its last line of words as a clause, or the last one that tells of an error.
 
         Raises
         ------
@@ -215,7 +215,9 @@ class CommandSolver(MeshSolver):
                 process.wait()
             output.seek(max(0, output.seek(0, os.SEEK_END) - LAST))
             text = output.read().decode(errors="replace").strip()
-        last = "".join(c if c.isprintable() else " " for c in text.splitlines()[-1])[:300].strip() if text else ""
+        lines = [line for line in text.splitlines() if re.search(r"[^\W\d_]", line)]
+        told = [line for line in lines if "error" in line.lower()] or lines
+        last = "".join(c if c.isprintable() else " " for c in told[-1])[:300].strip() if told else ""
         last = f": {last}" if last else ""
         if status:
             print(text, file=sys.stderr)  # into the log of the run

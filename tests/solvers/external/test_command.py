@@ -103,7 +103,8 @@ def test_an_exact_answer_is_read_in_every_format_and_the_ladder_tells_its_limit(
 
 GOOD = f"{READ['json']}\n"
 FAILURES = {
-    "ends with": (GOOD + "print('no licence'); sys.exit(3)", r"ended with exit status 3 on 4 x 4 cells: no licence$"),
+    "ends with": (GOOD + "print('no licence\\n' + '_' * 40); sys.exit(3)", "exit status 3 on 4 x 4 cells: no licence$"),
+    "tells of an error": (GOOD + "print('*ERROR: no material\\nstop'); sys.exit(3)", r"cells: \*ERROR: no material$"),
     "dies": (GOOD + "os.abort()", "was ended by signal 6 on 4 x 4 cells"),
     "raises": (GOOD + "1 / 0", "exit status 1 on 4 x 4 cells: ZeroDivisionError: division by zero"),
     "hangs": (GOOD + "os.system(f'sleep 60.51 & sleep 60')", "did not end within 0.5 s on 4 x 4 cells"),
