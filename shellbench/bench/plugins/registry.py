@@ -12,6 +12,7 @@ known from when a user names its file, until the process ends.
 
 from __future__ import annotations
 
+import shlex
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -123,6 +124,14 @@ def find_solver(name: str) -> SolverEntry:
 def name_of(text: str | Path) -> str:
     """Return the name of a solver that a user has named, or of which the user has given the file; InputError."""
     return find_solver(str(text)).name if str(text).endswith(FILE) else str(text)
+
+
+def given_as(name: str) -> str:
+    """Return how a user names a solver on the command line: by the path of its file, if one describes it."""
+    file = _OF_FILES[name].file if name in _OF_FILES else None
+    if file is None:
+        return shlex.quote(name)
+    return shlex.quote(str(file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file))
 
 
 def _solver_of_file(path: Path) -> SolverEntry:

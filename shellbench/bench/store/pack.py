@@ -21,7 +21,7 @@ from pydantic import Field, ValidationError
 
 from shellbench import __version__
 from shellbench.bench.catalogue import catalog
-from shellbench.bench.plugins.registry import SolverEntry, find_solver, solver_entries
+from shellbench.bench.plugins.registry import SolverEntry, find_solver, given_as, solver_entries
 from shellbench.bench.store.conformance import Conformance, read_conformance, why_unchecked
 from shellbench.bench.store.current import CurrentRun, current_runs, overrides_of
 from shellbench.bench.store.record import LARGEST_RECORD, STATED, Digest, Plain, Record, Time, document, read_document
@@ -150,7 +150,7 @@ def write_pack(
     checked = [one for one in noted.found if one.solver == solver and one.source in sources]
     notes += noted.damaged
     if (why := why_unchecked(solver, sent, checked)) and sent[0].stated is None:
-        notes.append(f"not checked: {why} (`shellbench check-solver {solver}` makes the checks)")
+        notes.append(f"not checked: {why} (`shellbench check-solver {given_as(solver)}` makes the checks)")
     manifest = _manifest(entry, sent, packed, install or _install(entry), checked)
     try:
         with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
