@@ -76,6 +76,9 @@ OF_CASE: Mapping[str, Callable[[Examination, Case], Verdict]] = {
 }
 
 
+OF_STRAINS = ("fields", "energies", "strains")
+"""Of `OF_CASE`: those that a solver of displacements only can't pass. Its class needs `work`, by the known energy."""
+
 OF_ROPE: Mapping[str, AskOfProblem] = {
     "answers": ropes.links,
     "determinism": answers.determinism,
@@ -183,17 +186,27 @@ def _of_cases(exam: Examination, options: CheckOptions, tell: Tell) -> Iterator[
         for name, ask in checks_of(case).items():
             if not _wanted(options, name):
                 continue
-            asked_of, needed = case, name in needed_checks(case.kind, exam.facts["theories"])
+            wanted = needed_checks(case.kind, exam.facts["theories"])
+            asked_of, needed = case, name in wanted
             if name == "seam" and isinstance(case, Case) and not options.cases:
                 asked_of = case if any(case.surface.domain.periodic) else _closed(exam) or case
             tell(f"{name}, {asked_of.name}")
             if reason is not None:
                 verdict = not_applicable(f"it declines the case: {reason}")
+            elif isinstance(case, Case) and name in OF_STRAINS and (lacking := _no_energies(exam, case)):
+                verdict, needed = not_applicable(lacking), needed and "work" not in wanted
             else:
                 verdict = _verdict_of(lambda ask=ask, c=asked_of: ask(exam, c))  # type: ignore[misc]
             yield Line(name, asked_of.name, verdict, case.kind, needed)
     if not cases:
         yield Line("answers", "", not_shown("it takes no case that solvers are examined on: name one by --case"))
+
+
+def _no_energies(exam: Examination, case: Case) -> str | None:
+    try:
+        return mechanics.why_no_energies(exam, case)
+    except NoAnswer:  # the check itself says so
+        return None
 
 
 def checks_of(case: Problem) -> Mapping[str, AskOfProblem]:

@@ -21,6 +21,7 @@ LOOSEST = CLASSES[-1]
 BLUNT = 3.0  # an error within this many uncertainties of the known value does not count
 BLUNTEST = 0.99  # relative: the answer zero must get no class, however uncertain the known value is
 OWN = "shellbench"  # the distribution of the built-in solvers
+LENGTHS = {"m", "mm"}  # units of displacements
 MOST_NAMED = 8  # number of declined cases that a sentence lists
 
 
@@ -42,6 +43,8 @@ class Grade:
         Cases that the solver declines.
     lacking
         Names of quantities that it declines in cases that it answers.
+    on
+        " on displacements" if it declines other quantities, and only displacements were judged.
     unchecked
         Reason why the solver is not checked, as a clause; empty if it is checked. An unchecked solver gets no class.
     """
@@ -54,6 +57,7 @@ class Grade:
     declined: tuple[str, ...]
     unchecked: str = ""
     lacking: tuple[str, ...] = ()
+    on: str = ""
 
     @property
     def held(self) -> float | None:
@@ -63,7 +67,9 @@ class Grade:
     def __str__(self) -> str:
         what = f"{self.figures} figures of {self.cases} {'case' if self.cases == 1 else 'cases'}"
         words = (
-            f"{self.solver} holds class {self.held:g} in all {what}" if self.held else f"{self.solver} holds no class"
+            f"{self.solver} holds class {self.held:g}{self.on} in all {what}"
+            if self.held
+            else f"{self.solver} holds no class"
         )
         if self.unchecked:
             within = f", though its {what} are within {self.within:g}" if self.within else ""
@@ -139,6 +145,7 @@ def _grade(solver: str, rows: Sequence[Row], unchecked: str) -> Grade:
     judged = [row for row in rows if row.status != "declined"]
     answered, declined = {row.case for row in judged}, [row for row in rows if row.status == "declined"]
     missed = {size: [row for row in judged if not _holds(row, size)] for size in CLASSES}
+    lacking = tuple(dict.fromkeys(row.quantity for row in declined if row.case in answered))
     within = next((size for size in CLASSES if judged and not missed[size]), None)
     return Grade(
         solver=solver,
@@ -148,7 +155,8 @@ def _grade(solver: str, rows: Sequence[Row], unchecked: str) -> Grade:
         worst=max((row for row in judged if row.judged_error is not None), key=_distance, default=None),
         declined=tuple(dict.fromkeys(row.case for row in declined if row.case not in answered)),
         unchecked=unchecked,
-        lacking=tuple(dict.fromkeys(row.quantity for row in declined if row.case in answered)),
+        lacking=lacking,
+        on=" on displacements" if lacking and {row.unit for row in judged} <= LENGTHS else "",
     )
 
 
