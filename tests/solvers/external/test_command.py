@@ -14,9 +14,13 @@ import shellbench
 from shellbench.bench.catalogue import catalog, templates
 from shellbench.bench.plugins import registry
 from shellbench.bench.run import local
+from shellbench.bench.store.store import Store
 from shellbench.errors import InputError, SolveFailure
 from shellbench.protocol import program
+from shellbench.testing.conforming import OF_FIELD, store_results
+from shellbench.testing.suite import CheckOptions, examine
 from tests.bench.running import InThisProcess, command
+from tests.testing.test_suite import InProcess
 
 PLATE = shellbench.case("square_plate").without(["strain_energy", "membrane_energy", "bending_energy"])
 CENTRE = PLATE.primary.name
@@ -217,6 +221,37 @@ def test_a_changed_program_is_never_answered_by_an_old_record_and_no_gate_passes
     assert tell("gate")[0] == 2
     data.unlink()
     assert "there is no file 'data.*'" in tell("gate", "--solver", path)[2]
+
+
+ANYWHERE = """
+import numpy as np
+found = json.load(open(mesh))
+nodes, n = np.array(found['nodes']), np.array(found['normals'])
+a, b, _, d = nodes[np.array(found['cells'][0]) - 1]
+x, y = ((nodes - a) @ (side - a) / np.linalg.norm(side - a) for side in (b, d))
+q = np.sum(np.array(found['forces'])[:, :3] * n) / 1e4
+u = n * np.array([[-q * w(*at)] for at in zip(x, y)])
+"""
+FAULTS = {
+    "": "holds class 0.0001 on displacements in all 2 figures of 1 case",
+    "u *= 1.05": "is not checked and holds no class: its check 'work' failed: twice the known strain energy",
+    "u *= np.abs(u).max(axis=1, keepdims=True) / np.abs(u).max()": "though its 2 figures .* are within 0.0001: its check 'work' failed",
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_class_on_displacements_needs_a_right_field(write, fault, tmp_path, monkeypatch, capfd):
+    monkeypatch.setattr(local, "LocalProcesses", Here)
+    monkeypatch.chdir(tmp_path)
+    path = write(f"{ANYWHERE}\n{fault}\nnp.savetxt(out, np.c_[1:len(u) + 1, u])", cells=[16], symmetry=False)
+    assert command(monkeypatch, capfd, "run", "square_plate", "--solver", path)[0] == 0
+    entry = registry.find_solver(str(path))
+    options = CheckOptions((shellbench.case("square_plate"),), checks=("energies", "work") if fault else OF_FIELD)
+    lines = list(examine(entry, options, start=lambda: InProcess(entry)))
+    assert [line.check for line in lines if line.verdict.status == "not applicable"] == ["energies"]
+    store_results(Store(Path("reports/runs")), entry, lines)
+    code, out, _ = command(monkeypatch, capfd, "gate", "--solver", path)
+    assert (code, bool(re.search(FAULTS[fault], out))) == (bool(fault), True), out
 
 
 @pytest.mark.long
