@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, Literal, TypeVar
 
@@ -143,17 +144,15 @@ class CommandSolver(MeshSolver):
         arguments = self.described.arguments(self.path)
         return [PLACEHOLDER.sub(lambda found: texts[found[1]], part) for part in arguments]
 
-    def solve_mesh(self, deck: Deck, settings: Any) -> Array:
-        """Return the displacements (v, 3) that the command gives on a mesh, m."""
-        return self._result(deck, lambda out: read_displacements(out, self.described.result, deck.nodes))
-
     def solution_on(self, deck: Deck, settings: Any) -> MeshSolution:
         """Return the solution on a mesh; one without a field if the command gives values only."""
         if self.described.result != "values":
-            return super().solution_on(deck, settings)
+            moved, each = self._result(deck, lambda out: read_displacements(out, self.described.result, deck.nodes))
+            rounding = {quantity.name: each for quantity in deck.part.whole.quantities}
+            return replace(self.solution_of(deck, moved), rounding=rounding)
         quantities = self._asked(deck.part.whole)
-        given = self._result(deck, lambda out: read_values(out, quantities))
-        return MeshSolution(deck, np.full_like(deck.nodes, np.nan), given=given)
+        given, rounding = self._result(deck, lambda out: read_values(out, quantities))
+        return MeshSolution(deck, np.full_like(deck.nodes, np.nan), given=given, rounding=rounding)
 
     def declines_quantity(self, case: Case, quantity: Any) -> str | None:
         """Return the reason that it can't give a quantity of a case that it takes, as one clause, or None if it can."""

@@ -8,6 +8,7 @@ import textwrap
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import shellbench
@@ -103,6 +104,18 @@ def test_an_exact_answer_is_read_in_every_format_and_the_ladder_tells_its_limit(
     assert answer.history[-1].quantities[CENTRE] == pytest.approx(known * (1 + 0.01 / 16**2), rel=1e-9)
     assert answer.extrapolated[CENTRE] == pytest.approx(known, rel=1e-6)
     assert answer.uncertainty[CENTRE] == pytest.approx(known * 0.015 / 16**2, rel=0.01)
+
+
+@pytest.mark.parametrize("result", ["csv", "values"])
+def test_an_answer_is_no_surer_than_its_digits_and_the_rate_of_its_element(write, result):
+    script, fields = READ["json"] + "\n" + WRITE["node" if result == "csv" else "values"], {"result": result}
+    known = catalog.known_values("square_plate").judge(CENTRE, PLATE.theory).value
+    rounded = re.sub(r"(w\([^)]*\))(!r)?}", r"\1:.3f}", script)
+    assert solve(write(rounded, **fields)).uncertainty[CENTRE] == pytest.approx(5e-4)
+    steep = solve(write("FACTOR += 1 / int(cells) ** 8\n" + script, "steep", cells=[2, 4, 8], **fields))
+    change = np.diff([step.quantities[CENTRE] for step in steep.history])[-1]
+    assert steep.extrapolated[CENTRE] == pytest.approx(known, rel=2e-4)
+    assert steep.uncertainty[CENTRE] >= abs(change) / 3
 
 
 GOOD = f"{READ['json']}\n"

@@ -44,6 +44,7 @@ Array = NDArray[np.float64]
 OF_DISPLACEMENTS = (DisplacementQuantity, PositionQuantity, CentreOfMass, LargestDisplacement, FieldError)
 LADDER = (8, 16, 32)
 MOST_CELLS = 1024
+RATE = {"tri3": 2, "quad4": 2, "tri6": 4, "quad8": 4, "quad9": 4}  # of displacements as cells shrink, by cell
 
 
 class MeshSettings(Settings):
@@ -116,7 +117,10 @@ class MeshSolver(ShellSolver):
     def solution_on(self, deck: Deck, settings: Settings) -> MeshSolution:
         """Return the solution on a mesh; SolveFailure if nodes have no finite displacement."""
         told = self.solve_mesh(deck, settings)
-        solved, unknowns = told if isinstance(told, tuple) else (told, None)
+        return self.solution_of(deck, *told) if isinstance(told, tuple) else self.solution_of(deck, told)
+
+    def solution_of(self, deck: Deck, solved: Array, unknowns: int | None = None) -> MeshSolution:
+        """Return the solution of displacements (v, 3) of a mesh's nodes; SolveFailure if one is not finite."""
         moved = np.asarray(solved, float)
         if moved.shape != deck.nodes.shape or not np.all(np.isfinite(moved)):
             counts = list(deck.grid.counts)
@@ -154,7 +158,12 @@ class MeshSolver(ShellSolver):
             progress(Progress(len(history), len(settings.cells), f"{counts[0]} x {counts[1]} cells"))
         assert found is not None
         limits = {name: limit_of(sizes, [step.quantities[name] for step in history]) for name in values}
-        sure = {name: abs(limit.value - values[name]) + limit.uncertainty for name, limit in limits.items()}
+        sure = {}
+        for name, limit in limits.items():
+            # A ladder that seems to converge faster than its element can is no surer than at the element's rate.
+            ratio, change = sizes[-2:][0] / sizes[-1], abs(values[name] - history[-2:][0].quantities[name])
+            left = change / (ratio ** RATE[self.shape] - 1) if ratio > 1 else 0.0
+            sure[name] = max(abs(limit.value - values[name]) + limit.uncertainty, left, found.rounding.get(name, 0.0))
         return replace(
             found,
             history=tuple(history),
@@ -189,6 +198,8 @@ class MeshSolution(ShellSolution):
         Values by name of quantity, where the program gives no field but these.
     unknowns
         Numbers that were solved for, if not the deck's displacements and rotations.
+    rounding
+        By name of quantity: half a unit of the last digit that the program has printed; none if that is not known.
     """
 
     formats: ClassVar[tuple[str | int, ...]] = ("mesh, format 1",)
@@ -199,6 +210,7 @@ class MeshSolution(ShellSolution):
     energy: float = 0.0
     given: Mapping[str, float] = field(default_factory=dict)
     unknowns: int | None = None
+    rounding: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def case(self) -> Case:
