@@ -44,7 +44,6 @@ Array = NDArray[np.float64]
 OF_DISPLACEMENTS = (DisplacementQuantity, PositionQuantity, CentreOfMass, LargestDisplacement, FieldError)
 LADDER = (8, 16, 32)
 MOST_CELLS = 1024
-RATE = {"tri3": 2, "quad4": 2, "tri6": 4, "quad8": 4, "quad9": 4}  # of displacements as cells shrink, by cell
 
 
 class MeshSettings(Settings):
@@ -157,13 +156,11 @@ class MeshSolver(ShellSolver):
             sizes.append(float(np.prod(counts)) ** -0.5)
             progress(Progress(len(history), len(settings.cells), f"{counts[0]} x {counts[1]} cells"))
         assert found is not None
-        limits = {name: limit_of(sizes, [step.quantities[name] for step in history]) for name in values}
-        sure = {}
-        for name, limit in limits.items():
-            # A ladder that seems to converge faster than its element can is no surer than at the element's rate.
-            ratio, change = sizes[-2:][0] / sizes[-1], abs(values[name] - history[-2:][0].quantities[name])
-            left = change / (ratio ** RATE[self.shape] - 1) if ratio > 1 else 0.0
-            sure[name] = max(abs(limit.value - values[name]) + limit.uncertainty, left, found.rounding.get(name, 0.0))
+        limits = {
+            name: limit_of(sizes, [step.quantities[name] for step in history], found.rounding.get(name, 0.0))
+            for name in values
+        }
+        sure = {name: abs(limit.value - values[name]) + limit.uncertainty for name, limit in limits.items()}
         return replace(
             found,
             history=tuple(history),
