@@ -17,9 +17,6 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.bench.catalogue import catalog
-from shellbench.bench.plugins.subject import Refused
-from shellbench.bench.store.task import case_data
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities.measure import load_density
 from shellbench.problems.shell.question.directions import in_space
@@ -39,10 +36,12 @@ from shellbench.testing.examination import (
     allowed_deviation,
     deviation,
     grid,
+    known_energy,
     not_applicable,
     not_shown,
     own_uncertainty,
     scattered,
+    why_no_energies,
 )
 from shellbench.testing.made_cases import FALL, SHORT, amplified, relocated, rescaled, rotated, shifted, short_motion
 from shellbench.testing.subject import RemoteSolution
@@ -260,17 +259,6 @@ def _in_space(x: Derivatives, material: OrthotropicMaterial, strains: list[Array
     return [np.stack([e[:, 0, 0], e[:, 1, 1], 2 * e[:, 0, 1]], axis=-1) for e in along]
 
 
-def why_no_energies(exam: Examination, case: Case) -> str | None:
-    """Return the reason why a solver has no energies of a case, if it declines and refuses them; None if it has."""
-    reason = exam.subject.call("declines_energy", {**case_data(case), "name": case.name})
-    if reason is not None:
-        try:
-            exam.solve(case).energies()
-        except Refused:
-            return str(reason)
-    return None
-
-
 def energies(exam: Examination, case: Case) -> Verdict:
     """Check that the energy densities are those of the strains, and add up to the energies."""
     found, answer = Findings(), exam.solve(case)
@@ -319,10 +307,7 @@ def _integral(answer: RemoteSolution, name: str, panels: int) -> float:
 
 
 def work(exam: Examination, case: Case) -> Verdict:
-    """Check that in linear theory without moved supports the loads' work is twice the strain energy (Clapeyron).
-
-    The known energy takes the place of that of a solver that has none.
-    """
+    """Check that in linear theory without moved supports the loads' work is twice the strain energy (Clapeyron)."""
     if not case.linear:
         return not_applicable("the case is not linear")
     if any(s.motion for s in case.supports):
@@ -335,7 +320,7 @@ def work(exam: Examination, case: Case) -> Verdict:
     if energy is None:
         return not_shown(f"{lacking}, and no strain energy is known of {case.name}")
     off = abs(2 * energy - done) / abs(done) if done else abs(energy)
-    own = OWN * answer.facts["uncertainty"].get("strain_energy", 0.0) / energy if energy else 0.0
+    own = OWN * answer.facts["uncertainty"].get("strain_energy", 0.0) / energy if energy and not lacking else 0.0
     limit, whose = min(MOST_EXCUSED, max(WORK, own)), "the known" if lacking else "its"
     found.hold(
         off <= limit,
@@ -343,15 +328,6 @@ def work(exam: Examination, case: Case) -> Verdict:
         f"twice {whose} strain energy is off the loads' work, {done:.6g} J, by {off:.1e} (at most {limit:.1e})",
     )
     return found.verdict()
-
-
-def known_energy(case: Case) -> float | None:
-    """Return the strain energy that is known of a case of the suite, J."""
-    for quantity in case.quantities:
-        known = catalog.known_values(case.name).judge(quantity.name, case.theory)
-        if quantity.kind == "strain_energy" and known and not catalog.is_own(case):
-            return known.value / quantity.factor
-    return None
 
 
 def loads_work(answer: RemoteSolution) -> float:

@@ -37,6 +37,7 @@ from shellbench.testing.examination import (
     not_applicable,
     not_shown,
     shells,
+    why_no_energies,
 )
 from shellbench.testing.grading import ExamOptions, Graded, start_exam
 from shellbench.testing.made_cases import CLOSED, MOVING, STATIC, short_motion
@@ -193,20 +194,13 @@ def _of_cases(exam: Examination, options: CheckOptions, tell: Tell) -> Iterator[
             tell(f"{name}, {asked_of.name}")
             if reason is not None:
                 verdict = not_applicable(f"it declines the case: {reason}")
-            elif isinstance(case, Case) and name in OF_STRAINS and (lacking := _no_energies(exam, case)):
+            elif isinstance(case, Case) and name in OF_STRAINS and (lacking := why_no_energies(exam, case)):
                 verdict, needed = not_applicable(lacking), needed and "work" not in wanted
             else:
                 verdict = _verdict_of(lambda ask=ask, c=asked_of: ask(exam, c))  # type: ignore[misc]
             yield Line(name, asked_of.name, verdict, case.kind, needed)
     if not cases:
         yield Line("answers", "", not_shown("it takes no case that solvers are examined on: name one by --case"))
-
-
-def _no_energies(exam: Examination, case: Case) -> str | None:
-    try:
-        return mechanics.why_no_energies(exam, case)
-    except NoAnswer:  # the check itself says so
-        return None
 
 
 def checks_of(case: Problem) -> Mapping[str, AskOfProblem]:

@@ -21,7 +21,6 @@ LOOSEST = CLASSES[-1]
 BLUNT = 3.0  # an error within this many uncertainties of the known value does not count
 BLUNTEST = 0.99  # relative: the answer zero must get no class, however uncertain the known value is
 OWN = "shellbench"  # the distribution of the built-in solvers
-LENGTHS = {"m", "mm"}  # units of displacements
 MOST_NAMED = 8  # number of declined cases that a sentence lists
 
 
@@ -66,11 +65,8 @@ class Grade:
 
     def __str__(self) -> str:
         what = f"{self.figures} figures of {self.cases} {'case' if self.cases == 1 else 'cases'}"
-        words = (
-            f"{self.solver} holds class {self.held:g}{self.on} in all {what}"
-            if self.held
-            else f"{self.solver} holds no class"
-        )
+        held = f"class {self.held:g}{self.on} in all {what}" if self.held else "no class"
+        words = f"{self.solver} holds {held}"
         if self.unchecked:
             within = f", though its {what} are within {self.within:g}" if self.within else ""
             why = f"{self.unchecked} (`shellbench check-solver {given_as(self.solver)}` makes the checks)"
@@ -156,7 +152,7 @@ def _grade(solver: str, rows: Sequence[Row], unchecked: str) -> Grade:
         declined=tuple(dict.fromkeys(row.case for row in declined if row.case not in answered)),
         unchecked=unchecked,
         lacking=lacking,
-        on=" on displacements" if lacking and {row.unit for row in judged} <= LENGTHS else "",
+        on=" on displacements" if lacking and {row.unit for row in judged} <= {"m", "mm"} else "",
     )
 
 

@@ -12,6 +12,7 @@ known from when a user names its file, until the process ends.
 
 from __future__ import annotations
 
+import os
 import shlex
 import tomllib
 from collections.abc import Callable
@@ -129,9 +130,7 @@ def name_of(text: str | Path) -> str:
 def given_as(name: str) -> str:
     """Return how a user names a solver on the command line: by the path of its file, if one describes it."""
     file = _OF_FILES[name].file if name in _OF_FILES else None
-    if file is None:
-        return shlex.quote(name)
-    return shlex.quote(str(file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file))
+    return shlex.quote(os.path.relpath(file) if file else name)
 
 
 def _solver_of_file(path: Path) -> SolverEntry:

@@ -148,8 +148,7 @@ class CommandSolver(MeshSolver):
         """Return the solution on a mesh; one without a field if the command gives values only."""
         if self.described.result != "values":
             moved, each = self._result(deck, lambda out: read_displacements(out, self.described.result, deck.nodes))
-            rounding = {quantity.name: each for quantity in deck.part.whole.quantities}
-            return replace(self.solution_of(deck, moved), rounding=rounding)
+            return replace(self.solution_of(deck, moved), rounding={q.name: each for q in deck.part.whole.quantities})
         quantities = self._asked(deck.part.whole)
         given, rounding = self._result(deck, lambda out: read_values(out, quantities))
         return MeshSolution(deck, np.full_like(deck.nodes, np.nan), given=given, rounding=rounding)

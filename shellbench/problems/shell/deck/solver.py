@@ -156,10 +156,7 @@ class MeshSolver(ShellSolver):
             sizes.append(float(np.prod(counts)) ** -0.5)
             progress(Progress(len(history), len(settings.cells), f"{counts[0]} x {counts[1]} cells"))
         assert found is not None
-        limits = {
-            name: limit_of(sizes, [step.quantities[name] for step in history], found.rounding.get(name, 0.0))
-            for name in values
-        }
+        limits = {n: limit_of(sizes, [s.quantities[n] for s in history], found.rounding.get(n, 0.0)) for n in values}
         sure = {name: abs(limit.value - values[name]) + limit.uncertainty for name, limit in limits.items()}
         return replace(
             found,
