@@ -117,10 +117,7 @@ def test_an_answer_is_no_surer_than_its_digits_and_the_rate_of_its_element(write
 
 GOOD = f"{READ['json']}\n"
 FAILURES = {
-    "ends with": (
-        GOOD + "print('*ERROR: no licence\\nstop'); sys.exit(3)",
-        r"status 3 on 4 x 4 cells: \*ERROR: no licence$",
-    ),
+    "ends with": (GOOD + "print('*ERROR: no key\\nstop'); sys.exit(3)", r"status 3 on 4 x 4 cells: \*ERROR: no key$"),
     "dies": (GOOD + "os.abort()", "was ended by signal 6 on 4 x 4 cells"),
     "raises": (GOOD + "1 / 0", "exit status 1 on 4 x 4 cells: ZeroDivisionError: division by zero"),
     "hangs": (GOOD + "os.system(f'sleep 60.51 & sleep 60')", "did not end within 0.5 s on 4 x 4 cells"),
