@@ -128,7 +128,7 @@ def name_of(text: str | Path) -> str:
 
 
 def given_as(name: str) -> str:
-    """Return how a user names a solver on the command line: by the path of its file, if one describes it."""
+    """Return the name of a solver on the command line: the path of its file, if one describes it."""
     file = _OF_FILES[name].file if name in _OF_FILES else None
     return shlex.quote(os.path.relpath(file) if file else name)
 
