@@ -31,6 +31,7 @@ from shellbench.problem import (
     answerable,
     why_declined,
 )
+from shellbench.problems.shell.quantities.energy_quantities import EnergyQuantity
 from shellbench.protocol.schema import one_sentence
 
 DEVICES: tuple[str, ...] = get_args(Device)
@@ -166,6 +167,11 @@ class Child:
                 kind, answer = "raised", f"raised {error_line(error)}"
             answers.append((kind, answer, _worked() - start))
         return answers
+
+    def declines_energy(self, data: dict[str, Any]) -> str | None:
+        """Return the reason why the solver declines the strain energy of a shell, or None."""
+        ask = getattr(self.solver, "declines_quantity", lambda *_: None)
+        return ask(problem_of(data), EnergyQuantity(name="strain_energy", kind="strain_energy"))
 
     def settings(self, given: Mapping[str, Any]) -> None:
         """Check settings; raises InputError if they are refused."""

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.plugins.kinds import kinds_of_theories
 from shellbench.bench.plugins.registry import SolverEntry
-from shellbench.bench.plugins.subject import NoAnswer, Respondent
+from shellbench.bench.plugins.subject import NoAnswer, Refused, Respondent
 from shellbench.bench.store.task import case_data
 from shellbench.problem import Problem
 from shellbench.problems.shell.case import Case
@@ -142,6 +142,27 @@ class Examination:
 
 class AlreadyReported(NoAnswer):
     """A failure that an earlier check has already reported."""
+
+
+def why_no_energies(exam: Examination, case: Case) -> str | None:
+    """Return the reason why a solver has no energies of a case, if it declines and refuses them; None if it has."""
+    reason: str | None = None
+    try:
+        reason = exam.subject.call("declines_energy", {**case_data(case), "name": case.name})
+        if reason is not None:
+            exam.solve(case).energies()
+    except Refused:
+        return reason
+    except NoAnswer:  # the check itself reports it
+        pass
+    return None
+
+
+def known_energy(case: Case) -> float | None:
+    """Return the known strain energy of a case of the suite, J: it replaces that of a solver that has none."""
+    energy = next((q for q in case.quantities if q.kind == "strain_energy"), None)
+    known = catalog.known_values(case.name).judge(energy.name, case.theory) if energy else None
+    return known.value / energy.factor if energy and known and not catalog.is_own(case) else None
 
 
 def fingerprint(answer: RemoteSolution) -> Array:

@@ -23,6 +23,7 @@ STATIC = (
     "square_plate_nonlinear",
     "cantilever_shear",
     "rigid_rotation",
+    "scordelis_lo_naghdi",
 )
 """Cheap static cases, the first of which that a solver takes it is examined on."""
 

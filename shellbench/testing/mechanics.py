@@ -36,9 +36,12 @@ from shellbench.testing.examination import (
     allowed_deviation,
     deviation,
     grid,
+    known_energy,
     not_applicable,
+    not_shown,
     own_uncertainty,
     scattered,
+    why_no_energies,
 )
 from shellbench.testing.made_cases import FALL, SHORT, amplified, relocated, rescaled, rotated, shifted, short_motion
 from shellbench.testing.subject import RemoteSolution
@@ -312,14 +315,17 @@ def work(exam: Examination, case: Case) -> Verdict:
     if any(isinstance(load, MomentLoad) for load in case.loads):
         return not_applicable("the work of moments is not taken here")
     found, answer = Findings(), exam.solve(case)
-    done, energy = loads_work(answer), sum(answer.energies())
+    done, lacking = loads_work(answer), why_no_energies(exam, case)
+    energy = known_energy(case) if lacking else sum(answer.energies())
+    if energy is None:
+        return not_shown(f"{lacking}, and no strain energy is known of {case.name}")
     off = abs(2 * energy - done) / abs(done) if done else abs(energy)
-    own = OWN * answer.facts["uncertainty"].get("strain_energy", 0.0) / energy if energy else 0.0
-    limit = min(MOST_EXCUSED, max(WORK, own))
+    own = OWN * answer.facts["uncertainty"].get("strain_energy", 0.0) / energy if energy and not lacking else 0.0
+    limit, whose = min(MOST_EXCUSED, max(WORK, own)), "the known" if lacking else "its"
     found.hold(
         off <= limit,
-        f"twice its strain energy is {2 * energy:.6g} J, but the loads' work {done:.6g} J: at most {limit:.1e} may be",
-        f"twice the strain energy is off the loads' work, {done:.6g} J, by {off:.1e} (at most {limit:.1e})",
+        f"twice {whose} strain energy is {2 * energy:.6g} J, the loads' work {done:.6g} J: at most {limit:.1e} may be",
+        f"twice {whose} strain energy is off the loads' work, {done:.6g} J, by {off:.1e} (at most {limit:.1e})",
     )
     return found.verdict()
 

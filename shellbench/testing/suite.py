@@ -37,6 +37,7 @@ from shellbench.testing.examination import (
     not_applicable,
     not_shown,
     shells,
+    why_no_energies,
 )
 from shellbench.testing.grading import ExamOptions, Graded, start_exam
 from shellbench.testing.made_cases import CLOSED, MOVING, STATIC, short_motion
@@ -75,6 +76,9 @@ OF_CASE: Mapping[str, Callable[[Examination, Case], Verdict]] = {
     "storage": keeping.storage,
 }
 
+
+OF_STRAINS = ("fields", "energies", "strains")
+"""Of `OF_CASE`: those that a solver of displacements only can't pass. Its class needs `work`, by the known energy."""
 
 OF_ROPE: Mapping[str, AskOfProblem] = {
     "answers": ropes.links,
@@ -183,12 +187,15 @@ def _of_cases(exam: Examination, options: CheckOptions, tell: Tell) -> Iterator[
         for name, ask in checks_of(case).items():
             if not _wanted(options, name):
                 continue
-            asked_of, needed = case, name in needed_checks(case.kind, exam.facts["theories"])
+            wanted = needed_checks(case.kind, exam.facts["theories"])
+            asked_of, needed = case, name in wanted
             if name == "seam" and isinstance(case, Case) and not options.cases:
                 asked_of = case if any(case.surface.domain.periodic) else _closed(exam) or case
             tell(f"{name}, {asked_of.name}")
             if reason is not None:
                 verdict = not_applicable(f"it declines the case: {reason}")
+            elif isinstance(case, Case) and name in OF_STRAINS and (lacking := why_no_energies(exam, case)):
+                verdict, needed = not_applicable(lacking), needed and "work" not in wanted
             else:
                 verdict = _verdict_of(lambda ask=ask, c=asked_of: ask(exam, c))  # type: ignore[misc]
             yield Line(name, asked_of.name, verdict, case.kind, needed)

@@ -7,6 +7,7 @@ import json
 import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 from shellbench.bench.catalogue import catalog
@@ -15,7 +16,7 @@ from shellbench.bench.catalogue.listing import gated_quantities, list_solver, li
 from shellbench.bench.catalogue.reference import KnownValue, Tolerance
 from shellbench.bench.plugins.kinds import find_kind
 from shellbench.bench.plugins.outside import declines, describe_solver, resolve_solver
-from shellbench.bench.plugins.registry import OWN, SolverEntry, solver_entries
+from shellbench.bench.plugins.registry import FILE, OWN, SolverEntry, find_solver, solver_entries
 from shellbench.errors import InputError
 from shellbench.problem import VARIANT, Problem, Quantity
 from shellbench.protocol.schema import read_toml
@@ -32,8 +33,8 @@ NO_PART_OF_THE_QUESTION = {
 def about(name: str) -> Data:
     """Return the description of the case, suite or solver of this name as JSON data; its kind is under `what`.
 
-    A case may be a variant, such as ``scordelis_lo@oblique``, or a path to a TOML file. Other words are looked up in
-    the titles of cases and in the names under which others know them.
+    A case may be a variant, such as ``scordelis_lo@oblique``; a case or a solver may be a path to a TOML file. Other
+    words are looked up in the titles of cases and in the names under which others know them.
 
     Raises
     ------
@@ -41,6 +42,8 @@ def about(name: str) -> Data:
         If nothing has this name, with the nearest ones; or a file is malformed.
     """
     base = name.partition(VARIANT)[0]
+    if name.endswith(FILE) and "command" in read_toml(Path(name)):
+        return about_solver(find_solver(name))
     if base in catalog.case_names() or base.endswith(".toml"):
         return about_case(catalog.find_case(name), name)
     if name in catalog.suite_names():

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.catalogue.reference import Tolerance
 from shellbench.bench.judge.row import Row
-from shellbench.bench.plugins.registry import SolverEntry, solver_entries
+from shellbench.bench.plugins.registry import SolverEntry, given_as, solver_entries
 from shellbench.problem import VARIANT, Problem
 
 CLASSES = (1e-4, 1e-3, 1e-2)  # relative errors, the tightest first
@@ -40,6 +40,10 @@ class Grade:
         The row that is farthest from its known value, by classes; None if every value is missing.
     declined
         Cases that the solver declines.
+    lacking
+        Names of quantities that it declines in cases that it answers.
+    on
+        " on displacements" if it declines other quantities, and only displacements were judged.
     unchecked
         Reason why the solver is not checked, as a clause; empty if it is checked. An unchecked solver gets no class.
     """
@@ -51,6 +55,8 @@ class Grade:
     worst: Row | None
     declined: tuple[str, ...]
     unchecked: str = ""
+    lacking: tuple[str, ...] = ()
+    on: str = ""
 
     @property
     def held(self) -> float | None:
@@ -59,22 +65,19 @@ class Grade:
 
     def __str__(self) -> str:
         what = f"{self.figures} figures of {self.cases} {'case' if self.cases == 1 else 'cases'}"
-        words = (
-            f"{self.solver} holds class {self.held:g} in all {what}" if self.held else f"{self.solver} holds no class"
-        )
+        held = f"class {self.held:g}{self.on} in all {what}" if self.held else "no class"
+        words = f"{self.solver} holds {held}"
         if self.unchecked:
             within = f", though its {what} are within {self.within:g}" if self.within else ""
-            why = f"{self.unchecked} (`shellbench check-solver {self.solver}` makes the checks)"
+            why = f"{self.unchecked} (`shellbench check-solver {given_as(self.solver)}` makes the checks)"
             words = f"{self.solver} is not checked and holds no class{within}: {why}"
         if self.worst is not None and self.worst.judged_error is not None:
             unit = f" {self.worst.unit}" if self.worst.tolerance_is_absolute else ""
             words += f"; its worst is {self.worst.case} {self.worst.quantity}, {self.worst.judged_error:+.1e}{unit}"
-        few = len(self.declined) <= MOST_NAMED
-        return (
-            f"{words}; it declines {', '.join(self.declined) if few else f'{len(self.declined)} others'}"
-            if self.declined
-            else words
-        )
+        for declined in (self.lacking, self.declined):
+            few = len(declined) <= MOST_NAMED
+            words += f"; it declines {', '.join(declined) if few else f'{len(declined)} others'}" if declined else ""
+        return words
 
 
 def third_party_solvers(named: Iterable[str]) -> set[str]:
@@ -135,18 +138,21 @@ def grades(rows: Sequence[Row], solvers: Iterable[str], unchecked: Mapping[str, 
 
 
 def _grade(solver: str, rows: Sequence[Row], unchecked: str) -> Grade:
-    declined = dict.fromkeys(row.case for row in rows if row.status == "declined")
     judged = [row for row in rows if row.status != "declined"]
+    answered, declined = {row.case for row in judged}, [row for row in rows if row.status == "declined"]
     missed = {size: [row for row in judged if not _holds(row, size)] for size in CLASSES}
+    lacking = tuple(dict.fromkeys(row.quantity for row in declined if row.case in answered))
     within = next((size for size in CLASSES if judged and not missed[size]), None)
     return Grade(
         solver=solver,
         within=within,
         figures=len(judged),
-        cases=len({row.case for row in judged}),
+        cases=len(answered),
         worst=max((row for row in judged if row.judged_error is not None), key=_distance, default=None),
-        declined=tuple(declined),
+        declined=tuple(dict.fromkeys(row.case for row in declined if row.case not in answered)),
         unchecked=unchecked,
+        lacking=lacking,
+        on=" on displacements" if lacking and {row.unit for row in judged} <= {"m", "mm"} else "",
     )
 
 

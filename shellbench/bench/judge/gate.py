@@ -28,6 +28,7 @@ from shellbench.bench.plugins.registry import find_solver, solver_entries
 from shellbench.bench.store.conformance import read_conformance, why_unchecked
 from shellbench.bench.store.current import CurrentRuns, current_runs, declared_by, overrides_of
 from shellbench.bench.store.planned import DID_NOT_END, planned_files
+from shellbench.bench.store.record import STATED
 from shellbench.bench.store.store import Store
 from shellbench.errors import InputError, ShellbenchError
 from shellbench.problem import VARIANT
@@ -109,6 +110,8 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
     # Silence is no success: a requested run without a record is red.
     cases = asked_cases(scope.cases, scope.suites)
     for solver in scope.solvers:
+        if solver.endswith(STATED):
+            raise InputError(f"nothing was judged of '{solver}': stated results are never gated")
         find_solver(solver)
     check_filled(store)
     current = current_runs(store.read())

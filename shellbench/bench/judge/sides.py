@@ -160,6 +160,7 @@ def _side(name: str, what: What, store: Store, scope: Scope, wanted: set[tuple[s
     solvers = (name,) if what == "solver" else scope.solvers
     kept = tuple(run for run in found.runs if not solvers or run.record.identity.solver in solvers)
     rows = in_suites(rows_of(replace(found, runs=kept)), scope.suites)
+    rows = [row for row in rows if row.value is not None or not row.stated]  # a value that was not stated is no loss
     if scope.cases:
         rows = [row for row in rows if (row.case, row.own_case) in wanted]
     if what == "solver":

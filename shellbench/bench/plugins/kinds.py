@@ -95,6 +95,8 @@ def module_of(kind: str) -> str:
 def read_problem(path: Path) -> Problem:
     """Read and check a case file of any kind; InputError in one sentence."""
     data = read_toml(path)
+    if "command" in data:
+        raise InputError(f"{path}: describes a solver, not a case: give it after --solver")
     try:
         kind = kind_of(data)
     except InputError as error:

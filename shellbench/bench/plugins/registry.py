@@ -12,6 +12,8 @@ known from when a user names its file, until the process ends.
 
 from __future__ import annotations
 
+import os
+import shlex
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -123,6 +125,12 @@ def find_solver(name: str) -> SolverEntry:
 def name_of(text: str | Path) -> str:
     """Return the name of a solver that a user has named, or of which the user has given the file; InputError."""
     return find_solver(str(text)).name if str(text).endswith(FILE) else str(text)
+
+
+def given_as(name: str) -> str:
+    """Return the name of a solver on the command line: the path of its file, if one describes it."""
+    file = _OF_FILES[name].file if name in _OF_FILES else None
+    return shlex.quote(os.path.relpath(file) if file else name)
 
 
 def _solver_of_file(path: Path) -> SolverEntry:

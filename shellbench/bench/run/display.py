@@ -127,7 +127,8 @@ def _line(outcome: Outcome) -> str:
     measured = record.values.get(primary.name)
     answer = f"  {primary.name} = {measured.value:.6g} {primary.unit}" if measured else ""
     moving = ", ".join(q.name for q in case.quantities if q.name in record.values and record.converged(q.name) is False)
-    words = [record.reason, f"not converged: {moving}" if moving else "", case.remark if record.status == "ok" else ""]
-    words += [f"declines {name}: {why}" for name, why in record.declined.items()]
+    words = [f"not converged: {moving}" if moving else "", case.remark if record.status == "ok" else ""]
+    reasons = dict.fromkeys(record.declined.values() if record.values else ())
+    words += [f"declines {', '.join(n for n, one in record.declined.items() if one == why)}: {why}" for why in reasons]
     said = escape("; ".join(filter(None, words)))
     return f"[{colour}]{record.status:>7}[/] {name}  {record.seconds:.2f} s{answer}{': ' if said else ''}{said}"

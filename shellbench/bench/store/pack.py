@@ -21,7 +21,7 @@ from pydantic import Field, ValidationError
 
 from shellbench import __version__
 from shellbench.bench.catalogue import catalog
-from shellbench.bench.plugins.registry import SolverEntry, find_solver, solver_entries
+from shellbench.bench.plugins.registry import SolverEntry, find_solver, given_as, solver_entries
 from shellbench.bench.store.conformance import Conformance, read_conformance, why_unchecked
 from shellbench.bench.store.current import CurrentRun, current_runs, overrides_of
 from shellbench.bench.store.record import LARGEST_RECORD, STATED, Digest, Plain, Record, Time, document, read_document
@@ -54,7 +54,7 @@ class Manifest(Model):
     solver, label
         Name of the solver, and a description in one line.
     distribution, version
-        The package that provides the solver.
+        The package that provides the solver, or the name of the file that describes it.
     install
         A command that installs it; empty if not stated.
     shellbench
@@ -150,7 +150,7 @@ def write_pack(
     checked = [one for one in noted.found if one.solver == solver and one.source in sources]
     notes += noted.damaged
     if (why := why_unchecked(solver, sent, checked)) and sent[0].stated is None:
-        notes.append(f"not checked: {why} (`shellbench check-solver {solver}` makes the checks)")
+        notes.append(f"not checked: {why} (`shellbench check-solver {given_as(solver)}` makes the checks)")
     manifest = _manifest(entry, sent, packed, install or _install(entry), checked)
     try:
         with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -190,7 +190,7 @@ def _manifest(
     data = {
         "format": 1,
         "solver": entry.name,
-        "distribution": entry.distribution,
+        "distribution": entry.distribution or (entry.file.name if entry.file else ""),
         "version": entry.version,
         "install": install,
         "shellbench": __version__,

@@ -100,7 +100,7 @@ def submissions_table(entries: Sequence[Entry]) -> Table:
                 "cases": f"{len(cases)} of {len(asked)}",
                 "runs": len(entry.records),
                 "held": f"{verdict.held} of {verdict.gated}",
-                "class": "not checked" if grade.unchecked else class_words(grade.held),
+                "class": "not checked" if grade.unchecked else f"{class_words(grade.held)}{grade.on}",
                 "remeasured": f"{marks.count('yes')} of {len(marks)}"
                 + (f", {marks.count('differs')} differ" if "differs" in marks else ""),
                 "checksum": entry.pack.manifest.checksum[:12],

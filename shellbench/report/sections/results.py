@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from shellbench.bench.judge.classes import LOOSEST, grades
 from shellbench.bench.judge.row import Row
+from shellbench.bench.plugins.registry import given_as
 from shellbench.bench.store.conformance import read_conformance, why_unchecked
 from shellbench.bench.store.store import Store
 from shellbench.report.data.evidence import Evidence
@@ -150,9 +151,9 @@ def _class_of(name: str, rows: Sequence[Row], unchecked: Mapping[str, str]) -> S
     (grade,) = grades(rows, [name], {name: unchecked.get(name, "")})
     worst = f" Worst: {grade.worst.case}, {value_words(grade.worst, False)}." if grade.worst else ""
     if grade.held:
-        words = f"All {grade.figures} values are within {100 * grade.held:g} %.{worst}"
-        return Standing(name, "good", f"class {class_words(grade.held)}", words, True)
-    checks = f" Not checked: {grade.unchecked} (shellbench check-solver {name})." if grade.unchecked else ""
+        words = f"All {grade.figures} values{grade.on} are within {100 * grade.held:g} %.{worst}"
+        return Standing(name, "good", f"class {class_words(grade.held)}{grade.on}", words, True)
+    checks = f" Not checked: {grade.unchecked} (shellbench check-solver {given_as(name)})." if grade.unchecked else ""
     if grade.within:
         words = f"No class without checks; all values are within {100 * grade.within:g} %.{worst}{checks}"
         return Standing(name, "expected", "not checked", words, True)

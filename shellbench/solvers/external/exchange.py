@@ -83,8 +83,10 @@ def _write_tables(deck: Deck, held: NDArray[np.bool_], folder: Path) -> Path:
     return folder
 
 
-def read_displacements(path: Path, format: ResultFormat, nodes: Array) -> Array:
-    """Return the displacements (v, 3) of the nodes (v, 3) that a program has written.
+def read_displacements(path: Path, format: ResultFormat, nodes: Array) -> tuple[Array, float]:
+    """Return the displacements (v, 3) of the nodes (v, 3) that a program has written, and their rounding, m.
+
+    The rounding is half a unit of the last digit of the largest displacement; 0 for a format that is no text.
 
     Raises
     ------
@@ -95,34 +97,43 @@ def read_displacements(path: Path, format: ResultFormat, nodes: Array) -> Array:
     """
     if format == "vtu":
         mesh, moved = read_vtu(read_file(path, LARGEST_RESULT))
-        return _at_places(np.asarray(mesh.points, float), moved, nodes)
+        return _at_places(np.asarray(mesh.points, float), moved, nodes), 0.0
     rows = list(_rows(path, from_heading=format == "dat"))
     widths = {len(numbers) for _, numbers in rows}
+    digits = max((digits for digits, _ in rows), default=0)  # of a value with as many as the format has
     if format == "dat" or widths == {4}:
         numbers = np.array([row[:4] for _, row in rows if len(row) >= 4]).reshape(-1, 4)
         found, moved = numbers[:, 0] - 1, numbers[:, 1:]
         if not np.all((found >= 0) & (found < len(nodes)) & (found == np.rint(found))):
             raise SolveFailure(f"its result has a node number that is not from 1 to {len(nodes)}")
-        return _at_nodes(found.astype(int), moved, len(nodes))
+        return _at_nodes(found.astype(int), moved, len(nodes)), _rounding(np.abs(moved).max(initial=0.0), digits)
     if widths == {6}:
         numbers = np.array([row for _, row in rows])
-        return _at_places(numbers[:, :3], numbers[:, 3:], nodes)
+        return _at_places(numbers[:, :3], numbers[:, 3:], nodes), _rounding(np.abs(numbers[:, 3:]).max(), digits)
     raise SolveFailure("its result has neither 4 numbers in each line (node, ux, uy, uz) nor 6 (x, y, z, ux, uy, uz)")
 
 
-def read_values(path: Path, names: Sequence[str]) -> dict[str, float]:
-    """Return the values of quantities from lines "quantity, value"; SolveFailure if one is missing or not finite."""
+def read_values(path: Path, names: Sequence[str]) -> tuple[dict[str, float], dict[str, float]]:
+    """Return values of quantities, and their rounding, from lines "quantity, value".
+
+    Raises
+    ------
+    SolveFailure
+        If one is missing or not finite.
+    """
     found: dict[str, float] = {}
+    rounded: dict[str, float] = {}
     for number, line in _lines(path):
         entries = BETWEEN.split(line.strip())
         if entries not in ([""], ["quantity", "value"]):
             if len(entries) != 2 or entries[0] in found:
                 raise SolveFailure(f"line {number} of its result is no quantity and its value, or the second of one")
             found[entries[0]] = _number(entries[1], number)
+            rounded[entries[0]] = _rounding(found[entries[0]], _digits(entries[1]))
     lacking = [name for name in names if not np.isfinite(found.get(name, np.nan))]
     if lacking:
         raise SolveFailure(f"its result has no finite value of {', '.join(lacking)}")
-    return {name: found[name] for name in names}
+    return {name: found[name] for name in names}, {name: rounded[name] for name in names}
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
@@ -136,8 +147,18 @@ def _number(text: str, line: int) -> float:
         raise SolveFailure(f"line {line} of its result: found '{without_middle(text)}', which is no number") from None
 
 
+def _digits(text: str) -> int:
+    """Return the number of significant digits of a number."""
+    return len(re.split("[eEdD]", text)[0].lstrip("+-0.").replace(".", ""))
+
+
+def _rounding(value: float, digits: int) -> float:
+    """Return half a unit of the last of a value's significant digits; 0 for zero, of which it is not known."""
+    return float(10.0 ** (np.floor(np.log10(abs(value))) + 1 - digits) / 2) if 0 < abs(value) < np.inf else 0.0
+
+
 def _rows(path: Path, from_heading: bool) -> Iterator[tuple[int, list[float]]]:
-    """Yield numbers of lines and numbers in them; of a file with headings those after that of displacements."""
+    """Yield digits of displacements and numbers of lines; of a file with headings those after that of displacements."""
     wanted = not from_heading
     for number, line in _lines(path):
         entries = BETWEEN.split(line.strip(" \t,;"))
@@ -146,7 +167,7 @@ def _rows(path: Path, from_heading: bool) -> Iterator[tuple[int, list[float]]]:
         if from_heading and entries[0][0].isalpha():
             wanted = entries[0] == BEGINS_DISPLACEMENTS
         elif wanted and not (number == 1 and entries[-1] == "uz"):
-            yield number, [_number(entry, number) for entry in entries]
+            yield max(map(_digits, entries[-3:])), [_number(entry, number) for entry in entries]
 
 
 def _at_places(places: Array, moved: Array, nodes: Array) -> Array:

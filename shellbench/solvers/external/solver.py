@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, Literal, TypeVar
 
@@ -143,17 +144,14 @@ class CommandSolver(MeshSolver):
         arguments = self.described.arguments(self.path)
         return [PLACEHOLDER.sub(lambda found: texts[found[1]], part) for part in arguments]
 
-    def solve_mesh(self, deck: Deck, settings: Any) -> Array:
-        """Return the displacements (v, 3) that the command gives on a mesh, m."""
-        return self._result(deck, lambda out: read_displacements(out, self.described.result, deck.nodes))
-
     def solution_on(self, deck: Deck, settings: Any) -> MeshSolution:
         """Return the solution on a mesh; one without a field if the command gives values only."""
         if self.described.result != "values":
-            return super().solution_on(deck, settings)
+            moved, each = self._result(deck, lambda out: read_displacements(out, self.described.result, deck.nodes))
+            return replace(self.solution_of(deck, moved), rounding={q.name: each for q in deck.part.whole.quantities})
         quantities = self._asked(deck.part.whole)
-        given = self._result(deck, lambda out: read_values(out, quantities))
-        return MeshSolution(deck, np.full_like(deck.nodes, np.nan), given=given)
+        given, rounding = self._result(deck, lambda out: read_values(out, quantities))
+        return MeshSolution(deck, np.full_like(deck.nodes, np.nan), given=given, rounding=rounding)
 
     def declines_quantity(self, case: Case, quantity: Any) -> str | None:
         """Return the reason that it can't give a quantity of a case that it takes, as one clause, or None if it can."""
@@ -182,7 +180,7 @@ class CommandSolver(MeshSolver):
                 raise SolveFailure(f"the program's result can't be used {where}: {failure}{last}") from None
 
     def _called(self, command: list[str], folder: Path, where: str) -> str:
-        """Run a command in a folder; return its last line as a clause.
+        """Run a command in a folder; return its last line of words as a clause, or the last one that tells of an error.
 
         Raises
         ------
@@ -215,7 +213,9 @@ class CommandSolver(MeshSolver):
                 process.wait()
             output.seek(max(0, output.seek(0, os.SEEK_END) - LAST))
             text = output.read().decode(errors="replace").strip()
-        last = "".join(c if c.isprintable() else " " for c in text.splitlines()[-1])[:300].strip() if text else ""
+        lines = [line for line in text.splitlines() if re.search(r"[^\W\d_]", line)]
+        told = [line for line in lines if "error" in line.lower()] or lines
+        last = "".join(c if c.isprintable() else " " for c in told[-1])[:300].strip() if told else ""
         last = f": {last}" if last else ""
         if status:
             print(text, file=sys.stderr)  # into the log of the run

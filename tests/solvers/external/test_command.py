@@ -8,15 +8,20 @@ import textwrap
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import shellbench
 from shellbench.bench.catalogue import catalog, templates
 from shellbench.bench.plugins import registry
 from shellbench.bench.run import local
+from shellbench.bench.store.store import Store
 from shellbench.errors import InputError, SolveFailure
 from shellbench.protocol import program
+from shellbench.testing.conforming import OF_FIELD, store_results
+from shellbench.testing.suite import CheckOptions, examine
 from tests.bench.running import InThisProcess, command
+from tests.testing.test_suite import InProcess
 
 PLATE = shellbench.case("square_plate").without(["strain_energy", "membrane_energy", "bending_energy"])
 CENTRE = PLATE.primary.name
@@ -101,13 +106,22 @@ def test_an_exact_answer_is_read_in_every_format_and_the_ladder_tells_its_limit(
     assert answer.uncertainty[CENTRE] == pytest.approx(known * 0.015 / 16**2, rel=0.01)
 
 
+@pytest.mark.parametrize("result", ["csv", "values"])
+def test_an_answer_is_no_surer_than_its_digits_and_the_rate_of_its_element(write, result):
+    script, fields = READ["json"] + "\n" + WRITE["node" if result == "csv" else "values"], {"result": result}
+    rounded = re.sub(r"(w\([^)]*\))(!r)?}", r"\1:.3f}", script)
+    assert solve(write(rounded, **fields)).uncertainty[CENTRE] == pytest.approx(5e-4)
+    steep = solve(write("FACTOR += 1 / int(cells) ** 8\n" + script, "steep", cells=[2, 4, 8], **fields))
+    assert steep.uncertainty[CENTRE] >= abs(np.diff([step.quantities[CENTRE] for step in steep.history])[-1]) / 3
+
+
 GOOD = f"{READ['json']}\n"
 FAILURES = {
-    "ends with": (GOOD + "print('no licence'); sys.exit(3)", r"ended with exit status 3 on 4 x 4 cells: no licence$"),
+    "ends with": (GOOD + "print('*ERROR: no key\\nstop'); sys.exit(3)", r"status 3 on 4 x 4 cells: \*ERROR: no key$"),
     "dies": (GOOD + "os.abort()", "was ended by signal 6 on 4 x 4 cells"),
     "raises": (GOOD + "1 / 0", "exit status 1 on 4 x 4 cells: ZeroDivisionError: division by zero"),
     "hangs": (GOOD + "os.system(f'sleep 60.51 & sleep 60')", "did not end within 0.5 s on 4 x 4 cells"),
-    "leaves nothing": (GOOD + "print('done')", "leaves no result on 4 x 4 cells: done"),
+    "leaves nothing": (GOOD + "print('done\\n' + '_' * 40)", "leaves no result on 4 x 4 cells: done$"),
     "stops early": (
         GOOD + "nodes.pop(); print('stopped')\n" + WRITE["node"],
         "24 of 25 nodes; node 25 has no displacement: stopped",
@@ -218,6 +232,39 @@ def test_a_changed_program_is_never_answered_by_an_old_record_and_no_gate_passes
     assert "there is no file 'data.*'" in tell("gate", "--solver", path)[2]
 
 
+ANYWHERE = """
+import numpy as np; found = json.load(open(mesh))
+nodes, n = np.array(found['nodes']), np.array(found['normals'])
+a, b, _, d = nodes[np.array(found['cells'][0]) - 1]
+x, y = ((nodes - a) @ (side - a) / np.linalg.norm(side - a) for side in (b, d))
+q = np.sum(np.array(found['forces'])[:, :3] * n) / 1e4
+u = n * np.array([[-q * w(*at)] for at in zip(x, y)])
+"""
+FAULTS = {
+    "": "holds class 0.0001 on displacements in all 2 figures of 1 case",
+    "u *= 1.05": "is not checked and holds no class: its check 'work' failed: .* \\(`shellbench check-solver mine.toml`",
+    "u *= np.abs(u).max(axis=1, keepdims=True) / np.abs(u).max()": "though its 2 figures .* are within 0.0001: its check 'work' failed",
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_class_on_displacements_needs_a_right_field(write, fault, tmp_path, monkeypatch, capfd):
+    monkeypatch.setattr(local, "LocalProcesses", Here)
+    monkeypatch.chdir(tmp_path)
+    path = write(f"{ANYWHERE}\n{fault}\nnp.savetxt(out, np.c_[1:len(u) + 1, u])", cells=[16], symmetry=False)
+    assert command(monkeypatch, capfd, "run", "square_plate", "--solver", path)[0] == 0
+    entry = registry.find_solver(str(path))
+    options = CheckOptions((shellbench.case("square_plate"),), checks=("energies", "work") if fault else OF_FIELD)
+    lines = list(examine(entry, options, start=lambda: InProcess(entry)))
+    assert [line.check for line in lines if line.verdict.status == "not applicable"] == ["energies"]
+    store_results(Store(Path("reports/runs")), entry, lines)
+    code, out, _ = command(monkeypatch, capfd, "gate", "--solver", path)
+    assert (code, bool(re.search(FAULTS[fault], out))) == (bool(fault), True), out
+    assert command(monkeypatch, capfd, "pack", path)[0] == 0
+    assert command(monkeypatch, capfd, "list", path)[1].startswith("mine: the command")
+    assert "describes a solver, not a case" in command(monkeypatch, capfd, "run", path)[2]
+
+
 @pytest.mark.long
 def test_check_solver_asks_a_command_in_a_process_of_its_own(write, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
@@ -226,7 +273,7 @@ def test_check_solver_asks_a_command_in_a_process_of_its_own(write, tmp_path, mo
     code, out, _ = command(monkeypatch, capfd, "check-solver", path, "--checks-only", "--case", "clamped_plate_uniform")
     assert "passed         protocol: kirchhoff-love-linear" in out
     assert "passed         answers (clamped_plate_uniform): points of 4 shapes" in out
-    assert code == 1  # it states no energies
+    assert code == 1  # its field is that of another plate
 
 
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed")

@@ -116,7 +116,10 @@ class MeshSolver(ShellSolver):
     def solution_on(self, deck: Deck, settings: Settings) -> MeshSolution:
         """Return the solution on a mesh; SolveFailure if nodes have no finite displacement."""
         told = self.solve_mesh(deck, settings)
-        solved, unknowns = told if isinstance(told, tuple) else (told, None)
+        return self.solution_of(deck, *told) if isinstance(told, tuple) else self.solution_of(deck, told)
+
+    def solution_of(self, deck: Deck, solved: Array, unknowns: int | None = None) -> MeshSolution:
+        """Return the solution of displacements (v, 3) of a mesh's nodes; SolveFailure if one is not finite."""
         moved = np.asarray(solved, float)
         if moved.shape != deck.nodes.shape or not np.all(np.isfinite(moved)):
             counts = list(deck.grid.counts)
@@ -153,7 +156,7 @@ class MeshSolver(ShellSolver):
             sizes.append(float(np.prod(counts)) ** -0.5)
             progress(Progress(len(history), len(settings.cells), f"{counts[0]} x {counts[1]} cells"))
         assert found is not None
-        limits = {name: limit_of(sizes, [step.quantities[name] for step in history]) for name in values}
+        limits = {n: limit_of(sizes, [s.quantities[n] for s in history], found.rounding.get(n, 0.0)) for n in values}
         sure = {name: abs(limit.value - values[name]) + limit.uncertainty for name, limit in limits.items()}
         return replace(
             found,
@@ -189,6 +192,8 @@ class MeshSolution(ShellSolution):
         Values by name of quantity, where the program gives no field but these.
     unknowns
         Numbers that were solved for, if not the deck's displacements and rotations.
+    rounding
+        By name of quantity: half a unit of the last digit that the program has printed; none if that is not known.
     """
 
     formats: ClassVar[tuple[str | int, ...]] = ("mesh, format 1",)
@@ -199,6 +204,7 @@ class MeshSolution(ShellSolution):
     energy: float = 0.0
     given: Mapping[str, float] = field(default_factory=dict)
     unknowns: int | None = None
+    rounding: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def case(self) -> Case:
