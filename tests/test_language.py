@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 MOST_WORDS_OF_A_FIRST_PAGE = 900
-MOST_WORDS = 51_000  # of all written pages together; the aim is 45,000
+MOST_WORDS = 52_500  # of all written pages together; the aim is 45,000
 GENERATED = re.compile(r"docs/(known_values\.md|benchmarks_by_name\.md|api\.md|cases/)")
 QUESTION = re.compile(r"\W*(?:returns?\W+)?(?:what|whether|which|how|why)\b", re.IGNORECASE)
 BANNED = re.compile(
