@@ -71,7 +71,6 @@ DAMPED = {
 FAULTS = (
     *(Fault(name, solver, case, inject) for name, (case, change) in READ.items() for solver, inject in read_as(change).items()),
     *(Fault(name, "fem", "damped_plate", damped_as(change)) for name, change in DAMPED.items()),
-    Fault("damping dropped", "fem", "damped_pendulum", damped_as(DAMPED["damping dropped"])),
     Fault("nu21 for nu12", "fem", "woven_swatch", by_nu21),
     Fault("nu21 for nu12", "ndf-ritz", "woven_swatch", by_nu21),
     Fault("shear strain taken once", "ndf-ritz", "woven_plate", wrapped(ndf, "direction_products", lambda found: found * found.new_tensor([1, 1, 0.5])[:, None, None])),
