@@ -96,7 +96,6 @@ FAULTS = (
     *(Fault(name, solver, case, inject) for name, (case, inject) in CURVES.items() for solver in ("fem", "ndf-ritz")),
     Fault("the curve of E12 for that of its square", "fem", "canvas_bias", given(stiffening, "eta_with_derivatives", lambda curve, x: (curve, np.sqrt(x) if curve.until == SHEAR else x))),
     *(Fault(name, "fem", "damped_plate", damped_as(change)) for name, change in DAMPED.items()),
-    Fault("damping dropped", "fem", "damped_pendulum", damped_as(DAMPED["damping dropped"])),
     Fault("nu21 for nu12", "fem", "woven_swatch", by_nu21),
     Fault("nu21 for nu12", "ndf-ritz", "woven_swatch", by_nu21),
     Fault("shear strain taken once", "ndf-ritz", "woven_plate", wrapped(ndf, "direction_products", lambda found: found * found.new_tensor([1, 1, 0.5])[:, None, None])),
