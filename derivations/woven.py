@@ -20,7 +20,7 @@ of bbar - b, also of a uniform growth.
 
 **Bias strip.** No closed form: polynomials in x and y, with D turned by multiples of the angle.
 
-The second forms are in `woven_by_splines`.
+Cloth that stiffens is in `stiffening`. The second forms are in `woven_by_splines`.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ import numpy as np
 from .elastica import COARSE, Cantilever
 from .estimate import ROUNDING, Estimate
 from .heavy_strip import FINE, hung
+from .stiffening import JUDGES as STIFFENING
 
 Array = np.ndarray
 Four = tuple[float, float, float, float]
@@ -273,4 +274,5 @@ JUDGES: dict[str, Callable[[], dict[str, Estimate]]] = {
     "woven_cantilever_warp": partial(woven_cantilever, "warp"),
     "woven_cantilever_weft": partial(woven_cantilever, "weft"),
     "woven_bias_strip": woven_bias_strip,
+    **STIFFENING,
 }

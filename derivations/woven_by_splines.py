@@ -17,6 +17,7 @@ from scipy.linalg import eigh
 from .estimate import Estimate
 from .plane_strip import SPREAD, PlaneStrip
 from .spline_shell import Splines
+from .stiffening_by_contours import SECOND_FORMS as STIFFENING
 from .woven import (
     ANGLE,
     BIAS,
@@ -241,4 +242,5 @@ SECOND_FORMS: dict[str, Callable[[], dict[str, Estimate]]] = {
     "woven_cantilever_warp": partial(woven_cantilever, "warp"),
     "woven_cantilever_weft": partial(woven_cantilever, "weft"),
     "woven_bias_strip": woven_bias_strip,
+    **STIFFENING,
 }

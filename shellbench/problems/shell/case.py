@@ -186,6 +186,15 @@ class Case(Shell):
         return self
 
     @model_validator(mode="after")
+    def _theory_has_its_material(self) -> Self:
+        if self.material.stiffening is not None and (self.linear or self.modal or self.dynamics is not None):
+            raise ValueError(
+                "field 'material.stiffening': a membrane stiffens in the theory 'kirchhoff-love-nonlinear' alone, at"
+                " rest and without modes"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _gravity_has_a_mass_to_act_on(self) -> Self:
         density = self.material.areal_density
         if density <= 0 and any(isinstance(load, GravityLoad) for load in self.loads):

@@ -14,6 +14,7 @@ from shellbench.problems.shell.question.places import Edge
 Beyond = Literal[
     "varying stiffness",
     "orthotropic",
+    "stiffening",
     "bending Poisson's ratio",
     "foundation",
     "supported parts",
@@ -46,6 +47,8 @@ def _properties_beyond_plain(case: Case) -> Iterator[tuple[Beyond, str]]:
         yield "varying stiffness", "its modulus or thickness varies, and this solver takes the same everywhere"
     if case.material.kind == "orthotropic":
         yield "orthotropic", "its material is orthotropic, and this solver takes isotropic ones only"
+    if case.material.stiffening is not None:
+        yield "stiffening", "its membrane stiffens as it stretches, and this solver takes linear materials only"
     membrane, bending = case.material.poissons_ratios
     if case.material.kind == "isotropic" and membrane != bending:
         yield (

@@ -199,6 +199,8 @@ def _stiffness_agrees(case: Shell, here: Array, there: Array, sight: ComparisonP
     if case.springs:  # which are not looked at
         return False
     if isinstance(case.material, OrthotropicMaterial):  # a reflection turns shear round, and nothing else
+        if case.material.stiffening is not None and case.material.angle % 90:
+            return False
         turn = np.diag([1.0, 1.0, -1.0])
         return all(sight.equal(turn @ one @ turn, one) for one in case.material.turned_stiffnesses)
     if case.material.uniform:

@@ -46,7 +46,8 @@ from shellbench.protocol.schema import Finite, Name
 Array = NDArray[np.float64]
 Theory = Literal["kirchhoff-love-linear", "kirchhoff-love-nonlinear", "naghdi-linear"]
 LATER: dict[str, Any] = {"kind": "isotropic", "modulus_factor": 1.0, "thickness_factor": 1.0, "follows": False,
-         "bending_poissons_ratio": None, "frame": "global", "fold_side": None, "axes": "shell"}  # fmt: skip
+         "bending_poissons_ratio": None, "frame": "global", "fold_side": None, "axes": "shell",
+         "stiffening": None}  # fmt: skip
 MOTION_VARIABLES = ("xi1", "xi2", "t")  # t is the time, or the load factor of a static case
 
 

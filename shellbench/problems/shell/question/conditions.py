@@ -221,6 +221,7 @@ class Material(Model):
     """
 
     limits: ClassVar[str] = LIMITS
+    stiffening: ClassVar[None] = None
 
     kind: Literal["isotropic"] = Field("isotropic", description="the kind; see orthotropic materials for the other one")
     youngs_modulus: Positive = Field(description="E, Pa")

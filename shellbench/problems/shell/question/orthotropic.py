@@ -5,6 +5,13 @@ curvature k = (k11, k22, 2 k12) in the directions 1 and 2 of the material. They 
 direction 1 is that of a coordinate line, turned by an angle about the normal, and direction 2 is the normal x 1.
 A single orthotropic layer (Reddy 2004, sec. 2.4) has A = h Q and D = h^3 Q / 12, with Q11 = E1/(1 - nu12 nu21),
 Q22 = E2/(1 - nu12 nu21), Q12 = nu12 Q22, Q66 = G and nu21 = nu12 E2/E1.
+
+The membrane of woven cloth may stiffen (Clyde, Teran & Tamstorf 2017): its energy is then
+
+    A11 eta_1(e11^2)/2 + A12 e11 e22 + A22 eta_2(e22^2)/2 + 2 A66 eta_3(e12^2),
+    eta(x) = sum_i mu_i/alpha_i ((1 + x)^alpha_i - 1),
+
+each term continued by its Taylor series of second degree beyond the range in which it was measured.
 """
 
 from __future__ import annotations
@@ -23,7 +30,48 @@ from shellbench.protocol.schema import LARGEST, SMALLEST, Finite, Model, Positiv
 Array = NDArray[np.float64]
 Stiffnesses = tuple[Finite, Finite, Finite, Finite] | tuple[tuple[Finite, Finite, Finite], ...]
 SYMMETRIC = 1e-12  # relative difference of two entries that is rounding
+RANGE_SAMPLES = 201  # strains of a measured range at which the stiffness is checked
+UNIT_SLOPE = 1e-9  # difference of eta'(0) from one that is rounding
 SINGLY = ("youngs_modulus", "poissons_ratio", "shear_modulus")  # of one layer
+
+
+class StiffeningCurve(Model):
+    """A curve eta of a squared strain, with eta'(0) = 1.
+
+    Attributes
+    ----------
+    mu, alpha
+        Factors and powers of its terms; the factors add up to one, since A is the stiffness at rest.
+    until
+        Strain at which the measured range ends. It begins at 0 along warp and weft, at minus this strain in shear.
+    """
+
+    mu: Annotated[tuple[Finite, ...], Field(min_length=1)]
+    alpha: tuple[Finite, ...]
+    until: Positive
+
+    @model_validator(mode="after")
+    def _stiffness_is_positive(self) -> Self:
+        if len(self.mu) != len(self.alpha) or not all(self.alpha):
+            raise ValueError("each of its mu needs one alpha, and none may be zero")
+        if not abs(sum(self.mu) - 1) < UNIT_SLOPE * max(map(abs, self.mu)):
+            raise ValueError(f"its mu add up to {sum(self.mu):.6g}, but it must be one: A is the stiffness at rest")
+        strains = np.linspace(0, self.until, RANGE_SAMPLES)
+        with np.errstate(all="ignore"):
+            x, mu, alpha = strains[:, None] ** 2, np.array(self.mu), np.array(self.alpha)
+            stiffness = (mu * (1 + x) ** (alpha - 2) * (1 + (2 * alpha - 1) * x)).sum(axis=1)
+        if not (np.isfinite(stiffness) & (stiffness > 0)).all():
+            at = strains[np.argmin(np.where(np.isfinite(stiffness), stiffness, -np.inf))]
+            raise ValueError(f"its stiffness at the strain {at:.3g} is not positive and finite")
+        return self
+
+
+class Stiffening(Model):
+    """Curves of a membrane that stiffens: along direction 1, along direction 2, and in shear."""
+
+    warp: StiffeningCurve
+    weft: StiffeningCurve
+    shear: StiffeningCurve
 
 
 class OrthotropicMaterial(Model):
@@ -38,6 +86,9 @@ class OrthotropicMaterial(Model):
     membrane, bending
         Stiffnesses [A11, A12, A22, A66] in N/m and [D11, D12, D22, D66] in N m, or the rows of the whole
         matrices A and D of a laminate. A66 and D66 multiply 2 e12 and 2 k12.
+    stiffening
+        Curves by which the membrane's stiffnesses [A11, A12, A22, A66] change with the strain (theory
+        `kirchhoff-love-nonlinear`, at rest). Bending stays linear.
     coupling
         The matrix B of a laminate, N: a symmetric one has none, and no other is taken.
     angle
@@ -59,6 +110,7 @@ class OrthotropicMaterial(Model):
     thickness: Positive = Field(description="h, metres; given stiffnesses do not depend on it")
     membrane: Stiffnesses | None = None
     bending: Stiffnesses | None = None
+    stiffening: Stiffening | None = None
     coupling: tuple[tuple[Finite, Finite, Finite], ...] | None = None
     angle: Finite = 0.0
     along: Literal["xi1", "xi2"] = "xi1"
@@ -74,6 +126,8 @@ class OrthotropicMaterial(Model):
             raise ValueError("it has moduli of a layer, or membrane and bending stiffnesses, not both")
         if not any(layer) and not all(apart):
             raise ValueError("it needs the moduli of a layer, or both membrane and bending")
+        if self.stiffening is not None and (self.membrane is None or len(self.membrane) != 4):
+            raise ValueError("its stiffening needs the four membrane stiffnesses at rest, [A11, A12, A22, A66]")
         if self.coupling is not None and np.any(np.asarray(self.coupling)):
             raise ValueError(
                 "its 'coupling' must be zero: a laminate that is not symmetric bends as it stretches, which no solver"
@@ -100,6 +154,14 @@ class OrthotropicMaterial(Model):
         assert self.membrane is not None
         assert self.bending is not None
         return _matrix(self.membrane), _matrix(self.bending)
+
+    @property
+    def curves(self) -> tuple[tuple[StiffeningCurve, float, float], ...]:
+        """The curves with the factor of eta(e^2)/2, N/m, and the least strain of their range: warp, weft, shear."""
+        assert self.stiffening is not None
+        (first, _, _), (_, second, _), (_, _, shear) = self.stiffnesses[0].tolist()
+        own = self.stiffening
+        return (own.warp, first, 0.0), (own.weft, second, 0.0), (own.shear, 4 * shear, -own.shear.until)
 
     @property
     def turned_stiffnesses(self) -> tuple[Array, Array]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +20,14 @@ def orthotropic_elasticity(
     With d1 and d2 the material's directions and d^a their contravariant components, E11 = d1^a d1^b eps_ab, E22
     likewise and 2 E12 = 2 d1^a d2^b eps_ab; H = T^T M T for the matrix T of these three.
     """
+    turn = material_strains(base, normal, contravariant_metric, material)
+    scales = material.membrane_stiffness, material.bending_stiffness
+    parts = [np.swapaxes(turn, 1, 2) @ (m / k) @ turn for m, k in zip(material.stiffnesses, scales, strict=True)]
+    return np.stack(parts, axis=1)
+
+
+def material_strains(base: Array, normal: Array, contravariant_metric: Array, material: OrthotropicMaterial) -> Array:
+    """Return the matrices T (n, 3, 3) of `orthotropic_elasticity`."""
     line = base[:, 0 if material.along == "xi1" else 1]
     line = line / np.linalg.norm(line, axis=-1, keepdims=True)
     angle = np.radians(material.angle)
@@ -25,7 +35,43 @@ def orthotropic_elasticity(
     second = np.cross(normal, first)
     (p, q), (r, s) = (np.einsum("nab,nbi,ni->an", contravariant_metric, base, d) for d in (first, second))
     turn = np.stack([p * p, q * q, 2 * p * q, r * r, s * s, 2 * r * s, 2 * p * r, 2 * q * s, 2 * (p * s + q * r)])
-    turn = turn.T.reshape(-1, 3, 3)
-    scales = material.membrane_stiffness, material.bending_stiffness
-    parts = [np.swapaxes(turn, 1, 2) @ (m / k) @ turn for m, k in zip(material.stiffnesses, scales, strict=True)]
-    return np.stack(parts, axis=1)
+    return turn.T.reshape(-1, 3, 3)
+
+
+@dataclass(frozen=True)
+class StiffeningMembrane:
+    """The membrane of woven cloth at n points, with the energy of Clyde et al. 2017 (`question.orthotropic`).
+
+    Attributes
+    ----------
+    material
+        One with `stiffening`.
+    turn
+        (n, 3, 3) see `material_strains`.
+    """
+
+    material: OrthotropicMaterial
+    turn: Array
+
+    def respond(self, strains: Array) -> tuple[Array, Array, Array]:
+        """Return energies (n,), stresses (n, 3) and moduli (n, 3, 3), an area, at strains (n, 3) on 11, 22, 12."""
+        # With e = (E11, E22, 2 E12) = T eps: W = A12 e1 e2 + sum of c phi(s e), phi(E) = eta(E^2)/2, s = 1/2 in shear.
+        e = (self.turn @ strains[..., None])[..., 0]
+        coupled = self.material.stiffnesses[0][0, 1]
+        energy, stress, moduli = coupled * e[:, 0] * e[:, 1], np.zeros_like(e), np.zeros_like(self.turn)
+        stress[:, :2] = coupled * e[:, 1::-1]
+        moduli[:, 0, 1] = moduli[:, 1, 0] = coupled
+        for row, ((curve, factor, least), share) in enumerate(zip(self.material.curves, (1, 1, 0.5), strict=True)):
+            strain = share * e[:, row]
+            kept = np.clip(strain, least, curve.until)
+            beyond, x = strain - kept, kept**2
+            # phi = eta/2, phi' = E eta' and phi'' = eta' + 2 E^2 eta'' within the range, and their Taylor series beyond
+            terms = list(zip(curve.mu, curve.alpha, strict=True))
+            value = sum(mu / alpha * np.expm1(alpha * np.log1p(x)) for mu, alpha in terms) / 2
+            rate = sum(mu * (1 + x) ** (alpha - 1) for mu, alpha in terms)
+            second = rate + 2 * x * sum(mu * (alpha - 1) * (1 + x) ** (alpha - 2) for mu, alpha in terms)
+            energy += factor * (value + kept * rate * beyond + second * beyond**2 / 2)
+            stress[:, row] += factor * share * (kept * rate + second * beyond)
+            moduli[:, row, row] += factor * share**2 * second
+        back = np.swapaxes(self.turn, 1, 2)
+        return energy, (back @ stress[..., None])[..., 0], back @ moduli @ self.turn

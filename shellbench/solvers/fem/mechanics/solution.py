@@ -29,6 +29,7 @@ from shellbench.solvers.fem.mechanics.kinematics import (
 )
 from shellbench.solvers.fem.mechanics.resultants import resultants
 from shellbench.solvers.fem.mechanics.rigid_motions import nodal_rigid_motions
+from shellbench.solvers.fem.mechanics.strain_energy import stiffening_membrane
 from shellbench.solvers.fem.mesh.basis import (
     COMPONENTS,
     CUBIC,
@@ -184,7 +185,10 @@ class FemSolution(ShellSolution):
         material = self.case.material
         stiffness = stiffness_moduli(self.case.surface, material, self.mesh.domain.wrap(points))
         stresses = (strains[:, :, None] @ elasticities(surface, material))[:, :, 0]
-        return strains, stiffness / 2 * np.sum(stresses * strains, axis=-1)
+        densities = stiffness / 2 * np.sum(stresses * strains, axis=-1)
+        if (membrane := stiffening_membrane(surface, material)) is not None:
+            densities[:, 0] = membrane.respond(strains[:, 0])[0]
+        return strains, densities
 
     def _strained(self, surface: Midsurface, gradients: Array) -> Array:
         """Return the strains (n, 6) of the case's theory."""
@@ -222,9 +226,13 @@ class FemSolution(ShellSolution):
         total = np.zeros((len(self.states), 2))
         for cells, surface, stiffness in self.energy_rule:
             gradients = derivatives_on_cells(self.mesh, cells, quadrature, self.coefficients)
+            membrane = stiffening_membrane(surface, self.case.material)
             for state in range(len(self.states)):
                 strains = self._strained(surface, gradients[..., state])
-                for part in (0, 1):
+                if membrane is not None:
+                    share = quadrature.on_cells(self.mesh, cells)[1].ravel() * surface.area
+                    total[state, 0] += share @ membrane.respond(strains[:, :3])[0]
+                for part in (0, 1) if membrane is None else (1,):
                     three = strains[:, 3 * part : 3 * part + 3]
                     for row in range(3):
                         total[state, part] += dot(stiffness[:, part, row], three) @ three[:, row] / 2

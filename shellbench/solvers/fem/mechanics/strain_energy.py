@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.problems.shell.question.orthotropic import AnyMaterial
+from shellbench.problems.shell.question.orthotropic import AnyMaterial, OrthotropicMaterial
 from shellbench.problems.shell.question.surface import Surface
 from shellbench.solvers.fem.algebra.block_matrix import NODE_DOFS, BlockMatrix, add_cell_matrices, neighbour_columns
 from shellbench.solvers.fem.mechanics.kinematics import (
@@ -23,6 +23,7 @@ from shellbench.solvers.fem.mechanics.kinematics import (
     points_fastest,
     stiffness_moduli,
 )
+from shellbench.solvers.fem.mechanics.orthotropic import StiffeningMembrane, material_strains
 from shellbench.solvers.fem.mesh.basis import COMPONENTS, CORNERS, FUNCTIONS, KINDS, tabulate
 from shellbench.solvers.fem.mesh.mesh import TensorMesh
 from shellbench.solvers.fem.mesh.quadrature import Quadrature, basis_scales
@@ -49,6 +50,8 @@ class Portion:
         (cells, 5) lengths of the cells to the power of each of `DERIVATIVES`.
     scales
         (cells, 16) from the unit cell's basis to the scaled degrees of freedom.
+    stiffening, share
+        The membrane that stiffens, if any, and the points' share (n,) of the area.
     """
 
     cells: slice
@@ -56,9 +59,34 @@ class Portion:
     stiffness: Array
     steps: Array
     scales: Array
+    stiffening: StiffeningMembrane | None
+    share: Array
 
-    def stresses(self, strains: Array) -> Array:
-        """Return the stresses conjugate to strains (n, 6), in J."""
+    def respond(self, strains: Array) -> tuple[Array, Array]:
+        """Return the stresses (n, 6) conjugate to strains (n, 6), J, and the energies (2,), membrane and bending, J."""
+        stresses = self._linear_stresses(strains)
+        work = strains * stresses
+        energies = np.array([work[:, :3].sum(), work[:, 3:].sum()]) / 2
+        if self.stiffening is not None:
+            energy, stress, _ = self.stiffening.respond(strains[:, :3])
+            energies[0], stresses[:, :3] = energy @ self.share, stress * self.share[:, None]
+        return stresses, energies
+
+    def stiffness_at(self, deformation: Deformation) -> Array:
+        """Return the derivative (n, 2, 3, 3) of the stresses by the strains."""
+        if self.stiffening is None:
+            return self.stiffness
+        stiffness = self.stiffness.copy()
+        stiffness[:, 0] = self.stiffening.respond(deformation.strains[:, :3])[2] * self.share[:, None, None]
+        return stiffness
+
+    def stress_rates(self, deformation: Deformation, rates: Array) -> Array:
+        """Return the rates (n, 6) of the stresses at rates (n, 6) of the strains."""
+        if self.stiffening is None:
+            return self._linear_stresses(rates)
+        return (self.stiffness_at(deformation) @ rates.reshape(-1, 2, 3, 1)).reshape(-1, 6)
+
+    def _linear_stresses(self, strains: Array) -> Array:
         stresses = empty_points_fastest(len(strains), 6)
         for part, rows in enumerate((slice(0, 3), slice(3, 6))):
             stresses[:, rows] = dot(self.moduli[:, part], strains[:, None, rows])
@@ -119,7 +147,7 @@ class StrainEnergy:
             points, weights = self.quadrature.on_cells(mesh, cells)
             moduli = stiffness_moduli(self.surface, self.material, points.reshape(-1, 2))
             reference = Midsurface.from_position(self.surface.derivatives(points.reshape(-1, 2), order=2))
-            share = (weights.ravel() * reference.area)[:, None, None, None]
+            share = weights.ravel() * reference.area
             tensor = elasticities(reference, self.material)
             sizes = mesh.sizes[cells]
             fast = Midsurface(
@@ -128,9 +156,11 @@ class StrainEnergy:
             yield Portion(
                 cells,
                 fast,
-                tensor * moduli[:, :, None, None] * share,
+                tensor * moduli[:, :, None, None] * share[:, None, None, None],
                 np.stack([sizes[:, 0] ** i * sizes[:, 1] ** j for i, j in DERIVATIVES], axis=-1),
                 basis_scales(mesh, cells).reshape(-1, FUNCTIONS),
+                stiffening_membrane(reference, self.material),
+                share,
             )
 
     @cached_property
@@ -162,9 +192,8 @@ class StrainEnergy:
         deformations, stresses = [], []
         for portion in self.portions:
             deformation = Deformation.from_gradients(portion.reference, self.gradients(portion, q))
-            strains = deformation.strains
-            stress = portion.stresses(strains)
-            energies += _work(strains, stress)
+            stress, work = portion.respond(deformation.strains)
+            energies += work
             self.add_forces(forces, portion, deformation.first_variation(stress))
             deformations.append(deformation)
             stresses.append(stress)
@@ -175,7 +204,7 @@ class StrainEnergy:
         energies = np.zeros(2)
         for portion in self.portions:
             strains = Deformation.from_gradients(portion.reference, self.gradients(portion, q)).strains
-            energies += _work(strains, portion.stresses(strains))
+            energies += portion.respond(strains)[1]
         return float(energies[0]), float(energies[1])
 
     def predicted_stresses(self, strained: StrainedMesh, step: Array) -> tuple[Array, ...]:
@@ -183,7 +212,7 @@ class StrainEnergy:
         predicted = []
         for portion, deformation, stress in zip(self.portions, strained.deformations, strained.stresses, strict=True):
             change = self.gradients(portion, step).reshape(-1, GRADIENT, 1)
-            predicted.append(stress + portion.stresses((deformation.operator @ change)[..., 0]))
+            predicted.append(stress + portion.stress_rates(deformation, (deformation.operator @ change)[..., 0]))
         return tuple(predicted)
 
     def tangent(self, strained: StrainedMesh, stresses: tuple[Array, ...] | None = None) -> BlockMatrix:
@@ -196,7 +225,7 @@ class StrainEnergy:
             self.portions, strained.deformations, stresses or strained.stresses, strict=True
         ):
             operator = deformation.operator.reshape(-1, 2, 3, GRADIENT)
-            elastic = (portion.stiffness @ operator).reshape(-1, 6, GRADIENT)
+            elastic = (portion.stiffness_at(deformation) @ operator).reshape(-1, 6, GRADIENT)
             form = np.swapaxes(deformation.operator, 1, 2) @ elastic
             form += deformation.second_variation(stress)
             add_cell_matrices(blocks, self.mesh.nodes[portion.cells], self._cell_matrices(portion, form))
@@ -242,7 +271,9 @@ class StrainEnergy:
             forces[nodes[:, corner]] += by_corner[corner].reshape(count, NODE_DOFS)
 
 
-def _work(strains: Array, stresses: Array) -> Array:
-    """Return half the work (2,) of stresses on strains, membrane and bending."""
-    work = strains * stresses
-    return np.array([work[:, :3].sum(), work[:, 3:].sum()]) / 2
+def stiffening_membrane(surface: Midsurface, material: AnyMaterial) -> StiffeningMembrane | None:
+    """Return the membrane of a material that stiffens at the points of a surface; None for a linear one."""
+    if not isinstance(material, OrthotropicMaterial) or material.stiffening is None:
+        return None
+    turn = material_strains(surface.base, surface.normal, surface.contravariant_metric, material)
+    return StiffeningMembrane(material, turn)
