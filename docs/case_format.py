@@ -139,6 +139,7 @@ SECTIONS = (  # heading, words, common base, classes
     ("Material", "`[material]` is linear, and isotropic unless its kind is another. The membrane stiffness is D = E h / (1 - nu^2), the bending stiffness B = E h^3 / (12 (1 - nu^2)). The factors vary D and B only, not the areal density. `bending_poissons_ratio` changes the [energy](theory.md#energy) of bending, not B.", None, ("Material",)),
     ("Orthotropic materials", "`[material]` of `kind = \"orthotropic\"`: woven cloth, ribbed plates, laminates. One layer has `youngs_modulus`, `poissons_ratio` and `shear_modulus`, and A = h Q, D = h^3 Q / 12."
      " Cloth and laminates have the stiffnesses `membrane` and `bending` instead. Direction 2 is the normal x direction 1. The stiffnesses are the same everywhere.", None, ("OrthotropicMaterial",)),
+    ("Membranes that stiffen", "`[material.stiffening]` has curves by which the membrane of woven cloth stiffens; [theory](theory.md#energy) has the energy. Only `fem` and `ndf-ritz` take it.", None, ("Stiffening", "StiffeningCurve")),
     ("Parts of edges", "`[edge_parts]` is a table of names. Supports, and loads of the kinds `edge` and `moment`, can use these names.", None, ("EdgePart",)),
     ("Supports", "`[[supports]]`: any number. A support holds its `components` at zero or moves them as `motion` says; the other components are free."
      ' Components are Cartesian, or local to the shell at rest: "along" an edge, "across" it within the surface, "normal" to the surface.'

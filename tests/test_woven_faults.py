@@ -4,6 +4,7 @@ import numpy as np
 
 from shellbench.problems.shell.question.orthotropic import OrthotropicMaterial
 from shellbench.solvers.fem.mechanics import kinematics as fem
+from shellbench.solvers.fem.mechanics import orthotropic as stiffening
 from shellbench.solvers.ndf.field import geometry as ndf
 from shellbench.solvers.ndf.strains import strain_measures
 from tests.injecting import given, wrapped
@@ -41,6 +42,22 @@ def by_nu21(patch):
     patch.setattr(OrthotropicMaterial, "stiffnesses", property(stiffnesses))
 
 
+def read_curves(change):
+    """Read the curves of a membrane that stiffens wrongly: `change` makes three of them from warp, weft and shear."""
+    original = OrthotropicMaterial.curves.fget
+
+    def curves(self):
+        own = self.stiffening
+        changed = change(own.warp, own.weft, own.shear)
+        return tuple((new, *rest) for new, (_, *rest) in zip(changed, original(self), strict=True))
+
+    return lambda patch: patch.setattr(OrthotropicMaterial, "curves", property(curves))
+
+
+def each(change):
+    return read_curves(lambda *own: [curve.model_copy(update=change(curve)) for curve in own])
+
+
 def exchanged(rows):
     return np.asarray(rows)[np.ix_([1, 0, 2], [1, 0, 2])].tolist()
 
@@ -52,8 +69,16 @@ READ = {
     "bending by the wrong direction": ("woven_plate_modes", lambda m: {"bending": exchanged(m.bending)}),
     "always from the line of xi1": ("woven_tube", lambda m: {"along": "xi1"}),
 }
+CURVES = {
+    "curves of warp and weft exchanged": ("cotton_weft", read_curves(lambda warp, weft, shear: (weft, warp, shear))),
+    "the signs of mu lost": ("canvas_bias", each(lambda curve: {"mu": tuple(map(abs, curve.mu))})),
+    "the range ignored": ("silk_warp", each(lambda _: {"until": 10.0})),
+}
+SHEAR = 0.059  # the end of canvas's range in shear
 FAULTS = (
     *(Fault(name, solver, case, inject) for name, (case, change) in READ.items() for solver, inject in read_as(change).items()),
+    *(Fault(name, solver, case, inject) for name, (case, inject) in CURVES.items() for solver in ("fem", "ndf-ritz")),
+    Fault("the curve of E12 for that of its square", "fem", "canvas_bias", given(stiffening, "eta_with_derivatives", lambda curve, x: (curve, np.sqrt(x) if curve.until == SHEAR else x))),
     Fault("nu21 for nu12", "fem", "woven_swatch", by_nu21),
     Fault("nu21 for nu12", "ndf-ritz", "woven_swatch", by_nu21),
     Fault("shear strain taken once", "ndf-ritz", "woven_plate", wrapped(ndf, "direction_products", lambda found: found * found.new_tensor([1, 1, 0.5])[:, None, None])),

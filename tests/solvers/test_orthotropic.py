@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+import torch
 from scipy.spatial.transform import Rotation
 
+from derivations.stiffening import FABRICS, curve
 from shellbench.bench.catalogue import catalog
+from shellbench.bench.plugins.registry import find_solver, load_solver, solver_entries
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.posed.mirrors import ComparisonPoints, mirror_of
@@ -12,8 +15,10 @@ from shellbench.problems.shell.quantities.resultant_quantities import material_a
 from shellbench.problems.shell.variants.edit import why_no_edit
 from shellbench.solvers.cst.solver import CstSolver
 from shellbench.solvers.fem.mechanics.kinematics import Midsurface, elasticities, stiffness_moduli
+from shellbench.solvers.fem.mechanics.strain_energy import stiffening_membrane
 from shellbench.solvers.fem.solver import FemSolver
 from shellbench.solvers.ndf.field.jets import Placement
+from shellbench.solvers.ndf.strains.stiffening import stiffening_membrane as by_differentiation
 from shellbench.solvers.ndf.strains.strain_measures import Undeformed
 from shellbench.testing.mechanics import energy_densities
 
@@ -113,6 +118,39 @@ def test_a_variant_has_the_same_tensors(chart):
         np.testing.assert_allclose(found, change @ expected @ change, rtol=1e-8, err_msg=name)
 
 
+@pytest.mark.parametrize("fabric", FABRICS)
+def test_both_mechanics_stiffen_as_measured(fabric):
+    """The energies are those of the printed curves, continued beyond their range; stresses and moduli are derivatives."""
+    own = FABRICS[fabric]
+    a11, a12, a22, shear = own.stiffnesses
+    stiffening = {name: getattr(own, name)._asdict() for name in ("warp", "weft", "shear")}
+    material = CLOTH | {"membrane": [a11, a12, a22, shear / 2], "stiffening": stiffening, "angle": 33.0}
+    case = shell(material, OBLIQUE, theory="kirchhoff-love-nonlinear", loads=[])
+    rng = np.random.default_rng(5)
+    points, strains = rng.uniform(size=(20, 2)), rng.uniform(-0.5, 0.8, size=(20, 3))
+    x, twice = case.surface.derivatives(points, 2), np.array([1.0, 1.0, 2.0])
+    expected = []
+    for a1, a2, e in zip(x[1, 0], x[0, 1], strains, strict=True):
+        normal, dual = np.cross(a1, a2) / np.linalg.norm(np.cross(a1, a2)), np.linalg.pinv(np.stack([a1, a2]))
+        d1 = Rotation.from_rotvec(np.radians(33.0) * normal).apply(a1 / np.linalg.norm(a1))
+        d = np.stack([d1, np.cross(normal, d1)]) @ dual
+        (e11, e12), (_, e22) = d @ e[[[0, 2], [2, 1]]] @ d.T
+        both = [
+            a / 2 * e**2 if e < 0 else a * curve(c, e)[0] for a, c, e in ((a11, own.warp, e11), (a22, own.weft, e22))
+        ]
+        expected.append(sum(both) + a12 * e11 * e22 + 2 * shear * curve(own.shear, abs(e12))[0])
+    fem = stiffening_membrane(Midsurface.from_position(x), case.material).respond(strains)
+    geometry = Undeformed.at_points(case.surface, points, Placement()).geometry
+    ndf = by_differentiation(geometry, case.material).respond(torch.from_numpy(strains * twice))
+    for mine, found, factor in zip(fem, ndf, (1.0, twice, np.outer(twice, twice)), strict=True):
+        np.testing.assert_allclose(mine, found.numpy() * factor, rtol=1e-8, atol=1e-8 * np.abs(mine).max())
+    np.testing.assert_allclose(fem[0], expected, rtol=1e-9)
+    # at rest the moduli are the stiffnesses that a linear material has
+    linear = tensors(shell(material | {"stiffening": None}, OBLIQUE), points)["fem"][:, 0]
+    at_rest = stiffening_membrane(Midsurface.from_position(x), case.material).respond(0 * strains)[2]
+    np.testing.assert_allclose(at_rest, linear, rtol=1e-9, atol=1e-9 * np.abs(linear).max())
+
+
 MIRRORED = ((CLOTH, 0.0, True), (CLOTH, 90.0, True), (CLOTH, 30.0, False), (LAMINATE, 0.0, False), (LAYER, 30.0, False))
 
 
@@ -124,6 +162,18 @@ def test_a_mirror_carries_the_material_into_itself_only_along_its_axes(material,
         assert (mirror_of(case, axis, at, sight) is not None) == mirrored
 
 
+def silk(**curve):
+    """A material whose three curves are the same, up to a strain of 0.5."""
+    own = {"mu": [1.0], "alpha": [1.0], "until": 0.5} | curve
+    return CLOTH | {"stiffening": dict.fromkeys(("warp", "weft", "shear"), own)}
+
+
+def test_only_two_solvers_take_a_membrane_that_stiffens():
+    case = shell(silk(), theory="kirchhoff-love-nonlinear", loads=[])
+    taken = {name for name in solver_entries() if load_solver(find_solver(name)).declines(case) is None}
+    assert taken == {"fem", "ndf-ritz"}
+
+
 REFUSED = {
     "field 'material.kind': found 'woven', but it must be 'isotropic' or 'orthotropic'": LAYER | {"kind": "woven"},
     "'shear_modulus' is missing": {k: v for k, v in LAYER.items() if k != "shear_modulus"},
@@ -133,6 +183,11 @@ REFUSED = {
     "not positive definite": CLOTH | {"bending": [1.0, 2.0, 1.0, 1.0]},
     "rows of a symmetric matrix": CLOTH | {"membrane": [[9e3, 1e3, 1.0], [1e3, 4e3, 0.0], [0.0, 0.0, 90.0]]},
     "'coupling' must be zero": CLOTH | {"coupling": [[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]},
+    "mu add up to 2": silk(mu=[1.0, 1.0], alpha=[1.0, 2.0]),
+    "one alpha": silk(mu=[1.0], alpha=[1.0, 2.0]),
+    "stiffness at the strain .* is not positive": silk(mu=[2.0, -1.0], alpha=[1.0, 9.0]),
+    "the four membrane stiffnesses": silk() | {"membrane": LAMINATE["membrane"]},
+    "theory 'kirchhoff-love-nonlinear' alone": silk(),
     "modulus_factor' is not known here": LAYER | {"modulus_factor": 2.0},
 }
 

@@ -30,3 +30,17 @@ def test_the_energies_are_those_of_the_printed_strain_and_the_reversed_bottom():
         e, bend = float(stretch), thickness * float(curvature) / 2
         density = modulus / 12 * ((e + bend) ** 2 + 4 * e**2 - (e - bend) ** 2)
         assert float(found) == pytest.approx(density, rel=0.02, abs=1e-12)
+
+
+@pytest.mark.skipif(not CLONE, reason="needs a clone of neuralclothsim: NEURALCLOTHSIM=PATH")
+def test_the_fabrics_have_no_bending_energy_and_two_thirds_of_the_stretch():
+    """(top + 4 middle - bottom)/6 of an even energy is 4/6 of it flat, 0 folded both ways, -1/2 of bending at e = -h k/4."""
+    script = SCRIPT.with_name("fabric_energies.py")
+    out = subprocess.run([sys.executable, str(script), CLONE], capture_output=True, text=True, check=True).stdout
+    assert [float(share) for share in re.findall(r"stretching (\S+)", out)] == pytest.approx([2 / 3] * 3, abs=1e-3)
+    assert [float(share) for share in re.findall(r"released (\S+) %,", out)] == pytest.approx([0.0] * 6, abs=0.5)
+    assert [float(share) for share in re.findall(r"strain: released (\S+) %", out)] == pytest.approx(
+        [-50.0] * 3, abs=1.5
+    )
+    for law, fem in re.findall(r"stretch 0: bending (\S+) J/m\^2, fem (\S+);", out):
+        assert float(fem) == pytest.approx(float(law), rel=0.02)

@@ -32,6 +32,7 @@ class RitzSolver(FieldSolver):
         {
             "varying stiffness",
             "orthotropic",
+            "stiffening",
             "bending Poisson's ratio",
             "foundation",
             "loaded parts",

@@ -67,7 +67,15 @@ class StiffeningCurve(Model):
 
 
 class Stiffening(Model):
-    """Curves of a membrane that stiffens: along direction 1, along direction 2, and in shear."""
+    """Curves of a membrane that stiffens.
+
+    Attributes
+    ----------
+    warp, weft
+        Along the directions 1 and 2, of E11^2 and E22^2.
+    shear
+        In shear, of E12^2.
+    """
 
     warp: StiffeningCurve
     weft: StiffeningCurve

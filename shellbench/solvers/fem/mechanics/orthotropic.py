@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.problems.shell.question.orthotropic import OrthotropicMaterial
+from shellbench.problems.shell.question.orthotropic import OrthotropicMaterial, StiffeningCurve
 
 Array = NDArray[np.float64]
 
@@ -64,14 +64,18 @@ class StiffeningMembrane:
         for row, ((curve, factor, least), share) in enumerate(zip(self.material.curves, (1, 1, 0.5), strict=True)):
             strain = share * e[:, row]
             kept = np.clip(strain, least, curve.until)
-            beyond, x = strain - kept, kept**2
             # phi = eta/2, phi' = E eta' and phi'' = eta' + 2 E^2 eta'' within the range, and their Taylor series beyond
-            terms = list(zip(curve.mu, curve.alpha, strict=True))
-            value = sum(mu / alpha * np.expm1(alpha * np.log1p(x)) for mu, alpha in terms) / 2
-            rate = sum(mu * (1 + x) ** (alpha - 1) for mu, alpha in terms)
-            second = rate + 2 * x * sum(mu * (alpha - 1) * (1 + x) ** (alpha - 2) for mu, alpha in terms)
-            energy += factor * (value + kept * rate * beyond + second * beyond**2 / 2)
+            beyond, (eta, rate, slope) = strain - kept, eta_with_derivatives(curve, kept**2)
+            second = rate + 2 * kept**2 * slope
+            energy += factor * (eta / 2 + kept * rate * beyond + second * beyond**2 / 2)
             stress[:, row] += factor * share * (kept * rate + second * beyond)
             moduli[:, row, row] += factor * share**2 * second
         back = np.swapaxes(self.turn, 1, 2)
         return energy, (back @ stress[..., None])[..., 0], back @ moduli @ self.turn
+
+
+def eta_with_derivatives(curve: StiffeningCurve, x: Array) -> Array:
+    """Return eta(x) and its first two derivatives, (3, n), at squared strains (n,)."""
+    mu, alpha, y = np.array(curve.mu), np.array(curve.alpha), x[:, None]
+    eta = np.expm1(alpha * np.log1p(y)) @ (mu / alpha)
+    return np.stack([eta, (1 + y) ** (alpha - 1) @ mu, (1 + y) ** (alpha - 2) @ (mu * (alpha - 1))])

@@ -40,7 +40,7 @@ from shellbench.solvers.ndf.field.weights import (
 )
 from shellbench.solvers.ndf.linear.patches import Balances, Recovery
 from shellbench.solvers.ndf.strains.reaction import edge_reaction
-from shellbench.solvers.ndf.strains.strain_measures import Undeformed, stresses
+from shellbench.solvers.ndf.strains.strain_measures import Undeformed
 
 QUERY = 2048  # points at which values are computed at once: more would not fit into the processor's cache
 JETS = 512  # the same for jets, which are six times as large
@@ -71,7 +71,7 @@ def strain_data(case: Case, xi: Array, placement: Placement, jet: Tensor, measur
     """Return membrane and bending strains (N, 6) of a displacement jet at points (N, 2), and their energy densities."""
     surface = Undeformed.at_points(case.surface, xi, placement)
     strains = surface.strained(measure, surface.gradients(jet)).strains
-    return strains, 0.5 * strains * stresses(surface.elasticity(case.material), strains)
+    return strains, surface.respond(case.material, strains)[1]
 
 
 def field_by_name(name: str, strains: Tensor, densities: Tensor) -> Tensor:

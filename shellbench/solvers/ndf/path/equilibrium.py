@@ -32,6 +32,7 @@ from shellbench.solvers.ndf.path.newton import Basis, Deformed
 from shellbench.solvers.ndf.strains.energy import symmetric
 from shellbench.solvers.ndf.strains.reaction import EdgeMoment, FollowingPressure, edge_moments
 from shellbench.solvers.ndf.strains.sampled import Sampled, elastic_form
+from shellbench.solvers.ndf.strains.stiffening import StiffeningMembrane, stiffening_membrane
 from shellbench.solvers.ndf.strains.strain_measures import UNSTRAINED, stresses
 
 
@@ -107,6 +108,11 @@ class PathProblem:
     def elasticity(self) -> Tensor:
         """(N, 2, 3, 3) of each point's share of the area."""
         return self.sampled.undeformed.elasticity(self.ansatz.case.material) * self.areas[:, None, None, None]
+
+    @cached_property
+    def stiffening(self) -> StiffeningMembrane | None:
+        """The membrane, if it stiffens."""
+        return stiffening_membrane(self.sampled.undeformed.geometry, self.ansatz.case.material)
 
     @cached_property
     def areas(self) -> Tensor:
@@ -245,8 +251,7 @@ class PathProblem:
         gradients = sampled.gradients(output, self.lift_at(t))
         strained = sampled.undeformed.strained(self.spec.strain, gradients)
         strains = strained.strains
-        conjugate = stresses(self.elasticity, strains)
-        energies = (strains * conjugate).view(-1, 2, 3).sum(dim=(0, 2)) / 2
+        conjugate, energies = self._respond(strains)
         forces, work = self.forces(t)
         # r = -dE/dw: the loads less stress . eps' at the points.
         residual = forces - sampled.pull_back((conjugate[:, None] @ strained.variation)[:, 0])
@@ -290,7 +295,7 @@ class PathProblem:
     def _form(self, deformed: Deformed, geometric: Tensor | None = None) -> Tensor:
         """Return the second variation (N, 15, 15) of the energy in the displacement gradients."""
         # K = eps'^T C eps' + stress . eps'', the first from the displacement, the second with the stresses given.
-        form = elastic_form(self.elasticity, deformed.strained.variation)
+        form = elastic_form(self._elasticity_at(deformed.strained.strains), deformed.strained.variation)
         return form + deformed.strained.second_variation(deformed.stresses if geometric is None else geometric)
 
     def load_stiffness(self, weights: Tensor, t: float) -> Tensor | None:
@@ -304,7 +309,8 @@ class PathProblem:
     def predicted_stresses(self, deformed: Deformed, change: Tensor, t: float = 0.0) -> Tensor:
         """Return the stresses (N, 6) that the strains' first variation predicts after a change (3 M,) of weights."""
         # C (eps + eps' dw): linear in the change, while the strains of w + dw are quadratic and more.
-        return deformed.stresses + stresses(self.elasticity, self._strain_change(deformed, change, t))
+        elasticity = self._elasticity_at(deformed.strained.strains)
+        return deformed.stresses + stresses(elasticity, self._strain_change(deformed, change, t))
 
     def predicted_energies(self, deformed: Deformed, change: Tensor, t: float) -> tuple[float, float]:
         """Return the membrane and the bending energy, J, of the strains predicted by their first variation.
@@ -312,8 +318,24 @@ class PathProblem:
         A thin shell's own strains after a bending step have far more energy, since the membrane has not followed yet.
         """
         strains = deformed.strained.strains + self._strain_change(deformed, change, t)
-        membrane, bending = (strains * stresses(self.elasticity, strains)).view(-1, 2, 3).sum(dim=(0, 2)).tolist()
-        return membrane / 2, bending / 2
+        membrane, bending = self._respond(strains)[1].tolist()
+        return membrane, bending
+
+    def _respond(self, strains: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the stresses (N, 6) conjugate to strains (N, 6), and the membrane and bending energies (2,), J."""
+        conjugate = stresses(self.elasticity, strains)
+        energies = (strains * conjugate).view(-1, 2, 3).sum(dim=(0, 2)) / 2
+        if self.stiffening is not None:
+            energy, stress, _ = self.stiffening.respond(strains[:, :3])
+            conjugate[:, :3], energies[0] = stress * self.areas[:, None], self.areas @ energy
+        return conjugate, energies
+
+    def _elasticity_at(self, strains: Tensor) -> Tensor:
+        """Return the derivative (N, 2, 3, 3) of the stresses by the strains (N, 6)."""
+        if self.stiffening is None:
+            return self.elasticity
+        membrane = self.stiffening.respond(strains[:, :3])[2] * self.areas[:, None, None]
+        return torch.stack([membrane, self.elasticity[:, 1]], dim=1)
 
     def _strain_change(self, deformed: Deformed, change: Tensor, t: float) -> Tensor:
         gradients = self.sampled_at(t).gradients(change.view(3, -1)).reshape(-1, 15, 1)

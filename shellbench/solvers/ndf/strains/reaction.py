@@ -35,7 +35,7 @@ from shellbench.solvers.ndf.field.jets import VALUE, Array, Placement, constant,
 from shellbench.solvers.ndf.field.quadrature import RuleSpec, area_rule, edge_rule
 from shellbench.solvers.ndf.field.supports import concentrated_forces, edge_supports, force_density, point_supports
 from shellbench.solvers.ndf.strains.sampled import Sampled
-from shellbench.solvers.ndf.strains.strain_measures import GRADIENTS, DeformedNormal, Undeformed, stresses
+from shellbench.solvers.ndf.strains.strain_measures import GRADIENTS, DeformedNormal, Undeformed
 
 TURN = 2 * np.pi
 
@@ -279,7 +279,7 @@ def edge_reaction(
             pressure = FollowingPressure(case, placement.tensor(batch.weights))
             force = force + pressure.push(points, surface.geometry.tangents, gradients, t)
         strained = surface.strained(measure, gradients)
-        stress = stresses(surface.elasticity(case.material), strained.strains) * weights[:, None]
+        stress = surface.respond(case.material, strained.strains)[0] * weights[:, None]
         conjugate = (stress[:, None] @ strained.variation)[:, 0]
         for k, v in enumerate(virtual_motions(case, edges, points, centre, placement, moved(u))):
             total[k] += (conjugate * surface.gradients(v).flatten(1)).sum() - (force * v[VALUE]).sum()

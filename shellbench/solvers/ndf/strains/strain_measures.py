@@ -35,6 +35,7 @@ from shellbench.problems.shell.question.surface import Surface
 from shellbench.solvers.ndf.field.choices import StrainName
 from shellbench.solvers.ndf.field.geometry import Geometry, elasticity_tensors, geometry, rigidities
 from shellbench.solvers.ndf.field.jets import D1, D2, D11, D12, D22, VALUE, Array, Placement, from_derivatives
+from shellbench.solvers.ndf.strains.stiffening import stiffening_membrane
 
 GRADIENTS = 15  # u,1, u,2, d_11, d_22, d_12, each with three components
 TWICE = (1.0, 1.0, 2.0)  # strains are 11, 22 and twice 12
@@ -377,6 +378,15 @@ class Undeformed:
         """Return D H and B H (eqs. (17)-(19)) as (N, 2, 3, 3), N/m and N m."""
         tensors = elasticity_tensors(self.geometry, material)
         return torch.stack(tensors, dim=1) * torch.stack(self.rigidity(material), dim=1)
+
+    def respond(self, material: AnyMaterial, strains: Tensor) -> tuple[Tensor, Tensor]:
+        """Return stresses and energies (N, 6) per area of strains (N, 6); those of each half belong together."""
+        found = stresses(self.elasticity(material), strains)
+        densities = 0.5 * strains * found
+        if (membrane := stiffening_membrane(self.geometry, material)) is not None:
+            energy, found[:, :3], _ = membrane.respond(strains[:, :3])
+            densities[:, :3] = energy[:, None] / 3
+        return found, densities
 
 
 def stresses(elasticity: Tensor, strains: Tensor) -> Tensor:
