@@ -95,6 +95,13 @@ EXAMPLES = {  # by section
         '[material]\nkind = "orthotropic"\nmembrane = [9e3, 1e3, 4e3, 300]    # N/m\nbending = [3e-4, 2e-5, 1e-4, 4e-5] # N m\n'
         'thickness = 0.001                  # m\nangle = 30                         # warp, from the line of xi1\nareal_density = 0.1'
     ),
+    "Membranes that stiffen": Example(
+        '[material]\nkind = "orthotropic"\nmembrane = [4.3, 4.971, 9.942, 0.285] # N/m, at rest\nbending = [1e-6, 1e-7, 1e-6, 4e-7]\nthickness = 0.000239\n\n'
+        "[material.stiffening]\nwarp = { mu = [61.769, -60.769], alpha = [-2.23, -115.578], until = 0.41 }\n"
+        "weft = { mu = [13.46, -12.46], alpha = [-2.612, -195.533], until = 0.34 }\n"
+        "shear = { mu = [1], alpha = [1], until = 0.11 }  # linear",
+        "path",
+    ),
     "Parts of edges": Example(
         '[edge_parts]\nhinge = { edge = "xi2_min", between = [0.2, 0.6] }\n\n[[supports]]\nname = "hinge"\non = ["hinge"]\ncomponents = ["z"]'
     ),
@@ -174,6 +181,8 @@ TABLES = {  # models that are tables of a section beside its own
     "Translation": "motion.kind",
     "Rotation": "motion.kind",
     "Contact": "[contact]",
+    "Stiffening": "[material.stiffening]",
+    "StiffeningCurve": "warp, weft or shear",
 }
 FORMULA_NOTE = (
     "The `phi` of a formula body may be piecewise: `min` joins bodies, `max` keeps their common part. It need not be a distance."

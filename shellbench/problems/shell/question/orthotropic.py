@@ -40,8 +40,10 @@ class StiffeningCurve(Model):
 
     Attributes
     ----------
-    mu, alpha
-        Factors and powers of its terms; the factors add up to one, since A is the stiffness at rest.
+    mu
+        Factors of its terms; they add up to one, since A is the stiffness at rest.
+    alpha
+        Powers of its terms, none of them zero.
     until
         Strain at which the measured range ends. It begins at 0 along warp and weft, at minus this strain in shear.
     """
@@ -71,8 +73,10 @@ class Stiffening(Model):
 
     Attributes
     ----------
-    warp, weft
-        Along the directions 1 and 2, of E11^2 and E22^2.
+    warp
+        Along direction 1, of E11^2.
+    weft
+        Along direction 2, of E22^2.
     shear
         In shear, of E12^2.
     """
