@@ -96,10 +96,9 @@ EXAMPLES = {  # by section
         'thickness = 0.001                  # m\nangle = 30                         # warp, from the line of xi1\nareal_density = 0.1'
     ),
     "Membranes that stiffen": Example(
-        '[material]\nkind = "orthotropic"\nmembrane = [4.3, 4.971, 9.942, 0.285] # N/m, at rest\nbending = [1e-6, 1e-7, 1e-6, 4e-7]\nthickness = 0.000239\n\n'
+        '[material]\nkind = "orthotropic"\nmembrane = [4.3, 4.971, 9.942, 0.285]\nbending = [1e-6, 1e-7, 1e-6, 4e-7]\nthickness = 0.000239\n\n'
         "[material.stiffening]\nwarp = { mu = [61.769, -60.769], alpha = [-2.23, -115.578], until = 0.41 }\n"
-        "weft = { mu = [13.46, -12.46], alpha = [-2.612, -195.533], until = 0.34 }\n"
-        "shear = { mu = [1], alpha = [1], until = 0.11 }  # linear",
+        "weft = { mu = [1], alpha = [-2.5], until = 0.34 }\nshear = { mu = [1], alpha = [1], until = 0.11 }",
         "path",
     ),
     "Parts of edges": Example(
@@ -146,7 +145,7 @@ SECTIONS = (  # heading, words, common base, classes
     ("Material", "`[material]` is linear, and isotropic unless its kind is another. The membrane stiffness is D = E h / (1 - nu^2), the bending stiffness B = E h^3 / (12 (1 - nu^2)). The factors vary D and B only, not the areal density. `bending_poissons_ratio` changes the [energy](theory.md#energy) of bending, not B.", None, ("Material",)),
     ("Orthotropic materials", "`[material]` of `kind = \"orthotropic\"`: woven cloth, ribbed plates, laminates. One layer has `youngs_modulus`, `poissons_ratio` and `shear_modulus`, and A = h Q, D = h^3 Q / 12."
      " Cloth and laminates have the stiffnesses `membrane` and `bending` instead. Direction 2 is the normal x direction 1. The stiffnesses are the same everywhere.", None, ("OrthotropicMaterial",)),
-    ("Membranes that stiffen", "`[material.stiffening]` has curves by which the membrane of woven cloth stiffens; [theory](theory.md#energy) has the energy. Only `fem` and `ndf-ritz` take it.", None, ("Stiffening", "StiffeningCurve")),
+    ("Membranes that stiffen", "`[material.stiffening]`: how the membrane of woven cloth stiffens ([energy](theory.md#energy)), for `fem` and `ndf-ritz` only.", None, ("Stiffening", "StiffeningCurve")),
     ("Parts of edges", "`[edge_parts]` is a table of names. Supports, and loads of the kinds `edge` and `moment`, can use these names.", None, ("EdgePart",)),
     ("Supports", "`[[supports]]`: any number. A support holds its `components` at zero or moves them as `motion` says; the other components are free."
      ' Components are Cartesian, or local to the shell at rest: "along" an edge, "across" it within the surface, "normal" to the surface.'

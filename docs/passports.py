@@ -303,9 +303,8 @@ def page(kept: dict[str, Any]) -> str:
         "- **Bending of a rolled plate.** The released code computes the bending strain that the paper prints. It is accurate for small rotations only",
         "  ([NeuralClothSim replicated](neuralclothsim.md)).",
         "- **Thickness.** With a non-linear material, `energy.py` integrates over the thickness by Simpson's rule and *subtracts* the strain energy of the",
-        "  bottom, where the rule adds it. Uniform stretch then counts two thirds. Pure bending stores nothing. Bending with stretch depends on its sign and can be",
-        "  negative. Loads have the weights 1, 4 and 1 with the same reversed sign, so stretch under a uniform load is unaffected. The branch of the linear material",
-        "  has no such sum. Cotton, silk and canvas of the released configurations are non-linear materials. One search of the tracker found no report.",
+        "  bottom, where the rule adds it ([silk, cotton and canvas](neuralclothsim.md#silk-cotton-and-canvas)). Bending with stretch can be negative.",
+        "  The branch of the linear material has no such sum. One search of the tracker found no report.",
         "<!-- end -->",
     ]
     return "\n".join(lines) + "\n"

@@ -158,9 +158,8 @@ class Shell(Problem):
         if not data["obstacles"]:
             del data["obstacles"], data["contact"]
         for part in (data["material"], *data["loads"], *data["quantities"]):  # left out for the same reason
-            for name, default in LATER.items():
-                if part.get(name, ...) == default:
-                    del part[name]
+            for name in [name for name, default in LATER.items() if part.get(name, ...) == default]:
+                del part[name]
         for name in ("folds", "hinges"):  # left out for the same reason
             if not data["surface"].get(name, True):
                 del data["surface"][name]

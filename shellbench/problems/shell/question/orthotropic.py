@@ -41,11 +41,11 @@ class StiffeningCurve(Model):
     Attributes
     ----------
     mu
-        Factors of its terms; they add up to one, since A is the stiffness at rest.
+        Factors of its terms; they add up to one.
     alpha
         Powers of its terms, none of them zero.
     until
-        Strain at which the measured range ends. It begins at 0 along warp and weft, at minus this strain in shear.
+        Strain at which the measured range ends.
     """
 
     mu: Annotated[tuple[Finite, ...], Field(min_length=1)]
@@ -99,8 +99,7 @@ class OrthotropicMaterial(Model):
         Stiffnesses [A11, A12, A22, A66] in N/m and [D11, D12, D22, D66] in N m, or the rows of the whole
         matrices A and D of a laminate. A66 and D66 multiply 2 e12 and 2 k12.
     stiffening
-        Curves by which the membrane's stiffnesses [A11, A12, A22, A66] change with the strain (theory
-        `kirchhoff-love-nonlinear`, at rest). Bending stays linear.
+        Curves of [A11, A12, A22, A66] over the strain, for shells at rest in the non-linear theory.
     coupling
         The matrix B of a laminate, N: a symmetric one has none, and no other is taken.
     angle
