@@ -30,6 +30,7 @@ from functools import partial
 
 import numpy as np
 
+from .cusick_by_splines import cusick_drape
 from .elastica import COARSE, Cantilever
 from .estimate import ROUNDING, Estimate
 from .heavy_strip import FINE, hung
@@ -273,4 +274,5 @@ JUDGES: dict[str, Callable[[], dict[str, Estimate]]] = {
     "woven_cantilever_warp": partial(woven_cantilever, "warp"),
     "woven_cantilever_weft": partial(woven_cantilever, "weft"),
     "woven_bias_strip": woven_bias_strip,
+    "cusick_drape": cusick_drape,
 }

@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 from scipy.linalg import eigh
 
+from .cusick_by_splines import cusick_drape_by_splines
 from .estimate import Estimate
 from .plane_strip import SPREAD, PlaneStrip
 from .spline_shell import Splines
@@ -241,4 +242,5 @@ SECOND_FORMS: dict[str, Callable[[], dict[str, Estimate]]] = {
     "woven_cantilever_warp": partial(woven_cantilever, "warp"),
     "woven_cantilever_weft": partial(woven_cantilever, "weft"),
     "woven_bias_strip": woven_bias_strip,
+    "cusick_drape": cusick_drape_by_splines,
 }

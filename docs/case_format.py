@@ -159,7 +159,7 @@ SECTIONS = (  # heading, words, common base, classes
      " `total_energy` is kinetic, strain and spring energy less the work of constant loads; `potential_energy` has no kinetic part."
      " `energy_balance` is the largest deviation that the solver's own history states."
      " Where supports meet and hold the same direction, they share a concentrated reaction equally.", quantities.ShellQuantity,
-     ("DisplacementQuantity", "PositionQuantity", "CentreOfMass", "LargestDisplacement", "FieldError", "EnergyQuantity", "MotionEnergy", "PotentialEnergy",
+     ("DisplacementQuantity", "PositionQuantity", "CentreOfMass", "LargestDisplacement", "Shadow", "FieldError", "EnergyQuantity", "MotionEnergy", "PotentialEnergy",
        "ReactionQuantity", "TorqueQuantity", "ContactForce", "LargestPenetration", "ContactPoint", "LoadQuantity", "LimitPoint", "CriticalPoint",
        "Frequency", "BucklingLoad", "MembraneForce", "Moment", "ShearForce", "Stress", "DerivativeQuantity")),
     ("Other names", "`also_known_as`: any number of names under which others know the case, as inline tables."

@@ -286,3 +286,40 @@ def test_a_field_that_no_cells_tell_is_no_exact_one():
         InputError, match=r"quantity 'error' varies more quickly than 20000 cells tell, at \(xi1, xi2\)"
     ):
         build_case({**data, "quantities": [*data["quantities"], error]}, "plate", "plate.toml")
+
+
+def test_the_shadow_of_a_folded_ring_has_the_area_and_the_folds_of_its_outline():
+    case = catalog.named_case("cusick_drape")
+    asked = case.quantity("drape_coefficient_100mm")
+    folds = type(asked)(name="folds", kind="folds")
+
+    def ring(overhang, waves=5, drawn=0.02):
+        def displacement(points):
+            angle, r = points[..., 0], points[..., 1]
+            out = r + (r - 0.09) * (drawn * np.cos(waves * angle) / 0.06 - 0.3)
+            turned = angle - overhang * (r - 0.09) / 0.06 * np.sin(2 * waves * angle)
+            place = np.stack([out * np.cos(turned), out * np.sin(turned), -r], axis=-1)
+            return place - np.stack([r * np.cos(angle), r * np.sin(angle), 0 * r], axis=-1)
+
+        return ClosedFormField(case, displacement)
+
+    exact = (0.132**2 + 0.02**2 / 2 - 0.09**2) / (0.15**2 - 0.09**2)
+    assert measure(ring(0.0), asked) == pytest.approx(exact, abs=1e-5)
+    assert measure(ring(0.0), folds) == 5
+    assert measure(ring(0.0, drawn=0.0), folds) == 0
+    # An outline that turns back covers more; the largest radius by brute force
+    angle = np.linspace(0, 2 * np.pi, 400_001)
+    out, turned = 0.132 + 0.02 * np.cos(5 * angle), angle - 0.2 * np.sin(10 * angle)
+    rays = np.zeros(2000)
+    np.maximum.at(rays, (turned / (2 * np.pi) * 2000).astype(int) % 2000, out)
+    assert measure(ring(0.2), asked) == pytest.approx((np.mean(rays**2) - 0.09**2) / (0.15**2 - 0.09**2), abs=2e-3)
+    data = read_toml(catalog.data_folder("cases") / "cusick_drape.toml")
+    data["surface"] |= {"xi1": [0, 90], "periodic": []}
+    for changed, fault in (
+        ({"kind": "folds"}, "counts the folds of a closed ring, and this shell is open"),
+        ({"centre": [0.1, 0.1, 0]}, "needs a ring whose inner rim is a circle about its centre"),
+    ):
+        data["quantities"][-2] |= changed
+        with pytest.raises(InputError, match=fault):
+            build_case(data, "ring", "ring.toml")
+        data["quantities"][-2] |= {"kind": "drape_coefficient"}

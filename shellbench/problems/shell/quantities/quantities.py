@@ -42,6 +42,7 @@ from shellbench.problems.shell.quantities.path_quantities import (
 )
 from shellbench.problems.shell.quantities.quantity import ShellQuantity
 from shellbench.problems.shell.quantities.resultant_quantities import PlacedQuantity, ResultantQuantity
+from shellbench.problems.shell.quantities.shadow_quantities import Shadow
 from shellbench.problems.shell.quantities.stress_quantities import Stress
 
 __all__ = [
@@ -67,6 +68,7 @@ __all__ = [
     "QuantityModel",
     "ReactionQuantity",
     "ResultantQuantity",
+    "Shadow",
     "Stress",
     "SupportQuantity",
     "TorqueQuantity",
