@@ -138,7 +138,7 @@ LONG = {
     *ball_drape.JUDGES,
     *resultants.LONG,
     *benchmark_shells.JUDGES,
-    *(name for name in woven.JUDGES if "cantilever" in name or "bias" in name),
+    *(name for name in woven.JUDGES if "cantilever" in name or "bias" in name or "cusick" in name),
     *(name for name in naghdi.JUDGES if name.startswith("hypar") or name.endswith("_soft")),
     "square_plate_nonlinear",
     "guided_ring",

@@ -291,7 +291,7 @@ def test_a_field_that_no_cells_tell_is_no_exact_one():
 def test_the_shadow_of_a_folded_ring_has_the_area_and_the_folds_of_its_outline():
     case = catalog.named_case("cusick_drape")
     asked = case.quantity("drape_coefficient_100mm")
-    folds = type(asked)(name="folds", kind="folds")
+    folds = type(asked)(name="folds", kind="folds", direction=(0, 0, 2))
 
     def ring(overhang, waves=5, drawn=0.02):
         def displacement(points):

@@ -41,7 +41,7 @@ class Shadow(ShellQuantity):
     powers: ClassVar[tuple[int, int]] = (0, 0)
     kind: Literal["drape_coefficient", "folds"]
     centre: Vector = (0.0, 0.0, 0.0)
-    direction: Direction = (0.0, 0.0, 1.0)
+    direction: Direction
     unit: str = ""
 
     def check(self, shell: Any) -> None:

@@ -181,5 +181,5 @@ class _Placing:
                 quantity[name] = [self.vector(d) for d in given] if several else self.vector(given)
         if "exact" in quantity:
             quantity["exact"] = self._without_constants(self.vector(quantity["exact"]))
-        if quantity["kind"] == "torque":
+        if quantity["kind"] in ("torque", "drape_coefficient", "folds"):
             quantity["centre"] = self.point(quantity.get("centre", (0.0, 0.0, 0.0)))
