@@ -258,18 +258,24 @@ def first_buckling(spans: int = FINE, membrane: float = MEMBRANE, low: float = 0
 
 def folded_path(ring: Ring, lengths: Sequence[float]) -> Iterator[tuple[float, Array]]:
     """Yield bending length, m, and state of the ring's folds, from the first length at which it has buckled."""
-    plain, c = Ring(ring.spans, membrane=ring.membrane), None
+    plain = Ring(ring.spans, membrane=ring.membrane)
+    states: list[tuple[float, Array]] = []
     for length in lengths:
         w = weight(length)
-        if c is None:
+        if not states:
             (even,) = round_path(plain, [length])
             start = ring.lifted(even)
             least, wave = ring.softest(start, w)
             if least > 0:
                 continue
-            c = start + WAVE * wave
-        c = ring.minimum(c, w)
-        yield length, c
+            start = start + WAVE * wave
+        elif len(states) == 1:
+            start = states[-1][1]
+        else:  # along the chord of the last two
+            (before, c), (now, d) = states[-2:]
+            start = d + (d - c) * np.log(length / now) / np.log(now / before)
+        states.append((length, ring.minimum(start, w)))
+        yield states[-1]
 
 
 def _round(ring: Ring, length: float) -> Round:

@@ -26,7 +26,7 @@ from shellbench.report.figures.panel import add_legend, finish, open_figure
 HERE = Path(__file__).parent
 KEPT, PAGE, FIGURE = HERE / "data/drape.json", HERE / "drape.md", HERE / "figures/drape.png"
 SOLVERS = "fem", "ndf-ritz"
-LENGTHS = (90, 80, 70, 60, 55, 50, 45, 40, 35, 30, 27, 25, 22, 20, 18, 16, 15, 14, 13, 12)
+LENGTHS = (90, 80, 60, 50, 40, 35, 30, 25, 22, 20, 18, 16, 15, 14, 13, 12)
 """Bending lengths, mm, from the first folds down."""
 SHOWN = (80, 60, 50, 40, 30, 25, 20, 15)
 END = 15  # mm at the load factor 1 of the cases
@@ -49,12 +49,12 @@ Line = dict[str, Any]
 # --- values -------------------------------------------------------------------------------------------
 
 
-def by_splines(thickness: float, folds: int, spans: int = 14, harmonics: int = 8) -> Line:
-    """Return drape coefficients and potentials, J, of a ring of so many folds by the judge's splines."""
+def by_splines(thickness: float, folds: int, spans: int = 14, waves: int = 60) -> Line:
+    """Return drape coefficients and potentials, J, of a ring of so many folds, by splines times harmonics to `waves`."""
     from derivations.cusick import BENDING, weight
     from derivations.cusick_by_splines import Ring, folded_path
 
-    ring = Ring(spans, folds, harmonics, 12 * BENDING / (thickness * 1e-3) ** 2)
+    ring = Ring(spans, folds, waves // folds, 12 * BENDING / (thickness * 1e-3) ** 2)
     points = []
     try:
         for length, c in folded_path(ring, [mm * 1e-3 for mm in LENGTHS]):
@@ -120,14 +120,16 @@ def round_ring(solver: str, **settings: Any) -> Line:
 
 JOBS: dict[str, Callable[[], Line]] = {
     **{f"buckling {h}": partial(buckling, h) for h in THICKNESSES},
-    **{f"splines {h} {n}": partial(by_splines, h, n) for h in THICKNESSES[:2] for n in FOLDS},
-    **{f"splines {h} 5 coarse": partial(by_splines, h, 5, 10, 6) for h in THICKNESSES[:2]},
+    **{
+        f"splines {h} {n}": partial(by_splines, h, n, waves=60 if h < 1 else 42) for h in THICKNESSES[:2] for n in FOLDS
+    },
+    **{f"splines {h} 5 coarse": partial(by_splines, h, 5, 12, 40 if h < 1 else 30) for h in THICKNESSES[:2]},
     "round fem": partial(round_ring, "fem"),
     "round ndf-ritz": partial(round_ring, "ndf-ritz"),
-    "fem 4": partial(solved, "fem", 45.0, False, 4, cells=[5, 6]),
-    "fem 5": partial(solved, "fem", 36.0, False, 5, cells=[4, 6]),
-    "fem 6": partial(solved, "fem", 30.0, False, 6, cells=[4, 6]),
-    "fem 5 coarse": partial(solved, "fem", 36.0, False, 5, cells=[2, 4]),
+    "fem 4": partial(solved, "fem", 45.0, False, 4, cells=[10, 8]),
+    "fem 5": partial(solved, "fem", 36.0, False, 5, cells=[8, 8]),
+    "fem 6": partial(solved, "fem", 30.0, False, 6, cells=[7, 8]),
+    "fem 5 coarse": partial(solved, "fem", 36.0, False, 5, cells=[4, 6]),
     "fem ring": partial(solved, "fem", 360.0, True, cells=[20, 4]),
     "ndf-ritz 4": partial(solved, "ndf-ritz", 90.0, False),
 }
