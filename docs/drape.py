@@ -207,6 +207,8 @@ def buckled(kept: Line) -> list[str]:
     """Return the bending lengths at which folds begin, a thickness a row."""
     rows = []
     for h in THICKNESSES:
+        if f"buckling {h}" not in kept:
+            continue
         lengths = kept[f"buckling {h}"]["lengths"]
         first = max(lengths, key=lengths.get)
         rows.append((f"{h:g} mm", f"{12 * (150 / h) ** 2:.1e}", f"{lengths[first]:.1f} mm", first))
@@ -215,7 +217,7 @@ def buckled(kept: Line) -> list[str]:
 
 def folded(kept: Line) -> list[str]:
     """Return drape coefficients by bending length, a column a number of folds and method."""
-    names = ("splines 0.5 4", "fem 4", "ndf-ritz 4", "splines 0.5 5", "fem 5", "fem ring", "splines 0.5 6", "fem 6")
+    names = [name for name in HEADS if name in kept]
     heads = ("c, mm", *(HEADS[name] for name in names))
     return table(heads, [(f"{c}", *(percent(at(kept[name], c)) for name in names)) for c in SHOWN])
 
@@ -226,7 +228,7 @@ def measured(kept: Line) -> list[str]:
     for name, length, coefficient, nodes, friction in fabrics():
         spans = []
         for h in THICKNESSES[:2]:
-            values = [at(kept[f"splines {h} {n}"], length) for n in FOLDS]
+            values = [at(kept[f"splines {h} {n}"], length) for n in FOLDS if f"splines {h} {n}" in kept]
             known = [value for value in values if not np.isnan(value)]
             spans.append(f"{100 * min(known):.0f} to {100 * max(known):.0f} %" if known else "–")
         rows.append((name, f"{length:.1f} mm", percent(coefficient), f"{nodes}", *spans, f"{100 * friction:.0f} %"))
@@ -254,19 +256,22 @@ def figure(kept: Line) -> Any:
     entries = {}
     for h, colour in colours.items():
         for n, dashes in zip(FOLDS, DASHES, strict=True):
+            if f"splines {h} {n}" not in kept:
+                continue
             x, y = zip(*sorted(curve(kept[f"splines {h} {n}"]).items()), strict=True)
             axes.plot(x, 100 * np.array(y), color=colour, linestyle=dashes, linewidth=0.9)
             entries[f"{n} folds, h = {h:g} mm"] = Line2D([], [], color=colour, linestyle=dashes)
     ink = inks(SOLVERS)
     for solver, names in (("fem", ("fem 4", "fem 5", "fem 6", "fem ring")), ("ndf-ritz", ("ndf-ritz 4",))):
-        for name in names:
+        for name in filter(kept.__contains__, names):
             x, y = zip(*curve(kept[name]).items(), strict=True)
             look = {"color": ink[solver].colour, "marker": ink[solver].marker, "linestyle": "none"}
             axes.plot(x, 100 * np.array(y), markersize=3, **look)
         entries[f"{solver}, h = 0.5 mm"] = Line2D([], [], **look)
     for name, length, coefficient, nodes, _ in fabrics():
         axes.plot(length, 100 * coefficient, marker="*", markersize=9, color="#D55E00", linestyle="none")
-        axes.annotate(f"{name}, {nodes} folds", (length, 100 * coefficient), (6, -3), textcoords="offset points")
+        beside = {"xytext": (-7, -3), "ha": "right"} if "wool" in name else {"xytext": (7, -3)}
+        axes.annotate(f"{name}, {nodes} folds", (length, 100 * coefficient), textcoords="offset points", **beside)
     entries["measured (Matsudaira et al. 2015)"] = Line2D([], [], marker="*", color="#D55E00", linestyle="none")
     finish([axes], "bending length c = (B/w)^(1/3) (mm)", "drape coefficient (%)", "Cusick drape test", log="x")
     axes.set_ylim(0, 102)
