@@ -179,7 +179,8 @@ def test_committed_evidence_is_small():
         assert kept == {"table.json", *(f"{table}.csv" for table in tables)}
     shown = {f"{figure}.png" for figures in evidence.SHOWN.values() for figure in figures}
     pages = "".join(
-        (ROOT / f"docs/{name}.md").read_text(encoding="utf-8") for name in ("studies", "deep_fields", "clothing", "drape")
+        (ROOT / f"docs/{name}.md").read_text(encoding="utf-8")
+        for name in ("studies", "deep_fields", "clothing", "drape")
     )
     studied = set(re.findall(r"figures/((?:study_\w+|\w+_run)\.png)", pages))
     assert {path.name for path in evidence.FIGURES.iterdir()} == shown | studied
