@@ -242,8 +242,6 @@ HEADS = {
     "ndf-ritz 4": "`ndf-ritz`",
     "splines 0.5 5": "5 folds, splines",
     "fem 5": "`fem`",
-    "splines 0.5 6": "6 folds, splines",
-    "fem 6": "`fem`",
 }
 TABLES = {"rounds": rounds, "buckled": buckled, "folded": folded, "measured": measured}
 
