@@ -29,7 +29,7 @@ INNER, OUTER = 0.09, 0.15  # m
 YOUNG, POISSON, THICKNESS = 9.6e5, 0.0, 5e-4
 MEMBRANE = YOUNG * THICKNESS / (1 - POISSON**2)
 BENDING = MEMBRANE * THICKNESS**2 / 12
-FINE, COARSE = 1e-9, 1e-6
+FINE, COARSE = 1e-9, 1e-7
 """Tolerances of the collocation."""
 CORRECTIONS = 12
 """Newton steps for the stretch, which is near 1."""
