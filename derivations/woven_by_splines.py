@@ -243,5 +243,6 @@ SECOND_FORMS: dict[str, Callable[[], dict[str, Estimate]]] = {
     "woven_cantilever_warp": partial(woven_cantilever, "warp"),
     "woven_cantilever_weft": partial(woven_cantilever, "weft"),
     "woven_bias_strip": woven_bias_strip,
+    **STIFFENING,
     "cusick_drape": cusick_drape_by_splines,
 }
