@@ -62,6 +62,8 @@ def fixed_state(patch):
 
 FAULTS = {
     "no explicit part of an energy": (wrapped(Adjoint, "target", without_explicit), THICKNESS, {"energy"}),
+    "no explicit part of a moment": (wrapped(Adjoint, "target", without_explicit), THICKNESS, {"bent"}),
+    "a resultant's point that does not slide": (wrapped(Deviation, "slide", lambda found: 0 * found), POINTS, {"bent"}),
     "adjoint load of the wrong sign": (wrapped(Adjoint, "target", opposite), THICKNESS, {"moved"}),
     "geometry's derivative dropped": (shape_at_rest, ("surface.H",), {"moved"}),
     "clamps' terms taken as constant": (wrapped(Works, "clamp_work", lambda found: 0.0), GROUPS["surface"], {"force"}),

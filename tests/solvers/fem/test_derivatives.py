@@ -61,6 +61,8 @@ SHELL = {
         {"name": "energy", "kind": "strain_energy"},
         {"name": "potential", "kind": "potential_energy"},
         {"name": "force", "kind": "reaction", "support": "wall", "direction": [1, 1, 1]},
+        {"name": "pulled", "kind": "membrane_force", "component": "12", "on": ["a"]},
+        {"name": "bent", "kind": "moment", "component": "22", "on": ["a", "xi1_max,xi2_max"]},
     ],
 }
 

@@ -15,9 +15,10 @@ value does. C and g change only where directions of supports turn, or prescribed
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,19 +35,39 @@ from shellbench.problems.shell.quantities.quantities import (
     ReactionQuantity,
     TorqueQuantity,
 )
+from shellbench.problems.shell.quantities.resultant_quantities import COLUMNS, MembraneForce, Moment, TensorResultant
 from shellbench.problems.shell.question.parameters import Parameter, changed
 from shellbench.solvers.fem.algebra.choices import Method
 from shellbench.solvers.fem.algebra.direct_solve import Solve
 from shellbench.solvers.fem.derivatives.deviation import Deviation
-from shellbench.solvers.fem.derivatives.forms import Works, functions_at
+from shellbench.solvers.fem.derivatives.forms import (
+    FIRST,
+    SECOND,
+    Numbers,
+    Works,
+    cross,
+    dot,
+    functions_at,
+    length,
+)
+from shellbench.solvers.fem.derivatives.variations import Strained, strained
 from shellbench.solvers.fem.linear.equilibrium import LinearShell
 from shellbench.solvers.fem.mechanics.assembly import InternalForces
 from shellbench.solvers.fem.mechanics.constraints import support_conditions
+from shellbench.solvers.fem.mechanics.kinematics import (
+    DERIVATIVES,
+    STRAINS,
+    Midsurface,
+    elasticities,
+    stiffness_moduli,
+    strain_operator,
+)
 from shellbench.solvers.fem.mechanics.loads import Loading
+from shellbench.solvers.fem.mechanics.resultants import patch_fits
 from shellbench.solvers.fem.mechanics.rigid_motions import nodal_rigid_motions
 from shellbench.solvers.fem.mechanics.sharing import Conditions
 from shellbench.solvers.fem.mechanics.solution import FemSolution
-from shellbench.solvers.fem.mesh.basis import COMPONENTS
+from shellbench.solvers.fem.mesh.basis import COMPONENTS, Derivative
 from shellbench.solvers.fem.mesh.mesh import TensorMesh
 
 Array = NDArray[np.float64]
@@ -169,15 +190,13 @@ class Adjoint:
                 return Target(slope, energy)
             case ReactionQuantity() | TorqueQuantity():
                 return self._reaction(quantity, u)
+            case MembraneForce() | Moment():
+                return self._resultant(quantity, u)
         raise InputError(f"fem gives no derivative of a quantity of kind '{quantity.kind}'")
 
     def _at_points(self, quantity: DisplacementQuantity | PositionQuantity, directions: Array, u: Array) -> Target:
-        works, mesh, points = self.works, self.solution.mesh, quantity.coordinates(self.solution)
+        works, points = self.works, quantity.coordinates(self.solution)
         vectors = directions / len(points)
-        nodes, inside, sizes = mesh.locate(points)
-        table = functions_at(mesh, inside, sizes, ((0, 0),))[:, 0] / mesh.node_scales[nodes]
-        slope = np.zeros((mesh.node_count, COMPONENTS, len(mesh.kinds)))
-        np.add.at(slope, nodes.ravel(), np.einsum("nak,nc->nack", table, vectors).reshape(-1, *slope.shape[1:]))
         slopes = works.values(u, points, ((1, 0), (0, 1)))
         moved = isinstance(quantity, PositionQuantity)
 
@@ -191,7 +210,66 @@ class Adjoint:
                 found.append(np.sum(vectors * (np.einsum("na,nac->nc", slides, speeds) + rise)))
             return np.array(found)
 
-        return Target(slope.reshape(mesh.node_count, -1), explicit)
+        return Target(self._spread(points, ((0, 0),), vectors[:, None]), explicit)
+
+    def _spread(self, points: Array, orders: Sequence[Derivative], factors: Array) -> Array:
+        """Return the slope (nodes, dofs) of the sum of derivatives of u at points times factors (n, orders, 3)."""
+        mesh = self.solution.mesh
+        nodes, inside, sizes = mesh.locate(points)
+        table = functions_at(mesh, inside, sizes, orders) / mesh.node_scales[nodes][:, None]
+        slope = np.zeros((mesh.node_count, COMPONENTS, len(mesh.kinds)))
+        np.add.at(slope, nodes.ravel(), np.einsum("noak,noc->nack", table, factors).reshape(-1, *slope.shape[1:]))
+        return slope.reshape(mesh.node_count, -1)
+
+    def _resultant(self, quantity: TensorResultant, u: Array) -> Target:
+        # Q = sum of w t^ab f_ab over samples of the fits (see `mechanics.resultants`), f_ab = (a_a . e_i)(a_b . e_j)
+        # at the point itself; t^ab f_ab is the work of the stresses on strains f.
+        works, case, part = self.works, self.solution.case, int(isinstance(quantity, Moment))
+        points, shares = quantity.rule(case)
+        fits = patch_fits(case, self.solution.mesh, points)
+        counts, grid = [len(samples) for samples, _ in fits], np.concatenate([samples for samples, _ in fits])
+        at, weights = case.surface.domain.wrap(grid), np.concatenate([fit for _, fit in fits], axis=1)
+        i, j = STRAINS[COLUMNS[quantity.component]]
+
+        def projected(x: Mapping[Derivative, Numbers]) -> Numbers:
+            """Return f_ab (3, samples) from derivatives (points, 3) of the position."""
+            first, second = x[1, 0], x[0, 1]
+            axis = first / length(first)
+            normal = cross(first, second)
+            frame = axis, cross(normal / length(normal), axis)
+            (one, two), (other, last) = ([dot(a, frame[k]) for a in (first, second)] for k in (i, j))
+            return np.repeat(np.stack([one * other, two * last, (one * last + two * other) / 2]), counts, axis=1)
+
+        x = case.surface.derivatives(at, 2)
+        surface = Midsurface.from_position(x)
+        moduli = stiffness_moduli(case.surface, case.material, at)[:, part] * np.repeat(shares, counts)
+        strains = projected(case.surface.derivatives(case.surface.domain.wrap(points), 1)) * (moduli * weights[0])
+        stresses = np.einsum("nst,tn->ns", elasticities(surface, case.material)[:, part], strains)
+        rows = strain_operator(surface)[:, 3 * part : 3 * part + 3]
+        gradients = works.values(u, grid, DERIVATIVES)
+
+        def explicit(offs: Sequence[Deviation]) -> Array:
+            found = []
+            for off in offs:
+                y, here = off.position(at), off.position(case.surface.domain.wrap(points))
+                slides = 1j * off.step * np.array([off.slide(name) for name in quantity.on])
+                turned = {
+                    (k, 1 - k): here[k, 1 - k] + slides[:, :1] * here[k + 1, 1 - k] + slides[:, 1:] * here[k, 2 - k]
+                    for k in (0, 1)
+                }
+                known = strained(y, {FIRST: gradients}, 1)
+                tensor = np.zeros((6, len(at)), dtype=complex)
+                tensor[3 * part : 3 * part + 3] = projected(turned)
+                both = Strained(known.area, known.metric, {**known.strains, SECOND: tensor})
+                fit = weights[0] + np.sum(np.repeat(slides, counts, axis=0).T * weights[1:], axis=0)
+                sites: Any = off.sites(at)[0]
+                stiffness = stiffness_moduli(off.moved.surface, off.moved.material, sites)[:, part]
+                ratio = off.moved.material.poissons_ratios[part]
+                work = both.work(ratio, part, FIRST, SECOND) * stiffness * fit * np.repeat(shares, counts)
+                found.append(off.rate(np.sum(work)))
+            return np.array(found)
+
+        return Target(self._spread(grid, DERIVATIVES, np.einsum("ns,nscd->ndc", stresses, rows)), explicit)
 
     def _reaction(self, quantity: ReactionQuantity | TorqueQuantity, u: Array) -> Target:
         # Q = psi . (K u - f), psi a motion of the nodes with this support alone; the terms m(v) gap are no force of it.

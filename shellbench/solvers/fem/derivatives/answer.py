@@ -25,8 +25,10 @@ from shellbench.problems.shell.quantities.quantities import (
     ReactionQuantity,
     TorqueQuantity,
 )
+from shellbench.problems.shell.quantities.resultant_quantities import COLUMNS, MembraneForce, Moment
 from shellbench.problems.shell.question.loads import MomentLoad
 from shellbench.problems.shell.question.parameters import Parameter, parameters_of
+from shellbench.problems.shell.question.places import Point
 from shellbench.solvers.fem.algebra.direct_solve import Solve
 from shellbench.solvers.fem.derivatives.adjoint import Adjoint, turning
 from shellbench.solvers.fem.derivatives.deviation import Deviation
@@ -111,13 +113,16 @@ def why_no_derivative(case: Case, quantity: QuantityModel, parameter: Parameter 
     if case.prescribed:
         return "nothing is solved for where the whole surface is prescribed"
     kinds: tuple[type, ...] = (DisplacementQuantity, PositionQuantity, EnergyQuantity)
-    kinds += (
-        (PotentialEnergy, ReactionQuantity, TorqueQuantity, ModeQuantity) if case.linear else (LoadQuantity, LimitPoint)
-    )
+    linear = (PotentialEnergy, ReactionQuantity, TorqueQuantity, ModeQuantity, MembraneForce, Moment)
+    kinds += linear if case.linear else (LoadQuantity, LimitPoint)
     if not isinstance(quantity, kinds):
         return f"fem gives no derivative of a quantity of kind '{quantity.kind}' in this theory"
     if isinstance(quantity, LimitPoint) and not quantity.gives == quantity.turning == "load":
         return "fem gives derivatives of limit loads alone, not of displacements there"
+    if isinstance(quantity, MembraneForce | Moment) and not (
+        quantity.component in COLUMNS and all(isinstance(case.places[name], Point) for name in quantity.on)
+    ):
+        return "fem gives derivatives of components of membrane forces and moments at points alone"
     mesh = graded_mesh(
         case, COARSE, 1.0, UNGRADED, UNBROKEN, CUBIC
     )  # conditions of supports are of the same kind on any

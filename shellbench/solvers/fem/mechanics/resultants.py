@@ -130,21 +130,20 @@ def _divergence(surface: Midsurface, found: Array) -> Array:
 
 def _recover(solution: FemSolution, part: int, points: Array, at: float | None) -> Array:
     """Return t^ab at points (n, 2) and its slopes along both coordinates, (n, 3, 3): by derivative and component."""
-    breaks = [break_coordinates(solution.case, axis) for axis in (0, 1)]
-    sides = [
-        [_fit_weights(solution.mesh, axis, float(xi[axis]), breaks[axis]) for axis in (0, 1)]
-        for xi in solution.mesh.into_period(points)
-    ]
-    grids = [np.stack(np.meshgrid(one[0], two[0], indexing="ij"), axis=-1).reshape(-1, 2) for one, two in sides]
-    sampled = np.split(
-        contravariant_resultants(solution, part, np.concatenate(grids), at), np.cumsum([len(g) for g in grids])[:-1]
-    )
-    found = []
-    for (one, two), values in zip(sides, sampled, strict=True):
-        table = values.reshape(len(one[0]), len(two[0]), 3)
-        by_order = np.einsum("pi,qj,ijc->pqc", one[1], two[1], table)
-        found.append([by_order[0, 0], by_order[1, 0], by_order[0, 1]])
-    return np.array(found)
+    fits = patch_fits(solution.case, solution.mesh, points)
+    sampled = contravariant_resultants(solution, part, np.concatenate([grid for grid, _ in fits]), at)
+    parts = np.split(sampled, np.cumsum([len(grid) for grid, _ in fits])[:-1])
+    return np.array([weights @ values for (_, weights), values in zip(fits, parts, strict=True)])
+
+
+def patch_fits(case: Case, mesh: TensorMesh, points: Array) -> list[tuple[Array, Array]]:
+    """Return for each point (n, 2) the samples (k, 2) of its patch, and weights (3, k) of the fit: value, slopes."""
+    breaks, fits = [break_coordinates(case, axis) for axis in (0, 1)], []
+    for xi in mesh.into_period(points):
+        (first, one), (second, two) = (_fit_weights(mesh, axis, float(xi[axis]), breaks[axis]) for axis in (0, 1))
+        grid = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
+        fits.append((grid, np.array([np.outer(one[p], two[q]).ravel() for p, q in ((0, 0), (1, 0), (0, 1))])))
+    return fits
 
 
 def _fit_weights(mesh: TensorMesh, axis: int, at: float, breaks: list[float]) -> tuple[Array, Array]:
