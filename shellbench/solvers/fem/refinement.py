@@ -34,6 +34,7 @@ from shellbench.problems.shell.quantities.quantities import (
 )
 from shellbench.problems.shell.question.places import Point
 from shellbench.solvers.fem.algebra.direct_solve import RoundingError
+from shellbench.solvers.fem.derivatives.answer import FemAnswer
 from shellbench.solvers.fem.linear.equilibrium import Equilibrium
 from shellbench.solvers.fem.mechanics.contact_points import REACH
 from shellbench.solvers.fem.mechanics.kinematics import stiffness_moduli
@@ -328,6 +329,9 @@ def rounding_error(equilibrium: Equilibrium, quantity: QuantityModel, quantities
         case ModeQuantity():
             return (ROUNDING_FACTOR * change**2 + EPSILON) * value
         case DerivativeQuantity():
+            other: Any = solution.case.quantity(quantity.derivative_of)
+            if isinstance(solution, FemAnswer):
+                change = max(change, solution.interpolation_error(other))
             return ROUNDING_FACTOR * max(change, EPSILON) * uncertainty_scale(solution, quantity, quantities)
         case _:
             energy = sum(solution.energies(quantity.at))

@@ -89,6 +89,12 @@ class FemAnswer(FemSolution):
             return mode_gradient(self, quantity, chosen)
         return self._adjoint.gradient(quantity, chosen)
 
+    def interpolation_error(self, quantity: QuantityModel) -> float:
+        """Return the relative error of a limit load by interpolation between states; 0 for other quantities."""
+        if not isinstance(quantity, LimitPoint) or not isinstance(self._adjoint, FiniteAdjoint):
+            return 0.0
+        return abs(quantity.scale * self._adjoint.state_of(quantity).t / quantity.measure(self) - 1)
+
     @cached_property
     def _known(self) -> dict[tuple[str, str], float]:
         return {}

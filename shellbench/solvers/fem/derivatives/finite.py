@@ -85,8 +85,17 @@ class FiniteAdjoint(Adjoint):
             raise InputError("the tangent stiffness is singular there: it has no derivative") from None
         return np.asarray(target.explicit(deviations) - self.residual_work(state, adjoint, deviations))
 
+    @cached_property
+    def _states(self) -> dict[str, FiniteState]:
+        return {}
+
     def state_of(self, quantity: QuantityModel) -> FiniteState:
         """Return the state that a quantity belongs to, with its own tangent."""
+        if quantity.name not in self._states:
+            self._states[quantity.name] = self._found_again(quantity)
+        return self._states[quantity.name]
+
+    def _found_again(self, quantity: QuantityModel) -> FiniteState:
         solution, problem = self.solution, self.problem
         if isinstance(quantity, LimitPoint):
             if quantity.gives != "load" or quantity.turning != "load":
