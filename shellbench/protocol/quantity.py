@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field
@@ -65,6 +66,10 @@ class Quantity(Model):
     def mark(self) -> float | None:
         """The mark of its state; None where the solution itself marks the state."""
         return self.at
+
+    def words(self, case: Any, known: Callable[[str], float | None]) -> str:
+        """Return its description in tables; `known` gives known values of the case by name."""
+        return self.description
 
     def measure(self, solution: Any) -> float:
         """Return its value, in SI units or the problem's own.

@@ -216,7 +216,7 @@ def _about_quantity(case: Problem, quantity: Quantity) -> dict[str, Any]:
         "at": quantity.mark,
         "mark": case.telling_mark(quantity),
         "unit": quantity.unit,
-        "description": quantity.description,
+        "description": quantity.words(case, lambda _: None),
     }
 
 
@@ -309,7 +309,12 @@ def values_of_file(case: Problem) -> KnownValues:
 
 def with_known_values(row: Row, known: KnownValues, case: Problem, quantity: Quantity) -> Row:
     """Return the row with the value that judges it, its errors, and the values of the literature."""
-    found: dict[str, Any] = {}
+
+    def value(name: str) -> float | None:
+        judge = known.judge(name, case.theory)
+        return judge.value if judge else None
+
+    found: dict[str, Any] = {"description": quantity.words(case, value)}
     if judge := known.judge(quantity.name, case.theory):
         found |= {
             "reference": judge.value,

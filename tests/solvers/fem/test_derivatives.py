@@ -218,6 +218,12 @@ def test_a_derivative_that_makes_no_sense_is_refused_in_one_sentence(change, wor
     assert "\n" not in str(refused.value)
 
 
+def test_a_table_shows_the_relative_derivative_beside_that_with_units():
+    case = asked({})
+    words = case.quantity("d").words(case, {"d": -6.0, "moved": 0.1}.get)
+    assert words == "derivative of moved by material.thickness, relative -3"
+
+
 def test_a_relative_derivative_has_no_unit():
     case = asked({"relative": True, "unit": ""})
     answer = solved(case)

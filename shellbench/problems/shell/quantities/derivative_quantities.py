@@ -7,6 +7,7 @@ that gives derivatives has ``derivative(quantity, parameter) -> float``; solvers
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, ClassVar, Literal
 
 from pydantic import model_validator
@@ -95,6 +96,16 @@ class DerivativeQuantity(ShellQuantity):
             return (0, 0)
         length, force = shell.quantity(self.derivative_of).dimension(shell)
         return (length - powers[0], force - powers[1])
+
+    def words(self, case: Any, known: Callable[[str], float | None]) -> str:
+        """Return its description, with the known p/Q dQ/dp if the value has a unit."""
+        other, parameter = case.quantity(self.derivative_of), self.parameter(case)
+        kind = "relative derivative" if self.relative else "derivative"
+        text = self.description or f"{kind} of {other.name.replace('_', ' ')} by {parameter.name}"
+        slope, whole = known(self.name), known(other.name)
+        if self.relative or not (slope and whole and parameter.value):
+            return text
+        return f"{text}, relative {slope / self.factor * parameter.value / (whole / other.factor):.4g}"
 
     def measure(self, solution: DisplacementField) -> float:
         """Return dQ/dp, or p/Q dQ/dp; ValueError if the solution gives no derivatives."""
