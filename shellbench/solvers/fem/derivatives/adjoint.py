@@ -40,16 +40,7 @@ from shellbench.problems.shell.question.parameters import Parameter, changed
 from shellbench.solvers.fem.algebra.choices import Method
 from shellbench.solvers.fem.algebra.direct_solve import Solve
 from shellbench.solvers.fem.derivatives.deviation import Deviation
-from shellbench.solvers.fem.derivatives.forms import (
-    FIRST,
-    SECOND,
-    Numbers,
-    Works,
-    cross,
-    dot,
-    functions_at,
-    length,
-)
+from shellbench.solvers.fem.derivatives.forms import FIRST, SECOND, Numbers, Works, cross, dot, functions_at, length
 from shellbench.solvers.fem.derivatives.variations import Strained, strained
 from shellbench.solvers.fem.linear.equilibrium import LinearShell
 from shellbench.solvers.fem.mechanics.assembly import InternalForces
@@ -254,8 +245,8 @@ class Adjoint:
                 y, here = off.position(at), off.position(case.surface.domain.wrap(points))
                 slides = 1j * off.step * np.array([off.slide(name) for name in quantity.on])
                 turned = {
-                    (k, 1 - k): here[k, 1 - k] + slides[:, :1] * here[k + 1, 1 - k] + slides[:, 1:] * here[k, 2 - k]
-                    for k in (0, 1)
+                    (a, b): here[a, b] + slides[:, :1] * here[a + 1, b] + slides[:, 1:] * here[a, b + 1]
+                    for a, b in ((1, 0), (0, 1))
                 }
                 known = strained(y, {FIRST: gradients}, 1)
                 tensor = np.zeros((6, len(at)), dtype=complex)
