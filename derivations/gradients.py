@@ -35,14 +35,18 @@ from .elastica import FINE, STEEPEST, Cantilever, stretch
 from .estimate import ROUNDING, Estimate
 from .exponential_shells import free_cylinder_sums, roof_sums
 from .exponentials import edge_displacement_of_roof_harmonic
+from .hinged_roof import Path, hinged_roof
 from .levy_roof import HALF_ANGLE, roof, solve_roof
 from .levy_roof import LOAD as ROOF_LOAD
 from .navier_plate import SquarePlate, levy, navier
+from .patch import Mesh
 from .pinched_diaphragm import LOAD, extrapolate, flexibility_sums, pinched_cylinder
 from .pinched_free import DIAPHRAGM_END, FREE_END, solve_pinched
 from .plane_strip import PlaneStrip
+from .plate import LoadedPlate, Rectangle, Uniform
 from .plate_modes import FREE, PRESSED, SIMPLE, Plate, polynomials, sines
 from .plate_modes_by_splines import splines
+from .resultants import Fields, plate_by_levy, plate_by_navier
 from .torsion import Sleeve, bending_energy, membrane_energy, torque_per_radian
 
 Values = dict[str, Estimate]
@@ -81,7 +85,41 @@ def power(value: Estimate, exponent: float, at: float, unit: str) -> Estimate:
 # Square plate ------------------------------------------------------------------------------------------------------
 
 PLATE = SquarePlate(poisson=0.3)
-W, U = "centre_deflection", "strain_energy"
+W, U, M = "centre_deflection", "strain_energy", "centre_moment"
+BENT = LoadedPlate(Rectangle(PLATE.side, PLATE.side, PLATE.thickness, PLATE.young, PLATE.poisson), Uniform(), {})
+
+
+def moment(fields: Callable[[LoadedPlate, int], Fields], terms: tuple[int, int]) -> Callable[..., float]:
+    """The moment m_11 at the centre of a plate with other numbers and a factor of the load, on a level of a series."""
+
+    def value(level: int, load: float = 1.0, **changed: float) -> float:
+        plate = LoadedPlate(replace(BENT.plate, **changed), Uniform(load), {})
+        return float(fields(plate, terms[level])(np.array([[PLATE.side / 2, PLATE.side / 2]]))[0, 3])
+
+    return value
+
+
+def centre_moment(value: Callable[..., float]) -> Values:
+    """By exponents: m_11 = c (1 + nu) q L^2 at the middle of a square, whatever E and h are."""
+    m = Estimate.between(value(0), value(1), "N", 1e-12 * abs(value(0)))
+    return {
+        M: m,
+        f"{M}_by_load": power(m, 1, 1.0, "N"),
+        f"{M}_by_poisson": power(m, 1, 1 + PLATE.poisson, "N"),
+        f"{M}_by_modulus": Estimate.exact(0.0, ""),
+        f"{M}_by_thickness": Estimate.exact(0.0, ""),
+    }
+
+
+def centre_moment_by_differences(value: Callable[..., float]) -> Values:
+    """By differences; relative ones by E and h."""
+    m, found = value(0), {M: Estimate.between(value(0), value(1), "N", 1e-12 * abs(value(0)))}
+    for key, field in (("load", "load"), ("poisson", "poisson"), ("modulus", "young"), ("thickness", "thickness")):
+        at = getattr(BENT.plate, field, 1.0)
+        rate = two_levels(lambda p, level, field=field: value(level, **{field: p}), at, "N", 1e-12)
+        share = at / m if key in ("modulus", "thickness") else 1.0
+        found[f"{M}_by_{key}"] = Estimate(share * rate.value, abs(share) * rate.uncertainty, "" if share != 1.0 else "N")
+    return found
 
 
 def gradient_plate() -> Values:
@@ -90,7 +128,7 @@ def gradient_plate() -> Values:
     deflection = Estimate.between(w, coarse, "m", ROUNDING * w)
     work = Estimate.between(energy, less, "J", ROUNDING * energy)
     nu, side = PLATE.poisson, PLATE.side
-    return {
+    return centre_moment(moment(plate_by_levy, (60, 30))) | {
         W: deflection,
         U: work,
         f"{W}_by_modulus": power(deflection, -1, PLATE.young, "m/Pa"),
@@ -143,7 +181,7 @@ def gradient_plate_by_levy() -> Values:
     for number, (quantity, unit) in enumerate(((W, "m"), (U, "J"))):
         fine, coarse = (levy(PLATE, terms)[number] for terms in (2000, 1000))
         found[quantity] = Estimate.between(fine, coarse, unit, ROUNDING * fine)
-    return found
+    return found | centre_moment_by_differences(moment(plate_by_navier, (1000, 500)))
 
 
 # Cylinders ---------------------------------------------------------------------------------------------------------
@@ -461,9 +499,41 @@ def gradient_sleeve_by_energies() -> Values:
 # Limit load ---------------------------------------------------------------------------------------------------------
 
 
+LIMIT, ROOF = "limit_load", {"thickness": 12.7, "young": 3102.75, "load": 1.0}
+SPLINES = Mesh((8, 8), 4, 5), Mesh((8, 8), 4, 3)
+FOUND_AGAIN = 1e-10  # relative rounding of a limit load
+
+
+@cache
+def _snap(level: int) -> Path:
+    """States about the limit point."""
+    return Path.follow(hinged_roof(ROOF["thickness"], SPLINES[level]), 13.0).about(1, 1)
+
+
+def by_splines(parameter: str) -> Estimate:
+    """The relative derivative of the limit load, by differences of its logarithm for spline shells."""
+
+    def value(p: float, level: int) -> float:
+        shell = hinged_roof(mesh=SPLINES[level], **(ROOF | {parameter: p}))
+        return math.log(_snap(level).beside(shell).turning(1, 1)[1])
+
+    at = ROOF[parameter]
+    rate = two_levels(value, at, "", FOUND_AGAIN)
+    return Estimate(at * rate.value, at * rate.uncertainty, "")
+
+
 def gradient_limit() -> Values:
-    """By the exponents: the load of a state is proportional to E, and its factor to 1 / load; relative derivatives."""
-    return {"limit_load_by_modulus": Estimate.exact(1.0, ""), "limit_load_by_load": Estimate.exact(-1.0, "")}
+    """Relative derivatives. The load of a state is proportional to E, its factor to 1 / load; by h from splines."""
+    return {
+        f"{LIMIT}_by_modulus": Estimate.exact(1.0, ""),
+        f"{LIMIT}_by_load": Estimate.exact(-1.0, ""),
+        f"{LIMIT}_by_thickness": by_splines("thickness"),
+    }
+
+
+def gradient_limit_by_splines() -> Values:
+    """By E and the load, from splines; the second origin of the derivative by h is an element of Kratos."""
+    return {f"{LIMIT}_by_modulus": by_splines("young"), f"{LIMIT}_by_load": by_splines("load")}
 
 
 JUDGES: dict[str, Callable[[], Values]] = {
@@ -492,4 +562,5 @@ SECOND_FORMS: dict[str, Callable[[], Values]] = {
     "gradient_cantilever": gradient_cantilever_by_polynomials,
     "gradient_ring": gradient_ring_by_ritz,
     "gradient_sleeve": gradient_sleeve_by_energies,
+    "gradient_limit": gradient_limit_by_splines,
 }

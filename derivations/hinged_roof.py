@@ -29,8 +29,8 @@ CHANCE = 1e-6
 HINGE, HALF_LENGTH = np.radians(84.27042204869177), 254.0  # rad, mm
 
 
-def hinged_roof(thickness: float, mesh: Mesh) -> Shell:
-    """A quarter of the hinged roof under a quarter of 1000 N at (90 degrees, 0)."""
+def hinged_roof(thickness: float, mesh: Mesh, young: float = 3102.75, load: float = 1.0) -> Shell:
+    """A quarter of the hinged roof under a quarter of 1000 N, times a factor, at (90 degrees, 0)."""
     one = breaks(HINGE, np.pi / 2, mesh.spans[0], (True, True), mesh.halvings)
     two = breaks(0.0, HALF_LENGTH, mesh.spans[1], (True, True), mesh.halvings)
     ends: list[tuple[Ends, Ends]] = [
@@ -38,9 +38,9 @@ def hinged_roof(thickness: float, mesh: Mesh) -> Shell:
         (("zero", "even"), ("zero", "free")),
         (("zero", "even"), ("even", "free")),
     ]
-    force = (np.pi / 2, 0.0, (0.0, 0.0, -250.0))
+    force = (np.pi / 2, 0.0, (0.0, 0.0, -250.0 * load))
     surface = cylinder(2540.0, axis=1)
-    return Shell(surface, mesh.splines(one, two), ends, 3102.75, 0.3, thickness, forces=(force,))
+    return Shell(surface, mesh.splines(one, two), ends, young, 0.3, thickness, forces=(force,))
 
 
 @dataclass(frozen=True)
@@ -69,10 +69,14 @@ class Path:
         """Deflection of the centre and load, (states, 2)."""
         return np.array([(self.rows[0] @ s.free, 1000.0 * s.factor) for s in self.states])
 
+    def _extremal(self, column: int, number: int) -> int:
+        """Number of the extremal state, counted from rest."""
+        rises = np.diff(self.points[:, column]) > 0
+        return int(np.flatnonzero(rises[1:] != rises[:-1])[number - 1]) + 1
+
     def turning(self, column: int, number: int) -> Array:
         """Deflection and load at a turning point of the deflection (column 0) or the load (1), counted from 1."""
-        rises = np.diff(self.points[:, column]) > 0
-        i = int(np.flatnonzero(rises[1:] != rises[:-1])[number - 1]) + 1
+        i = self._extremal(column, number)
         before, state, after = self.states[i - 1 : i + 2]
         chord = np.append(self.rows @ (after.free - before.free), (after.factor - before.factor) / LOAD_SCALE)
         chord /= np.linalg.norm(chord)
@@ -91,6 +95,19 @@ class Path:
             place = real[np.argmin(np.abs(real))]
             centre += narrower * half * place
         return np.array([curve(place) for curve in curves])
+
+    def beside(self, shell: Shell) -> Path:
+        """States of another shell near to this one, at the same deflections of the centre."""
+        states = []
+        for state in self.states:
+            condition = Condition(self.rows[0], 0.0, float(self.rows[0] @ state.free))
+            states.append(equilibrium(shell, state, condition)[0])
+        return Path(shell, self.rows, tuple(states))
+
+    def about(self, column: int, number: int) -> Path:
+        """The three states about a turning point; see `turning`."""
+        i = self._extremal(column, number)
+        return Path(self.shell, self.rows, self.states[i - 1 : i + 2])
 
     def at(self, deflection: float) -> State:
         """First state at which the centre has a deflection."""
