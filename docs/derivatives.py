@@ -2,13 +2,16 @@
 
 python docs/derivatives.py --figure     docs/derivative_steps.png
 python docs/derivatives.py --seconds    seconds of ten derivatives beside those of the solve
-python docs/derivatives.py --identify   adjoint and differences side by side
+python docs/derivatives.py --identify   adjoint and differences side by side, and a conditioned field
+python docs/derivatives.py --draws      scatter over 200 noisy data, each identified by the solver
+python docs/derivatives.py --published  derivatives through the weights of a trained field
 """
 
 from __future__ import annotations
 
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +19,7 @@ from threadpoolctl import threadpool_limits
 
 from shellbench.bench.catalogue import catalog
 from shellbench.bench.plugins.registry import find_solver, load_solver
+from shellbench.problems.series.identification import IdentificationCase
 from shellbench.problems.shell.question.parameters import changed, parameters_of
 from shellbench.solvers.fem.derivatives.answer import FemAnswer
 from shellbench.solvers.fem.linear.equilibrium import solve
@@ -24,6 +28,9 @@ from shellbench.solvers.fem.mesh.mesh import TensorMesh
 FIGURE = Path(__file__).parent / "derivative_steps.png"
 STEPS = 10.0 ** -np.arange(0.5, 12.1, 0.5)  # relative
 KNOWN = {"thickness": "edge_deflection_by_thickness", "radius": "edge_deflection_by_radius"}
+DRAWS = 200
+TRAINED = {"iterations": 500, "width": 128, "layers": 3}
+EXPONENTS = {"youngs_modulus": -1.0, "thickness": -3.0, "poissons_ratio": -2 * 0.3**2 / (1 - 0.3**2)}
 COLOURS = {"thickness": "#0072B2", "radius": "#D55E00"}
 
 
@@ -94,9 +101,83 @@ def identify() -> None:
             print(
                 f"| `{name}` | `{solver}` | {d['iterations']} | {d['solves']} | {d['adjoint_solves']} | {took:.1f} | {error:.0e} |"
             )
+    one_thickness()
+
+
+def one_thickness() -> None:
+    """Print what three ways take to find the roof's thickness from the deflection of its edge alone."""
+    data, truth = stated("identified_roof"), 0.27
+    case = IdentificationCase.build(data | {"measured": data["measured"][:1]}, "identified_roof", "the roof")
+    for solver in ("fem-identify", "fem-identify-differences"):
+        before = time.process_time()
+        found = load_solver(find_solver(solver)).solve(case)
+        took, d = time.process_time() - before, found.diagnostics
+        error = abs(found.found("material.thickness")[0] / truth - 1)
+        print(f"| `{solver}` | | {d['solves']} | {d['adjoint_solves']} | {took:.2f} | {error:.0e} |")
+    before = time.process_time()
+    field = load_solver(find_solver("ndf-conditioned")).solve(catalog.named_case("conditioned_roof"))
+    prepared, material = time.process_time() - before, {"youngs_modulus": 4.32e8, "poissons_ratio": 0.0}
+    thickness, count, step, before = 0.2, 0, 1.0, time.process_time()
+    while abs(step) > 1e-9:
+        now, count = {**material, "thickness": thickness}, count + 1
+        step = -np.log(field.asked(now) / case.measured[0].value) / field.derivative(now, "thickness")
+        thickness *= np.exp(step)
+    took = time.process_time() - before
+    print(f"| `ndf-conditioned` | {prepared:.1f} | {count} | 0 | {took:.3f} | {abs(thickness / truth - 1):.0e} |")
+
+
+def stated(name: str) -> dict:
+    """Return the data of a case's file."""
+    return tomllib.loads((Path(__file__).parents[1] / f"cases/{name}.toml").read_text())
+
+
+def draws() -> None:
+    """Print predicted scatter beside that of noisy data, each draw identified by the solver on one mesh."""
+    for name, cells in (("identified_strip", [6, 1]), ("identified_roof", [8, 8])):
+        case, data, rng = catalog.named_case(name), stated(name), np.random.default_rng(7)
+        solver = load_solver(find_solver("fem-identify"))
+        predicted, found, solves = solver.solve(case, {"cells": cells}).values, [], 0
+        before = time.process_time()
+        for _ in range(DRAWS):
+            noisy = [d | {"value": d["value"] * (1 + case.noise * rng.normal())} for d in data["measured"]]
+            asked = IdentificationCase.build(data | {"measured": noisy}, name, "a draw")
+            answer = solver.solve(asked, {"cells": cells})
+            found.append(answer.values[0])
+            solves += answer.diagnostics["solves"]
+        scatter, took = np.std(found, axis=0, ddof=1), time.process_time() - before
+        print(f"{name}: {DRAWS} draws, {solves} solves, {took:.0f} s")
+        for parameter, value, foreseen, seen in zip(case.unknowns, *predicted, scatter, strict=True):
+            print(f"| {parameter} | {foreseen / value:.3%} | {seen / value:.3%} | {foreseen / seen - 1:+.1%} |")
+
+
+def published() -> None:
+    """Print relative derivatives through the fixed weights of a trained field, by autograd."""
+    import torch
+
+    case = catalog.named_case("gradient_plate")
+    case = case.model_copy(update={"quantities": case.quantities[:2]})
+    answer, known = load_solver(find_solver("ndf-published")).solve(case, TRAINED), catalog.known_values(case.name)
+    x, weights = np.polynomial.legendre.leggauss(40)
+    grid = np.stack(np.meshgrid(50 * (x + 1), 50 * (x + 1), indexing="ij"), axis=-1).reshape(-1, 2)
+    area = torch.from_numpy(2500 * np.outer(weights, weights).ravel())
+    values = [getattr(case.material, name) for name in EXPONENTS]
+    parameters = torch.tensor(values, dtype=torch.float64, requires_grad=True)
+    young, thickness, nu = parameters
+    energy = torch.zeros((), dtype=torch.float64)
+    for part, power in (("membrane", thickness), ("bending", thickness**3 / 12)):
+        one, two, shear = torch.from_numpy(answer.evaluate(f"{part}_strain", grid)).T  # of fixed weights: no parameter
+        density = (one + two) ** 2 - 2 * (1 - nu) * (one * two - shear**2)
+        energy = energy + young * power / (1 - nu**2) / 2 * (area @ density)
+    (slopes,) = torch.autograd.grad(energy, parameters)
+    for q in case.quantities:
+        exact = known.judge(q.name, case.theory).value
+        print(f"{q.name}: {q.measure(answer):.5g}, {q.measure(answer) / exact - 1:+.1%}")
+    for (name, exact), value, slope in zip(EXPONENTS.items(), values, slopes.tolist(), strict=True):
+        through = value * slope / energy.item()
+        print(f"| `{name}` | {exact:+.3f} | {through:+.3f} | {-through:+.3f} | 0 |")
 
 
 if __name__ == "__main__":
-    for option, work in (("--figure", figure), ("--seconds", seconds), ("--identify", identify)):
-        if option in sys.argv:
+    for work in (figure, seconds, identify, draws, published):
+        if f"--{work.__name__}" in sys.argv:
             work()
