@@ -2,6 +2,7 @@
 
 import copy
 
+import numpy as np
 import pytest
 
 from shellbench.bench.catalogue import catalog
@@ -26,6 +27,19 @@ def test_parameters_come_back_and_scatter_as_predicted(name, solver, tmp_path):
     assert counts["solves"] == counts["iterations"] * (1 + further)
     again = solver().load(answer.save(tmp_path / "answer"))
     assert case.primary.measure(again) == case.primary.measure(answer)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "cells"), [("identified_strip", [2, 1]), ("identified_roof", [4, 4])])
+def test_noisy_data_give_the_predicted_scatter(name, cells):
+    """Each of 200 draws is identified by the solver; they tell a standard deviation to 5 %."""
+    data, rng, found = stated(name), np.random.default_rng(11), []
+    for _ in range(200):
+        noisy = [d | {"value": d["value"] * (1 + 0.01 * rng.normal())} for d in data["measured"]]
+        case = IdentificationCase.build(data | {"measured": noisy}, name, name)
+        found.append(FemIdentifySolver().solve(case, {"cells": cells}).values[0])
+    predicted = FemIdentifySolver().solve(catalog.named_case(name), {"cells": cells}).values[1]
+    assert np.std(found, axis=0, ddof=1) == pytest.approx(predicted, rel=0.15)
 
 
 @pytest.mark.parametrize(
