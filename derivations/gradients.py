@@ -118,7 +118,9 @@ def centre_moment_by_differences(value: Callable[..., float]) -> Values:
         at = getattr(BENT.plate, field, 1.0)
         rate = two_levels(lambda p, level, field=field: value(level, **{field: p}), at, "N", 1e-12)
         share = at / m if key in ("modulus", "thickness") else 1.0
-        found[f"{M}_by_{key}"] = Estimate(share * rate.value, abs(share) * rate.uncertainty, "" if share != 1.0 else "N")
+        found[f"{M}_by_{key}"] = Estimate(
+            share * rate.value, abs(share) * rate.uncertainty, "" if share != 1.0 else "N"
+        )
     return found
 
 
@@ -500,22 +502,22 @@ def gradient_sleeve_by_energies() -> Values:
 
 
 LIMIT, ROOF = "limit_load", {"thickness": 12.7, "young": 3102.75, "load": 1.0}
-SPLINES = Mesh((8, 8), 4, 5), Mesh((8, 8), 4, 3)
+GRADED, SPARSE = (Mesh((8, 8), 4, 5), Mesh((8, 8), 4, 3)), (Mesh((6, 6), 4, 2), Mesh((6, 6), 4, 1))
 FOUND_AGAIN = 1e-10  # relative rounding of a limit load
 
 
 @cache
-def _snap(level: int) -> Path:
+def _snap(mesh: Mesh) -> Path:
     """States about the limit point."""
-    return Path.follow(hinged_roof(ROOF["thickness"], SPLINES[level]), 13.0).about(1, 1)
+    return Path.follow(hinged_roof(ROOF["thickness"], mesh), 13.0).about(1, 1)
 
 
-def by_splines(parameter: str) -> Estimate:
+def by_splines(parameter: str, levels: tuple[Mesh, Mesh]) -> Estimate:
     """The relative derivative of the limit load, by differences of its logarithm for spline shells."""
 
     def value(p: float, level: int) -> float:
-        shell = hinged_roof(mesh=SPLINES[level], **(ROOF | {parameter: p}))
-        return math.log(_snap(level).beside(shell).turning(1, 1)[1])
+        shell = hinged_roof(mesh=levels[level], **(ROOF | {parameter: p}))
+        return math.log(_snap(levels[level]).beside(shell).turning(1, 1)[1])
 
     at = ROOF[parameter]
     rate = two_levels(value, at, "", FOUND_AGAIN)
@@ -527,13 +529,13 @@ def gradient_limit() -> Values:
     return {
         f"{LIMIT}_by_modulus": Estimate.exact(1.0, ""),
         f"{LIMIT}_by_load": Estimate.exact(-1.0, ""),
-        f"{LIMIT}_by_thickness": by_splines("thickness"),
+        f"{LIMIT}_by_thickness": by_splines("thickness", GRADED),
     }
 
 
 def gradient_limit_by_splines() -> Values:
-    """By E and the load, from splines; the second origin of the derivative by h is an element of Kratos."""
-    return {f"{LIMIT}_by_modulus": by_splines("young"), f"{LIMIT}_by_load": by_splines("load")}
+    """By E and the load, from splines on any mesh; the second origin of that by h is an element of Kratos."""
+    return {f"{LIMIT}_by_modulus": by_splines("young", SPARSE), f"{LIMIT}_by_load": by_splines("load", SPARSE)}
 
 
 JUDGES: dict[str, Callable[[], Values]] = {
