@@ -22,6 +22,7 @@ from shellbench.bench.plugins.registry import find_solver, load_solver
 from shellbench.problems.series.identification import IdentificationCase
 from shellbench.problems.shell.question.parameters import changed, parameters_of
 from shellbench.solvers.fem.derivatives.answer import FemAnswer
+from shellbench.solvers.fem.identifying_solver import FemIdentifySolver
 from shellbench.solvers.fem.linear.equilibrium import solve
 from shellbench.solvers.fem.mesh.mesh import TensorMesh
 
@@ -132,22 +133,25 @@ def stated(name: str) -> dict:
 
 
 def draws() -> None:
-    """Print predicted scatter beside that of noisy data, each draw identified by the solver on one mesh."""
+    """Print predicted scatter, that of noisy data which the solver identifies, and the Jacobian's on the same noise."""
     for name, cells in (("identified_strip", [6, 1]), ("identified_roof", [8, 8])):
         case, data, rng = catalog.named_case(name), stated(name), np.random.default_rng(7)
-        solver = load_solver(find_solver("fem-identify"))
-        predicted, found, solves = solver.solve(case, {"cells": cells}).values, [], 0
+        solver, settings = FemIdentifySolver(), {"cells": cells}
+        values, predicted = solver.solve(case, settings).values
+        slopes = solver.values(case, np.log(values), solver.settings_type(**settings))[1]
+        jacobian = slopes / [[d.value] for d in case.measured]
+        noise, found, solves = case.noise * rng.normal(size=(DRAWS, len(jacobian))), [], 0
         before = time.process_time()
-        for _ in range(DRAWS):
-            noisy = [d | {"value": d["value"] * (1 + case.noise * rng.normal())} for d in data["measured"]]
-            asked = IdentificationCase.build(data | {"measured": noisy}, name, "a draw")
-            answer = solver.solve(asked, {"cells": cells})
+        for errors in noise:
+            noisy = [d | {"value": d["value"] * (1 + e)} for d, e in zip(data["measured"], errors, strict=True)]
+            answer = solver.solve(IdentificationCase.build(data | {"measured": noisy}, name, "a draw"), settings)
             found.append(answer.values[0])
             solves += answer.diagnostics["solves"]
-        scatter, took = np.std(found, axis=0, ddof=1), time.process_time() - before
-        print(f"{name}: {DRAWS} draws, {solves} solves, {took:.0f} s")
-        for parameter, value, foreseen, seen in zip(case.unknowns, *predicted, scatter, strict=True):
-            print(f"| {parameter} | {foreseen / value:.3%} | {seen / value:.3%} | {foreseen / seen - 1:+.1%} |")
+        print(f"{name}: {DRAWS} draws, {solves} solves, {time.process_time() - before:.0f} s")
+        columns = predicted / values, np.std(found, axis=0, ddof=1) / values
+        columns += (np.std(noise @ np.linalg.pinv(jacobian).T, axis=0, ddof=1),)
+        for parameter, *row in zip(case.unknowns, *columns, strict=True):
+            print(f"| {parameter} | " + " | ".join(f"{100 * share:.3f} %" for share in row) + " |")
 
 
 def published() -> None:
