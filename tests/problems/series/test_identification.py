@@ -32,9 +32,9 @@ def test_parameters_come_back_and_scatter_as_predicted(name, solver, tmp_path):
 @pytest.mark.long
 @pytest.mark.parametrize(("name", "cells"), [("identified_strip", [2, 1]), ("identified_roof", [4, 4])])
 def test_noisy_data_give_the_predicted_scatter(name, cells):
-    """The solver identifies each of 200 draws, which have the stated covariance exactly: luck plays no part."""
+    """The solver identifies each of 40 draws, which have the stated covariance exactly: luck plays no part."""
     data, found = stated(name), []
-    noise = np.random.default_rng(11).normal(size=(200, len(data["measured"])))
+    noise = np.random.default_rng(11).normal(size=(40, len(data["measured"])))
     noise -= noise.mean(axis=0)
     noise = 0.01 * np.linalg.solve(np.linalg.cholesky(np.cov(noise.T)), noise.T).T
     for errors in noise:
