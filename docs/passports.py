@@ -335,7 +335,7 @@ def page(kept: dict[str, Any]) -> str:
         "- **Bending of a rolled plate.** The released code computes the bending strain that the paper prints. It is accurate for small rotations only",
         "  ([NeuralClothSim replicated](neuralclothsim.md)).",
         "- **Thickness.** With a non-linear material, `energy.py` integrates over the thickness by Simpson's rule and *subtracts* the strain energy of the",
-        "  bottom, where the rule adds it ([silk, cotton and canvas](neuralclothsim.md#silk-cotton-and-canvas)). Bending with stretch can be negative.",
+        "  bottom, where the rule adds it ([silk, cotton and canvas](../board/findings.md#neuralclothsim-silk-cotton-and-canvas)). Bending with stretch can be negative.",
         "  The branch of the linear material has no such sum. One search of the tracker found no report.",
         "<!-- end -->",
     ]

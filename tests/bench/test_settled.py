@@ -91,4 +91,4 @@ def test_a_run_that_is_unsure_is_not_ok_and_holds_no_gate(
     assert gate(store, None, Scope(cases=(path,))).good() == settled
     Lines(printed := StringIO()).ended(outcome)
     assert "not converged: energy" in printed.getvalue()
-    assert ("centre is uncertain by" in printed.getvalue()) != settled
+    assert settled or outcome.record.reason.startswith("centre is uncertain by")
