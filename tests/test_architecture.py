@@ -55,7 +55,7 @@ ROOMS = {  # of a package, from the lowest up; what stands at its root is a room
 MOST_MODULES, MOST_LINES = 20, 400  # of a folder, its `__init__` apart; of a module
 CEILINGS = {  # lines of code: no blanks, comments and docstrings; the aims are 52,000 and 42,000
     "shellbench": 60_110,
-    "tests": 42_930,
+    "tests": 42_950,
     "shellbench/protocol": 1_205,
     "shellbench/bench": 7_215,
     "shellbench/bench/catalogue": 1_003,

@@ -167,6 +167,7 @@ def test_smooth_forces_are_the_least_that_move_the_shell_as_spikes_do():
         before = smooth
 
 
+@pytest.mark.long
 def test_a_strip_that_only_the_floor_keeps_from_buckling_is_followed(monkeypatch):
     floor = {"kind": "plane", "centre": (0, 0, -0.002), "normal": (0, 0, 1)}
     push = {"kind": "edge", "on": ("xi1_max",), "vector": ("-0.1*t", 0, 0)}  # forty times Euler's load

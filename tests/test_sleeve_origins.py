@@ -220,6 +220,7 @@ def test_critical_torque_of_a_long_tube():
     assert excess[0] > 2 * excess[1]
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(("path", "loads"), [(twisting, (0.05, 0.09)), (compressing, (0.015, 0.0265))])
 def test_one_wave_number_turns_unstable_first(path, loads):
     sleeve = Sleeve(THICK, functions=24)
@@ -244,6 +245,7 @@ def test_path_that_starts_beyond_buckling_is_refused():
         bucklings(Sleeve(THICK, functions=12), twisting, (4,), (0.1, 0.12))
 
 
+@pytest.mark.long
 def test_thin_sleeve_buckles_into_eight_waves():
     """L. H. Donnell's equations with clamped rims give eight waves at 1.207e-3 N m: shallow waves, so too high."""
     first = bucklings(Sleeve(THIN, functions=30), twisting, range(5, 12), (0.004, 0.0055))[0]
@@ -251,6 +253,7 @@ def test_thin_sleeve_buckles_into_eight_waves():
     assert 0.94 < first.state.torque / 1.207e-3 < 1
 
 
+@pytest.mark.long
 def test_critical_loads_converge_faster_than_any_power():
     found = [critical(THICK, twisting, (4,), (0.07, 0.09), n).rims.twist for n in (10, 14, 18, 24)]
     errors = np.abs(np.array(found[:-1]) - found[-1])

@@ -14,8 +14,8 @@ from tests.families import stated
 COARSE = {"identified_strip": {"cells": [6, 1]}, "identified_roof": {"cells": [12, 12]}}
 
 
+@pytest.mark.parametrize("name", ["identified_strip", pytest.param("identified_roof", marks=pytest.mark.long)])
 @pytest.mark.parametrize("solver", [FemIdentifySolver, FemDifferencesSolver])
-@pytest.mark.parametrize("name", COARSE)
 def test_parameters_come_back_and_scatter_as_predicted(name, solver, tmp_path):
     case, known = catalog.named_case(name), catalog.known_values(name)
     answer = solver().solve(case, COARSE[name])

@@ -253,6 +253,7 @@ def test_where_the_inertia_changes_the_smallest_eigenvalue_changes_sign(twisted)
     assert Buckling(problem).softest_stiffness == pytest.approx(rest, rel=2e-2)
 
 
+@pytest.mark.long
 def test_beyond_it_states_are_stable_and_lower_than_those_that_stay_round(twisted):
     problem, states = twisted
     (number,) = [k for k, s in enumerate(states) if s.critical]

@@ -273,6 +273,7 @@ def test_turning_points_by_arc_length_do_not_depend_on_the_length_of_steps(thin)
             assert loose == pytest.approx(1, abs=3e-5)
 
 
+@pytest.mark.long
 def test_states_on_a_coarser_mesh_lead_along_the_path_on_a_finer_one(monkeypatch):
     case = catalog.named_case(THIN)
     made = []

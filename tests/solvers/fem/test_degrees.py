@@ -230,6 +230,7 @@ def test_a_saved_solution_comes_back_whole(degree, tmp_path):
     assert np.allclose(again.displacement(points), expected, rtol=0, atol=1e-13 * np.abs(expected).max())
 
 
+@pytest.mark.long
 def test_no_shell_has_converged_before_both_coordinates_were_refined():
     """Counts of cells are rounded: two meshes may have as many cells around, and repeat the same ripple."""
     solution = FemSolver().solve(catalog.named_case("annular_plate@warped"), FemSettings())

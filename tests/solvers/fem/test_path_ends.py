@@ -91,6 +91,7 @@ def test_what_it_can_do_is_not_declined(case):
     assert FemSolver().declines(case) is None
 
 
+@pytest.mark.long
 def test_no_shell_of_the_suite_is_declined_but_for_its_theory():
     for case in (case for case in map(catalog.named_case, catalog.case_names()) if case.kind == "shell"):
         of_its_theory = case.theory in FemSolver.capabilities.theories
@@ -144,6 +145,7 @@ def test_a_load_beyond_a_limit_point_ends_a_solve_on_a_fixed_mesh():
         solve(under_load("hinged_roof_thick", 5.0), cells=(3, 3))
 
 
+@pytest.mark.long
 def test_an_unstable_state_ends_the_path():
     """A strip with two free edges sways out of its plane before it is rolled up."""
     case = free_strip()

@@ -25,6 +25,7 @@ def misfits(case, exact, **settings):
     return {name: (error, abs(solution.uncertainty[name] / exact[name])) for name, error in errors.items()}
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", ["swapped", "flipped"])
 def test_an_angle_bends_as_the_frame_does_within_the_stated_uncertainty(name):
     case = changed(angle(), quantities=angle().data()["quantities"][:3])
@@ -33,11 +34,13 @@ def test_an_angle_bends_as_the_frame_does_within_the_stated_uncertainty(name):
     assert max(error for error, _ in found.values()) <= ALLOWED
 
 
+@pytest.mark.long
 def test_moments_are_those_of_their_side_of_a_fold():
     found = misfits(angle(), {key: frame()[key] for key in ("before", "after")}, neurons=240)
     assert max(error for error, _ in found.values()) <= 10 * ALLOWED  # a tenth of what a gate of moments allows
 
 
+@pytest.mark.long
 def test_a_hinge_passes_forces_and_no_moment():
     case = changed(
         angle("hinges"),
@@ -49,6 +52,7 @@ def test_a_hinge_passes_forces_and_no_moment():
     assert misfits(case, {"strain_energy": energy}, neurons=240)["strain_energy"][0] <= ALLOWED
 
 
+@pytest.mark.long
 def test_a_box_girder_twists_by_bredt_and_saint_venant():
     """T = G (4 A^2 / (U/h) + U h^3/3) theta', exact for walls whose ends turn rigidly and may warp; a fold is a seam."""
     torque = E / 2 / (1 + NU) * (4 * 2**2 * H / 6 + 6 * H**3 / 3) * 0.001 / 5
@@ -69,6 +73,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", FAULTS)
 def test_faults_at_folds_are_seen(name, monkeypatch):
     monkeypatch.setattr(*FAULTS[name])

@@ -295,6 +295,7 @@ def test_a_moved_clamp_carries_an_unloaded_strip_along():
     assert sum(solution.energies()) < 1e-15
 
 
+@pytest.mark.long
 def test_rungs_are_climbed_until_the_energy_stands_still():
     solution = solve(named_case("square_plate_nonlinear"))
     rungs = [s for s in solution.history if s.phase == "solve"]

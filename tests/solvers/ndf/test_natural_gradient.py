@@ -79,6 +79,7 @@ def test_a_step_lowers_the_energy_and_one_up_the_gradient_does_not():
     assert fall(sign=-1.0) == 0.0  # the fault: each trial is refused, and the weights stay
 
 
+@pytest.mark.long
 def test_a_training_of_a_second_is_close_and_goes_on_after_an_interruption(tmp_path):
     settings = small(
         **NATURAL, cells=(20, 20), iterations=2 * RECORD, checkpoint=str(tmp_path), checkpoint_every=RECORD

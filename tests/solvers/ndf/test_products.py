@@ -108,6 +108,7 @@ def test_jets_are_derivatives_of_the_values(supports):
     np.testing.assert_allclose(jets[4], (ahead - back) / (2 * step), atol=1e-4)
 
 
+@pytest.mark.long
 def test_products_are_orthonormal_and_come_near_to_polynomials():
     """In the area, on a side of length 1 by one of .8; the smoothest is the constant."""
     missed = []

@@ -129,6 +129,7 @@ def test_free_fall_is_stationary_where_it_is_three_times_too_far(degree):
     assert fall(1.0) / (G / 2) == pytest.approx(1 - 2 / (degree + 2) ** 2, rel=1e-10)
 
 
+@pytest.mark.long
 def test_free_fall_tends_to_three_times_the_true_one_at_half_the_time():
     sample, times = gauss(FALL, 48)
     gaps = [abs(fall_of(sample, times, degree)(0.5) / (G / 8) - 3.0) for degree in (2, 8, 20)]

@@ -87,6 +87,7 @@ def test_too_few_neurons_are_not_settled_and_say_how_wrong_they_are(name, neuron
     assert error <= SAFETY * solution.uncertainty[primary.name]
 
 
+@pytest.mark.long
 def test_a_rigid_turn_by_an_edge_is_its_own_exact_answer():
     solution = solve("rigid_turn_by_edge")
     assert solution.unsettled is None

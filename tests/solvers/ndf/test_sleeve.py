@@ -287,6 +287,7 @@ def test_the_axial_force_is_what_the_energy_says(problem, states):
     assert (frozen[1] - frozen[0]) / 2e-3 == pytest.approx(along, rel=1e-4)
 
 
+@pytest.mark.long
 def test_a_finer_path_starts_from_the_states_of_a_coarser_one(problem, states):
     """It meets the same states as from rest, in fewer iterations; waves that buckle at another load do not serve."""
     marks = strut().states
