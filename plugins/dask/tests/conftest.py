@@ -8,9 +8,16 @@ pytest.importorskip("distributed", reason="needs Dask: python -m pip install ./p
 
 from two_workers import Cluster
 
+from shellbench.bench.catalogue import brought
 from tests.bench.conftest import own_case, plugin, store, toys
 
 __all__ = ["own_case", "plugin", "store", "toys"]  # fixtures of toys
+
+
+@pytest.fixture(autouse=True)
+def alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out what other installed packages bring: the toys' catalog has nothing that they add to."""
+    monkeypatch.setattr(brought, "_brought", lambda path: ())
 
 
 @pytest.fixture(scope="session")
