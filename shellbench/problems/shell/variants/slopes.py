@@ -83,7 +83,8 @@ def from_energies(solution: Any, quantity: QuantityModel, name: str) -> float:
 def by_differences(case: Case, solve: Callable[[Case], Any]) -> Any:
     """Return a solver's answer with the derivatives that the case asks for, by differences of its answers.
 
-    The difference of the orders two and four is their stated uncertainty.
+    A derivative of a quantity without a stated uncertainty has none. Another one has the same relative uncertainty,
+    and that of its difference: how far the orders two and four are apart.
     """
     asked = [q for q in case.quantities if isinstance(q, DerivativeQuantity)]
     plain = case.without([q.name for q in asked]) if asked else case
@@ -99,7 +100,10 @@ def by_differences(case: Case, solve: Callable[[Case], Any]) -> Any:
             values = [case.quantity(q.derivative_of).measure(other) for other in others]
             second = (values[2] - values[1]) / (2 * CHANGE * size)
             fourth = (4 * second - (values[3] - values[0]) / (4 * CHANGE * size)) / 3
-            found[key(q.derivative_of, name)], unsure[q.name] = fourth, abs(fourth - second)
+            found[key(q.derivative_of, name)] = fourth
+            if (own := solution.uncertainty.get(q.derivative_of)) is not None:
+                value = abs(case.quantity(q.derivative_of).measure(solution))
+                unsure[q.name] = abs(fourth - second) + (own / value * abs(fourth) if value else 0.0)
     if not asked:
         return solution
     more = {**solution.diagnostics, DERIVATIVES: found}
