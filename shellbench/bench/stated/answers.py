@@ -211,7 +211,7 @@ class _Row:
             factor = factor_between(self.cells["unit"], quantity.unit)
         except InputError as error:
             raise self.wrong("unit", error) from None
-        rounding = abs(factor) * float(Decimal(5).scaleb(int(Decimal(self.cells["value"]).as_tuple().exponent) - 1))
+        rounding = abs(factor) / 2 * 10.0 ** min(int(Decimal(self.cells["value"]).as_tuple().exponent), 300)
         try:
             mark: float | None = float(self.cells["at"])
         except ValueError:  # words about the place

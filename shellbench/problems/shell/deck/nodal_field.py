@@ -126,7 +126,7 @@ def _last_displacements(content: bytes, count: int) -> Array:
     for line in content.decode(errors="replace").rpartition("displacements")[2].splitlines()[1:]:
         numbers = line.split()
         if len(numbers) == 4 and numbers[0].isdigit() and 1 <= int(numbers[0]) <= count:
-            moved[int(numbers[0]) - 1] = [float(number) for number in numbers[1:]]
+            moved[int(numbers[0]) - 1] = pd.to_numeric(pd.Series(numbers[1:]), errors="coerce")
         elif numbers:
             break
     return moved
